@@ -3,12 +3,11 @@
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from chromium import NEEDS_CHROMIUM, started_chromium
-from playwright.sync_api import BrowserContext
+from chromium import NEEDS_CHROMIUM
+from playwright.sync_api import Browser, BrowserContext
 
 import scleraforce
 from scleraforce.cli.main import COMMANDS
@@ -34,10 +33,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def offline() -> Iterator[BrowserContext]:
+def offline(browser: Browser) -> BrowserContext:
     """A browser without a network."""
-    with started_chromium() as browser:
-        yield browser.new_context(offline=True)
+    return browser.new_context(offline=True)
 
 
 def test_every_page_of_the_folder_is_in_the_side_bar(site: Path) -> None:

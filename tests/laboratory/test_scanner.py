@@ -2,12 +2,12 @@
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import fields, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from analytic_frames import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
+from scene_studies import only
 
 from scleraforce.errors import FrameError
 from scleraforce.laboratory import bscan, scanner_display, scanner_light
@@ -18,7 +18,6 @@ from scleraforce.laboratory.scanner_light import SurfaceLight, reflections
 from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.segmentation.reduced import reduced_frame
 from scleraforce.study import PhantomStudy, parse_study
-from scleraforce.study.fields import fixed
 
 SEEDS = range(7000, 7006)
 FEW = range(7010, 7013)  # where three frames are enough
@@ -145,18 +144,11 @@ def test_the_text_is_a_study_that_says_where_it_came_from_and_what_is_missing(sc
     assert (study.oct.columns, study.oct.rows, study.eye) == (512, 512, parse_study("").eye)
     assert (study.phantom, study.scenes) == (scanner.phantom(), scanner.scenes())
     assert set(tomllib.loads(text)) == {"oct", "phantom", "scenes"}
+    assert study.scenes.window.deep_share == study.scenes.scanner.averaged_share == 0.0  # of a frame 4 mm deep
     assert "1.2.3 on 2026-11-23, on 31 frame(s)" in text
     assert "and 11 more" in text
     assert "# choroid_level_db: not measured, as in the paper's study: " in text
     assert study.phantom.choroid_level_db == PhantomStudy().choroid_level_db
-
-
-def bare(section: Any, **values: float) -> Any:
-    """The section without anything that only some scenes show, and with these values."""
-    given = {item.name: getattr(section, item.name) for item in fields(section)}
-    shares = {name for name, value in given.items() if isinstance(value, float)}
-    some = dict.fromkeys((*shares, *(name for name in given if name.endswith("_count"))), 0.0) | values
-    return replace(section, **{name: value if name in shares else fixed(value) for name, value in some.items()})
 
 
 def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> None:
@@ -167,11 +159,11 @@ def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> Non
     scenes = measure_scanner(eyes).scenes()
     round_eyes = replace(
         scenes,
-        window=bare(scenes.window, view_m=0.0, tilt_rad=0.0, surface_share=0.15),
-        eye=bare(scenes.eye, half_sphere_share=1.0, wave_m=0.0, sclera_radius_m=12e-3, sclera_thickness_m=0.8e-3),
-        tissue=bare(scenes.tissue, profile_db=0.0, texture_db=0.0, reflection_db=6.0, attenuation_per_m=1000.0),
-        over=bare(scenes.over),
-        scanner=bare(scenes.scanner, linear_share=scenes.scanner.linear_share, rolloff_db=0.0, noise_tilt_db=0.0),
+        window=only(scenes.window, view_m=0.0, tilt_rad=0.0, surface_share=0.15),
+        eye=only(scenes.eye, half_sphere_share=1.0, wave_m=0.0, sclera_radius_m=12e-3, sclera_thickness_m=0.8e-3),
+        tissue=only(scenes.tissue, profile_db=0.0, texture_db=0.0, reflection_db=6.0, attenuation_per_m=1000.0),
+        over=only(scenes.over),
+        scanner=only(scenes.scanner, linear_share=scenes.scanner.linear_share, rolloff_db=0.0, noise_tilt_db=0.0),
     )
     drawn = [draw_scene(round_eyes, number).frame for number in range(4)]
     again = measure_scanner(imaged(frame, far) for frame in drawn)

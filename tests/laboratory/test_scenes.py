@@ -7,31 +7,18 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from scene_studies import only, varied
 
 from scleraforce import study as st
 from scleraforce.errors import StudyError
 from scleraforce.laboratory.scenes import Scene, draw_scene, judged_columns, seen_columns
+from scleraforce.reader.metrics import dice
 from scleraforce.study.fields import Choice, field_unit, fixed
 
 SHOWN = 0.35  # of the range of counts: tissue is brighter, noise darker, in a plain scene
 
 
 STUDY = st.ScenesStudy()
-
-
-def varied(record: Any, **values: Any) -> Any:
-    """The record with other values, a number for a range's only one."""
-    ranges = {name for name in values if not isinstance(getattr(record, name), float)}
-    numbers = {name: fixed(values[name]) for name in ranges if isinstance(values[name], int | float)}
-    return replace(record, **(values | numbers))
-
-
-def only(record: Any, share: float = 0.0, count: int = 0, **values: Any) -> Any:
-    """A record with the same share of everything, and the same count, but for the values given."""
-    given = {item.name: getattr(record, item.name) for item in fields(record)}
-    same = {name: share for name, value in given.items() if name.endswith("_share") and isinstance(value, float)}
-    return varied(record, **(same | {name: count for name in given if name.endswith("_count")} | values))
-
 
 PLAIN = st.ScenesStudy(
     window=only(
@@ -77,8 +64,7 @@ def test_the_same_number_draws_the_same_scene_and_another_one_another() -> None:
 
 def test_the_truth_of_a_half_sphere_is_two_circles() -> None:
     scene = draw_scene(PLAIN, 0)
-    x = lateral_m(scene)
-    top = 0.1 * 4e-3
+    x, top = lateral_m(scene), 0.1 * 4e-3
     outer = top + 12e-3 - np.sqrt(12e-3**2 - x**2)
     inner = top + 12e-3 - np.sqrt((12e-3 - 0.6e-3) ** 2 - x**2)
     assert rows_m(scene, scene.outer_row) == pytest.approx(outer, abs=5e-6)
@@ -88,9 +74,7 @@ def test_the_truth_of_a_half_sphere_is_two_circles() -> None:
 def test_what_is_bright_is_what_the_truth_calls_wall() -> None:
     for number in range(4):
         scene = draw_scene(PLAIN, number)
-        wall = scene.mask > 0
-        both = np.count_nonzero(lit(scene) & wall)
-        assert 2 * both / (np.count_nonzero(lit(scene)) + np.count_nonzero(wall)) > 0.93
+        assert dice(lit(scene), scene.mask) > 0.93
 
 
 def test_a_flat_wall_is_stretched_by_its_refractive_index() -> None:
@@ -299,3 +283,8 @@ def test_a_page_shows_no_wall_at_its_sides() -> None:
     white = [(scene.frame == scene.frame.max()).all(axis=0) for scene in scenes]
     assert np.concatenate(white).any()
     assert all(np.isnan(scene.outer_row[columns]).all() for scene, columns in zip(scenes, white, strict=True))
+
+
+def test_a_deep_view_shows_a_cornea_in_a_frame_of_its_own_size() -> None:
+    study = plain(window={"deep_share": 1.0, "deep_width_m": 15e-3}).of_one(np.random.default_rng(0))
+    assert (study.eye.half_sphere_share, study.window.width_m) == (0.0, fixed(15e-3))

@@ -5,7 +5,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from chromium import in_chromium, started_chromium
+from chromium import in_chromium
+from playwright.sync_api import Browser
 from small_recordings import looked_at_frames
 
 import scleraforce
@@ -70,12 +71,11 @@ def test_no_script_of_a_page_makes_markup_of_texts() -> None:
 
 
 @in_chromium
-def test_a_browser_shows_the_names_and_runs_none(hostile: Path) -> None:
-    with started_chromium() as browser:
-        page = browser.new_context(offline=True).new_page()
-        faults: list[str] = []
-        page.on("pageerror", lambda fault: faults.append(str(fault)))
-        page.goto((hostile / "evaluate.html").as_uri())
-        shown = page.locator("body").inner_text()
-        assert all(name in shown for name in (EYE, *NAMES))
-        assert faults == []
+def test_a_browser_shows_the_names_and_runs_none(hostile: Path, browser: Browser) -> None:
+    page = browser.new_context(offline=True).new_page()
+    faults: list[str] = []
+    page.on("pageerror", lambda fault: faults.append(str(fault)))
+    page.goto((hostile / "evaluate.html").as_uri())
+    shown = page.locator("body").inner_text()
+    assert all(name in shown for name in (EYE, *NAMES))
+    assert faults == []

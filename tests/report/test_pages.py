@@ -1,6 +1,5 @@
 """Pages of an evaluation: their content, nothing fetched, and how a browser shows them."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from html.parser import HTMLParser
@@ -8,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chromium import in_chromium, started_chromium
+from chromium import in_chromium
 from playwright.sync_api import Browser, Page
 from small_recordings import changed, evaluation_of, frame_answer, read_frames, refused_frame
 
@@ -155,12 +154,6 @@ def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(tmp_path
     assert "5.55 mN" in page.said  # (0.1 + 11) / 2
     assert "1 of 2 trials" in page.said
     assert any("over its measured force" in (attributes.get("alt") or "") for _, attributes in page.tags)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with started_chromium() as started:
-        yield started
 
 
 # Elements that reach beyond the window or that hide a part of their content.

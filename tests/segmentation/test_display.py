@@ -7,19 +7,12 @@ import pytest
 from analytic_frames import SCALE, drawn_counts
 from hypothesis import given, strategies as st
 
-from scleraforce.models import SHIPPED_WALL_FINDER
-from scleraforce.reader.model import load_wall_finder
 from scleraforce.segmentation import light
 from scleraforce.segmentation.light import as_logarithmic, pair_contrast
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 
 LINEAR = {"display": "linear", "snr_db": 20.0, "display_range_db": 38.0}
-
-
-@pytest.fixture(scope="module")
-def shipped() -> WallFinder:
-    return load_wall_finder(SHIPPED_WALL_FINDER)
 
 
 def speckle(seed: int = 1, shape: tuple[int, int] = (400, 500)) -> np.ndarray:

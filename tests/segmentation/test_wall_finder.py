@@ -10,6 +10,7 @@ from scleraforce.errors import ModelError
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.mechanics.contact import Section
+from scleraforce.reader.metrics import dice
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.checked_wall import checked_by, refined_wall, sharpened
 from scleraforce.segmentation.found import Segmentation, without_wall
@@ -53,10 +54,6 @@ def seen_wall(*wall: float, seed: int = 0) -> tuple[Bscan, np.ndarray, np.ndarra
 def at_every_column(rows: np.ndarray) -> np.ndarray:
     """Rows of the reduced frame as rows of the frame, (column,)."""
     return np.interp(np.arange(512), reduced_columns(512, HALF), (rows + 0.5) * 4 - 0.5)
-
-
-def dice(mask: np.ndarray, true: np.ndarray) -> float:
-    return float(2 * np.count_nonzero((mask > 0) & (true > 0)) / (np.count_nonzero(mask) + np.count_nonzero(true)))
 
 
 def test_the_boundary_is_the_mean_of_its_rows_and_the_uncertainty_their_spread() -> None:
@@ -272,21 +269,24 @@ def test_a_reduced_frame_has_its_noise_at_zero_and_its_tissue_at_one() -> None:
     assert not reduced_frame(FRAME + 7, 128, 176).any()
 
 
-class LookedAt(WallFinder):
+class LookedAt(FixedFinder):
     """A finder whose second look, at the rows that it asks for, sees another wall."""
 
-    def __init__(self, first: WallFinder, second: WallFinder) -> None:
-        self.first, self.second, self.rows = first, second, list[tuple[int, int]]()
+    def __init__(self, *looks: WallFinder) -> None:
+        self.looks, self.rows = iter(looks), list[tuple[int, int]]()
 
-    def _look(self, frame: np.ndarray, top: int, bottom: int) -> SeenWall:
-        self.rows.append((top, bottom))
-        return (self.second if len(self.rows) > 1 else self.first)._look(frame, top, bottom)
+    def _look(self, frame: np.ndarray, *rows: int) -> SeenWall:
+        self.rows.append(rows)
+        return next(self.looks)._look(frame, *rows)
 
 
-@pytest.mark.parametrize(("moved", "believed"), [(2.0, True), (12.0, False)])
-def test_a_second_look_at_the_rows_about_a_wall_corrects_it_a_little(moved: float, believed: bool) -> None:
+@pytest.mark.parametrize(("moved", "columns", "believed"), [(2.0, HALF, True), (12.0, HALF, False), (2.0, 60, False)])
+def test_a_second_look_at_the_rows_about_a_wall_corrects_it_a_little(
+    moved: float, columns: int, believed: bool
+) -> None:
     outer, inner = np.full(HALF, 40.0), np.full(HALF, 60.0)
-    finder = LookedAt(fixed_finder(outer, inner), fixed_finder(outer + moved, inner + moved))
+    other = np.where(np.arange(HALF) < columns, outer + moved, np.nan)
+    finder = LookedAt(fixed_finder(outer, inner), fixed_finder(other, other + 20.0))
     seen = finder.find(FRAME)
     top, bottom = finder.rows[1]
     assert 4 * 40 - 0.3 * 80 < top < 4 * 40 < 4 * 61 < bottom < 4 * 61 + 0.3 * 80
@@ -298,6 +298,27 @@ def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once() -> None:
         finder = LookedAt(fixed_finder(outer, outer + 115.0), fixed_finder(outer, outer + 20.0))
         finder.find(FRAME)
         assert finder.rows == [(0, 512)]
+
+
+def test_a_boundary_in_the_first_row_of_a_second_look_lies_in_the_frame() -> None:
+    session = FixedSession(np.stack([distributions(np.full(HALF, row), 0.3) for row in (0.0, 40.0)]), np.ones(HALF))
+    seen = WallFinder(session, STUDY, "drawn")._look(FRAME, 128, 384)
+    assert seen.outer_row == pytest.approx(128.5, abs=0.5)
+
+
+def test_what_a_single_answer_sees_elsewhere_is_left_out_of_the_wall() -> None:
+    outer = np.where(np.arange(HALF) == 40, 52.0, 40.0)
+    assert fixed_finder(outer, outer + 20.0).find(FRAME).outer_row == pytest.approx(4 * 40.5 - 0.5, abs=0.5)
+
+
+def test_an_unsure_network_that_takes_the_choroid_for_wall_leaves_its_end_to_the_other_way() -> None:
+    bscan, outer, inner = seen_wall()
+    true, checked = (
+        at_every_column(inner),
+        find_wall(bscan.frame, SCALE, finder=fixed_finder(outer, inner + 6.0, sd=2.0)),
+    )
+    assert checked.usable, checked.reason
+    assert np.nanquantile(np.abs(checked.inner_row - true), 0.9) < 6.0
 
 
 def test_an_inner_boundary_moves_to_the_edge_near_it_and_stays_where_none_is() -> None:

@@ -9,7 +9,6 @@ from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import StudyError
 from scleraforce.study import (
-    PAPER_STUDY_TOML,
     Choice,
     NetworkStudy,
     Range,
@@ -17,9 +16,12 @@ from scleraforce.study import (
     fixed,
     format_study,
     parse_study,
+    preset_toml,
     study_hash,
 )
 from scleraforce.study.fields import Unit, field_key, field_unit
+
+PAPER_STUDY_TOML = preset_toml("ex-vivo")
 
 
 def human_number(unit: Unit) -> st.SearchStrategy[float]:

@@ -226,4 +226,4 @@ def distributions(boundary: np.ndarray, sd: float = 0.6) -> np.ndarray:
 def fixed_finder(outer: np.ndarray, inner: np.ndarray, sd: float = 0.6) -> WallFinder:
     """A wall finder that answers with boundaries, (column / 2,), in rows of the reduced frame; NaN: no wall."""
     rows = np.stack([distributions(outer, sd), distributions(inner, sd)])
-    return FixedFinder(FixedSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "told")
+    return FixedFinder(FixedSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "drawn")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chromium import NEEDS_CHROMIUM, started_chromium
+from chromium import NEEDS_CHROMIUM
 from console_monitor import TOKEN, ConsoleMonitor, reading
 from playwright.sync_api import Browser, Dialog, Page, expect
 from waiting import FUSE_S
@@ -23,12 +23,6 @@ NOTHING = "\u2013"  # what stands for a value that is not known
 
 BRIGHT = np.zeros((64, 96), np.uint16)
 BRIGHT[20:40] = 4000
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with started_chromium() as started:
-        yield started
 
 
 class Opened:
