@@ -16,8 +16,6 @@ from scleraforce.reader.metrics import dice
 from scleraforce.study.fields import Choice, field_unit, fixed
 
 SHOWN = 0.35  # of the range of counts: tissue is brighter, noise darker, in a plain scene
-
-
 STUDY = st.ScenesStudy()
 
 PLAIN = st.ScenesStudy(
