@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 import workers as tasks
-from workers import NEEDS_DASK, Cluster, no_preparation, slowly_tripled, tripled, waits_for_ever
+from workers import NEEDS_DASK, Cluster, large, no_preparation, slowly_tripled, tripled, waits_for_ever
 
 from scleraforce import cluster as cluster_module, processes as processes_module
 from scleraforce.cluster import cluster_workers
@@ -103,6 +103,15 @@ def test_a_worker_continues_while_the_caller_has_a_result(tmp_path: Path) -> Non
 def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(tmp_path: Path) -> None:
     results = work_units(partial(waits_for_ever, tmp_path), range(2), 2)
     next(results)
+    results.close()
+    assert not multiprocessing.active_children()
+
+
+@pytest.mark.parametrize("later_s", [0.02, 0.04])
+def test_a_worker_that_ends_while_it_passes_on_a_large_result_does_not_hang_the_caller(later_s: float) -> None:
+    results = work_units(partial(large, 10**8), range(4), 2)
+    next(results)
+    time.sleep(later_s)
     results.close()
     assert not multiprocessing.active_children()
 

@@ -18,9 +18,9 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
-from tempfile import TemporaryDirectory
+from tempfile import NamedTemporaryFile, TemporaryDirectory
 from threading import Thread, local
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from scleraforce.cluster import ClusterWorkers, cluster_submit
 from scleraforce.errors import InputError, SolverError
@@ -76,7 +76,7 @@ def work_units(
         waiting = sum(ask(lane) for _ in range(ahead) for lane in range(len(lanes)))
         while waiting:
             lane, unit, future = done.get()
-            result = future.result()
+            result = _result(future)
             waiting += ask(lane) - 1
             yield unit, result
 
@@ -92,7 +92,7 @@ def work_in_order(
         coming = iter(units)
         waiting = deque(submit(unit) for unit in islice(coming, ahead))
         while waiting:
-            result = waiting.popleft().result()
+            result = _result(waiting.popleft())
             waiting.extend(submit(unit) for unit in islice(coming, 1))
             yield result
 
@@ -158,6 +158,23 @@ def _end_with_parent(parent: Connection) -> None:
     Thread(target=watch, daemon=True).start()
 
 
+def _result(future: "Future[Any]") -> Any:
+    """Return the result of a submitted unit; a process leaves it in a file, which is removed."""
+    result = future.result()
+    if not isinstance(result, _Stored):
+        return result
+    try:
+        return pickle.loads(Path(result.file).read_bytes())
+    finally:
+        os.unlink(result.file)
+
+
+class _Stored(NamedTuple):
+    """The result of a process: the executor's pipe would block for ever if the process died while writing to it."""
+
+    file: str
+
+
 _prepared = local()  # the last preparation of this thread of a worker
 
 
@@ -169,7 +186,12 @@ def _do(work: bytes | str, unit: int) -> Any:
             if version != _version():
                 raise InputError(f"a worker has scleraforce {_version()}, this process {version}; install the same")
             _prepared.work, _prepared.do = work, prepare()
-        return _prepared.do(unit)
+        result = _prepared.do(unit)
+        if isinstance(work, bytes):
+            return result
+        with NamedTemporaryFile(dir=Path(work).parent, delete=False) as file:
+            pickle.dump(result, file, pickle.HIGHEST_PROTOCOL)
+        return _Stored(file.name)
     except Exception as fault:
         try:
             pickle.loads(pickle.dumps(fault))

@@ -83,6 +83,11 @@ def leave_a_mark_or_wait(path: Path) -> None:
         time.sleep(3600)
 
 
+def large(size: int):
+    """Work with results of `size` bytes."""
+    return lambda _: bytes(size)
+
+
 def tripled(weight: bytes):
     """Work that triples a number, some of them late; `weight` is only carried along."""
 
