@@ -34,7 +34,6 @@ from scleraforce.mechanics.slices import fill_sections
 from scleraforce.models import SHIPPED_READER
 from scleraforce.processes import available_cores
 from scleraforce.reader import ForceReader, load_force_reader
-from scleraforce.recording.low_pass import smoothed
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.study import Study
@@ -163,7 +162,6 @@ def compile_loops() -> None:
     library = _reader().library
     iop_ratio_under_force(library, *walls, np.array([to_si(10.0, "mn") / MODULUS_PA]), globe)
     library.covers(*walls, np.array([0.0]))
-    smoothed(np.zeros(9), 0.1, 3)
     tables, paths = library.tables, volume_paths(library)
     pressures_at_dents(tables, paths, walls[0], np.zeros(1), np.zeros(1), False, walls[1].copy())
     ShownPictures(1)

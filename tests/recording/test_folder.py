@@ -1,5 +1,6 @@
 """Recording folders, and their tables as editors, robots and spreadsheets write them."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import tifffile
 
 from scleraforce.errors import FrameError, RecordingError
 from scleraforce.recording.folder import Scanner, read_recording, read_scaled_frame
-from scleraforce.recording.tables import FORCE_COLUMNS, read_force_log, read_frame_list
+from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry, read_force_log, read_frame_list
 
 INFO = """[eye]
 id = "eye"
@@ -108,47 +109,30 @@ def test_faults_are_named_with_file_line_and_field(folder):
         (folder / file).write_text(text)
 
 
-def test_a_log_without_the_axis_or_samples_is_an_error(folder):
-    for text, message in [
-        ("time_s,fx_n\n0,1\n0.01,1\n", r"forces.csv:1: column fz_n is missing; found: time_s, fx_n"),
-        ("time_s,fz_n\n", "no samples below the header"),
-        ("time_s,fz_n\n0,1\n", "fewer than two samples"),
-        *((f"time_s,fx_n,fz_n\n0.00,0,0\n0.01,{field},0\n0.02,0,0\n", r"forces\.csv:3: fx_n: ")
-          for field in ("", "NA", "--", "inf", "OVL")),
+def test_gaps_and_a_low_rate_of_a_log_are_noted(folder):
+    for rows, gaps, notes in [
+        ([f"{k / 30},0,0" for k in range(90)], [], ["30 samples a second, .* 1.8 times as large"]),
+        ([f"{k / 100},0,{'nan' if k in (3, 4) else 0.001}" for k in range(90)], [3, 4],
+         [r"^forces.csv: 2 of 90 samples have no force \(nan\)$"]),
     ]:  # fmt: skip
-        (folder / "forces.csv").write_text(text)
-        with pytest.raises(RecordingError, match=message):
-            read_recording(folder)
-
-
-def test_a_log_of_30_samples_a_second_is_read_with_a_note_and_one_of_10_is_refused(folder):
-    (folder / "forces.csv").write_text("time_s,fz_n\n" + "".join(f"{k / 30},0\n" for k in range(90)))
-    (note,) = read_recording(folder).forces.notes
-    assert "30 samples a second" in note
-    assert "1.8 times as large" in note
-    (folder / "forces.csv").write_text("time_s,fz_n\n" + "".join(f"{k / 10},0\n" for k in range(90)))
-    with pytest.raises(RecordingError, match="10 samples a second; at least 20 are needed"):
-        read_recording(folder)
-
-
-def test_a_sample_that_is_nan_is_a_gap_of_the_log_and_said(folder):
-    rows = "".join(f"{k / 100},0,{'nan' if k in (3, 4) else 0.001}\n" for k in range(90))
-    (folder / "forces.csv").write_text("time_s,fx_n,fz_n\n" + rows)
-    forces = read_recording(folder).forces
-    assert np.flatnonzero(np.isnan(forces.force_n("fz"))).tolist() == [3, 4]
-    assert forces.notes == ("forces.csv: 2 of 90 samples have no force (nan)",)
-    (folder / "forces.csv").write_text("time_s,fx_n,fz_n\n" + rows.replace("0.001", "nan"))
-    with pytest.raises(RecordingError, match="fz_n: no sample has a force"):
-        read_recording(folder)
+        (folder / "forces.csv").write_text("\n".join(["time_s,fx_n,fz_n", *rows, ""]))
+        forces = read_recording(folder).forces
+        assert np.flatnonzero(np.isnan(forces.force_n("fz"))).tolist() == gaps
+        assert [bool(re.search(*pair)) for pair in zip(notes, forces.notes, strict=True)] == [True]
 
 
 def test_files_that_are_missing_lead_out_or_are_of_another_size_are_named(folder):
     with pytest.raises(RecordingError, match="nowhere: no such folder"):
         read_recording(folder / "nowhere")
-    cv2.imwrite(str(folder / "frames" / "b.png"), np.full((16, 31), 7, np.uint16))
     recording = read_recording(folder)
-    with pytest.raises(FrameError, match=r"b\.png: 16 x 31 pixels \(rows x columns\); recording.toml says 16 x 32"):
-        recording.frame(recording.frames[1])
+    for pixels, message in [
+        (np.full((16, 31), 7, np.uint16), r"16 x 31 pixels \(rows x columns\); recording.toml says 16 x 32"),
+        (np.full((16, 32), 7, np.uint8), "8 bits a pixel; recording.toml says 12"),
+        (np.full((16, 32), 4096, np.uint16), "a pixel of 4096 is more than 12 bits"),
+    ]:
+        cv2.imwrite(str(folder / "frames" / "b.png"), pixels)
+        with pytest.raises(FrameError, match=rf"b\.png: {message}"):
+            recording.frame(recording.frames[1])
     shutil.move(folder / "frames" / "b.png", folder / "b.png")
     (folder / "frames" / "b.png").symlink_to(folder / "b.png")
     with pytest.raises(RecordingError, match=r"b.png leads out of"):
@@ -226,20 +210,22 @@ def test_tables_are_read_however_they_are_written(tmp_path: Path) -> None:
         np.testing.assert_allclose(log.force_n("fz"), -np.arange(60) / 1000)
         (tmp_path / "frames.csv").write_bytes(form(FRAMES))
         frames = read_frame_list(tmp_path / "frames.csv")
-        assert [(frame.file, frame.time_s, frame.pierced) for frame in frames] == [
-            ("a.png", 0.2, False),
-            ("b, c.png", 0.5, True),
-        ]
+        assert frames == (FrameEntry("a.png", 0.2), FrameEntry("b, c.png", 0.5, pierced=True))
 
 
-def test_what_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> None:
+def test_a_log_that_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> None:
     for text, message in [
+        ("time_s,fx_n\n0,1\n0.01,1\n", r"forces.csv:1: column fz_n is missing; found: time_s, fx_n"),
+        ("time_s,fz_n\n", "no samples below the header"),
+        ("time_s,fz_n\n0,1\n", "fewer than two samples"),
+        *((f"time_s,fx_n,fz_n\n0.00,0,0\n0.01,{field},0\n0.02,0,0\n", r"forces\.csv:3: fx_n: ")
+          for field in ("", "NA", "--", "inf", "OVL")),
+        ("time_s,fz_n\n" + "".join(f"{k / 10},0\n" for k in range(9)), "10 samples a second; at least 20 are needed"),
+        ("time_s,fz_n\n0,nan\n0.01,nan\n", "fz_n: no sample has a force"),
         ("time_s,fz_n\n0,00;0,001\n", "forces.csv:2: 3 fields; the header has 2; with decimal commas, columns are"),
         ("time_s,fz_n\n0,00,0,001\n0,01,0,001\n", "forces.csv:2: 4 fields; .* with decimal commas, columns are separ"),
-        (
-            "time_s;fz_n\n0,00;0.001\n0,01;0,001\n",
-            r"forces.csv:2: time_s: '0,00' is 0.00 with a decimal comma, or .* decimal points",
-        ),
+        ("time_s;fz_n\n0,00;0.001\n0,01;0,001\n",
+         r"forces.csv:2: time_s: '0,00' is 0.00 with a decimal comma, or .* decimal points"),
         ("time_s;fz_n\n0,00;1.000,5\n", r"forces.csv:2: fz_n: '1.000,5' is not a number"),
         ('time_s,fz_n\n0.00,1\n0.01,"1\n', "forces.csv:3: unexpected end of data; each line is a row of its own"),
         ("time_s,fz_n\n0.00,1\n0.01,1_000\n", "forces.csv:3: fz_n: '1_000' is not a number"),
@@ -250,7 +236,7 @@ def test_what_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> None:
         ("time_s,fz_n\n0.00,1\n0.01\n", "forces.csv:3: 1 fields; the header has 2"),
         ("time_s,fz_n,\n0.00,1,\n0.01,1,7\n", "forces.csv:3: 3 fields; the header has 2"),
         ("time_s,fz_n\n0,1\n5,1\n10,1\n", r"0.2 samples a second; .* \(times are in seconds\)"),
-    ]:
+    ]:  # fmt: skip
         (tmp_path / "forces.csv").write_text(text, encoding="utf-8")
         with pytest.raises(RecordingError, match=message) as caught:
             read_force_log(tmp_path / "forces.csv", "fz")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 from small_recordings import LOGGED_INFO
 
 from scleraforce.errors import RecordingError
@@ -12,7 +13,15 @@ from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.laboratory.pushes import sense
 from scleraforce.laboratory.virtual_eye import paper_eyes
 from scleraforce.recording.folder import ForceInfo, Recording, read_recording
-from scleraforce.recording.labels import contact_force, first_contact, label_frames, label_notes, log_doubts, low_pass
+from scleraforce.recording.labels import (
+    contact_force,
+    first_contact,
+    label_frames,
+    label_notes,
+    log_doubts,
+    low_pass,
+    smoothed,
+)
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry, read_force_log
 from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
 
@@ -54,6 +63,15 @@ def test_filter_has_zero_phase_and_passes_half_at_its_cut_off():
     assert smooth.max() == pytest.approx(1.04, abs=0.01)  # the overshoot after a step
     assert np.abs(smooth[time_s < 19.8]).max() < 0.01
     assert np.ptp(time_s[(smooth > 0.1) & (smooth < 0.9)]) < 0.1
+
+
+def test_an_even_clock_is_filtered_as_by_scipy():
+    for count, rate_hz in ((400, 200.0), (5000, 21.0)):
+        values = np.cumsum(np.random.default_rng(count).standard_normal(count)) + 3.0
+        expected = signal.sosfiltfilt(
+            signal.butter(2, 5.0, fs=rate_hz, output="sos"), values, padtype="even", padlen=count - 1
+        )
+        assert smoothed(values, 5.0 / rate_hz) == pytest.approx(expected, abs=1e-8)
 
 
 def test_jittering_and_bursting_clocks_give_the_force_of_an_even_one():

@@ -8,8 +8,10 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scleraforce.errors import FrameError, RecordingError, StudyError
-from scleraforce.recording.images import check_frame, read_frame, read_image
+from scleraforce.recording.images import read_frame, read_image
 from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
 from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
 from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS, check_relaxation
@@ -54,12 +56,10 @@ class EyeInfo:
     def __post_init__(self) -> None:
         check_fields(self)
         check_relaxation(self.relaxation or ())
-        fault = eye_id_fault(self.id)
-        if fault:
+        if fault := eye_id_fault(self.id):
             raise StudyError(f"id: {fault}")
-        of_sealed = {"rigidity_mmhg13_per_ul": self.rigidity_pa13_per_m3, "rigidity_law": self.rigidity_law}
-        of_sealed["leak_time_s"] = self.leak_time_s
-        for key, value in of_sealed.items():
+        stated = (self.rigidity_pa13_per_m3, self.rigidity_law, self.leak_time_s)
+        for key, value in zip(("rigidity_mmhg13_per_ul", "rigidity_law", "leak_time_s"), stated, strict=True):
             if value is not None and self.globe != "sealed":
                 found = "missing" if self.globe is None else f'"{self.globe}"'
                 raise StudyError(f'{key}: of a sealed globe, globe is {found}; write globe = "sealed", or leave it out')
@@ -161,10 +161,23 @@ class Recording:
 
     def frame(self, entry: FrameEntry) -> Pixels:
         """Read a frame, uint8 or uint16 (rows, columns), and check it against recording.toml."""
-        path = self.frame_path(entry)
-        pixels = read_frame(path)
-        check_frame(pixels, self.info.oct.rows, self.info.oct.columns, self.info.oct.bits, str(path))
+        pixels = read_frame(self.frame_path(entry))
+        check_frame(pixels, self.info.oct, self.frame_path(entry))
         return pixels
+
+
+def check_frame(pixels: Pixels, stated: OctInfo, path: Path) -> None:
+    """Check a frame against its recording.toml."""
+    fault, largest = None, int(pixels.max())
+    if pixels.shape != (stated.rows, stated.columns):
+        found = " x ".join(map(str, pixels.shape))
+        fault = f"{found} pixels (rows x columns); recording.toml says {stated.rows} x {stated.columns}"
+    elif pixels.dtype == np.uint8 and stated.bits > 8:
+        fault = f"8 bits a pixel; recording.toml says {stated.bits}"
+    elif largest >= 2**stated.bits:
+        fault = f"a pixel of {largest} is more than {stated.bits} bits; check bits in recording.toml"
+    if fault is not None:
+        raise FrameError(f"{path}: {fault}")
 
 
 def read_recording(path: str | PathLike[str]) -> Recording:
@@ -196,17 +209,14 @@ def frame_digest(pixels: Pixels) -> str:
     >>> frame_digest(np.zeros((2, 3), np.uint8)) == frame_digest(np.zeros((2, 3), np.uint16))
     True
     """
-    digest = hashlib.sha256(f"{pixels.shape[0]} x {pixels.shape[1]}\n".encode())
-    digest.update(pixels.astype("<u2").tobytes())
-    return digest.hexdigest()
+    size = f"{pixels.shape[0]} x {pixels.shape[1]}\n".encode()
+    return hashlib.sha256(size + pixels.astype("<u2").tobytes()).hexdigest()
 
 
 def tables_digest(recording: Recording) -> str:
     """Return the SHA-256 of a recording's tables (recording.toml, frames.csv, forces.csv), hexadecimal."""
-    digest = hashlib.sha256()
-    for kind, name in (("recording", "recording.toml"), ("frames", "frames.csv"), ("forces", "forces.csv")):
-        digest.update(read_bytes(recording.path / name, KINDS[kind]))
-    return digest.hexdigest()
+    tables = (("recording", "recording.toml"), ("frames", "frames.csv"), ("forces", "forces.csv"))
+    return hashlib.sha256(b"".join(read_bytes(recording.path / name, KINDS[kind]) for kind, name in tables)).hexdigest()
 
 
 def true_forces(recording: Path) -> dict[str, float]:
@@ -232,8 +242,7 @@ def read_info(path: Path) -> RecordingInfo:
 def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
     folder = (path / "frames").resolve()
     for entry in frames:
-        file = path / "frames" / entry.file
-        place = f"{path / 'frames.csv'}: file"
+        file, place = path / "frames" / entry.file, f"{path / 'frames.csv'}: file"
         try:
             inside, there = file.resolve().is_relative_to(folder), file.is_file()
         except (OSError, RuntimeError) as fault:  # a name that is too long, links that go round
@@ -288,12 +297,10 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
     recording = recording_of(path)
     info = None if recording is None else read_info(recording / "recording.toml")
     if info is not None:
-        check_frame(pixels, info.oct.rows, info.oct.columns, info.oct.bits, str(path))
+        check_frame(pixels, info.oct, path)
     lateral, depth = image.lateral_pixel_m, image.depth_pixel_m
-    file = Scanner(
-        width_m=None if lateral is None else lateral.value * image.columns,
-        depth_m=None if depth is None else depth.value * image.rows,
-    )
+    width_m = None if lateral is None else lateral.value * image.columns
+    file = Scanner(width_m=width_m, depth_m=None if depth is None else depth.value * image.rows)
     stated = ((given, "option"), (info.oct if info else Scanner(), "recording.toml"), (file, "file"), assumed)
     width, depth, index = (
         next((Sourced(value, source) for scanner, source in stated if (value := getattr(scanner, name))), None)

@@ -85,19 +85,6 @@ def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
     return grey, scan.of_file(path)
 
 
-def check_frame(pixels: Pixels, rows: int, columns: int, bits: int, name: str) -> None:
-    """Check a frame against its recording.toml."""
-    if pixels.shape != (rows, columns):
-        found = " x ".join(str(size) for size in pixels.shape)
-        raise FrameError(f"{name}: {found} pixels (rows x columns); recording.toml says {rows} x {columns}")
-    if pixels.dtype == np.uint8 and bits > 8:
-        raise FrameError(f"{name}: 8 bits a pixel; recording.toml says {bits}")
-    if int(pixels.max()) >= 2**bits:
-        raise FrameError(
-            f"{name}: a pixel of {int(pixels.max())} is more than {bits} bits; check bits in recording.toml"
-        )
-
-
 def _check_png(data: bytes) -> int:
     """Walk the chunks of a PNG and return its EXIF Orientation: OpenCV would fill what is missing with black."""
     at, orientation = len(PNG_SIGNATURE), UPRIGHT

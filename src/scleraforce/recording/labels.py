@@ -7,7 +7,7 @@ of the log; a frame with a gap or too few samples in its window has no label.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import zip_longest
+from math import pi, tan
 
 import numpy as np
 
@@ -54,24 +54,23 @@ def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float
             or a frame that is not pierced is pulled by more than the lowest class bound (wrong sign, or a log that
             starts in contact).
     """
-    log, labels = recording.forces, labels_n(recording)
-    if log is not None and labels is not None and all(isinstance(label, str) for label in labels):
-        raise _no_label(recording, log, str(labels[0]))
-    fault = unit_fault(recording, labels, classes)
-    if fault is not None:
+    labels = labels_n(recording)
+    if recording.forces is not None and all(isinstance(label, str) for label in labels):
+        raise _no_label(recording, recording.forces, str(labels[0]))
+    if (fault := unit_fault(recording, labels, classes)) is not None:
         raise RecordingError(
             f"{recording.path / 'forces.csv'}: {fault}; the columns are in N: multiply forces in mN by 0.001, in "
             "gram-force by 0.00981"
         )
-    each = zip_longest(recording.frames, labels or ())
+    each = zip(recording.frames, labels, strict=True)
     return tuple(_trial(recording, frame, label, classes, max_force_n) for frame, label in each)
 
 
-def labels_n(recording: Recording) -> list[float | str] | None:
+def labels_n(recording: Recording) -> Sequence[float | str | None]:
     """Return the force under each frame in N, or why it has none; None without a log."""
     log, info = recording.forces, recording.info.force
     if log is None or info is None:
-        return None
+        return [None] * len(recording.frames)
     force_n = contact_force(log, info)
     windows = [_samples_around(log, force_n, frame.time_s, info.average_s) for frame in recording.frames]
     return [window if isinstance(window, str) else float(force_n[window].mean()) for window in windows]
@@ -87,16 +86,16 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
     return *recording.forces.notes, *said
 
 
-def unit_fault(recording: Recording, labels: Sequence[float | str] | None, classes: ClassesStudy) -> str | None:
+def unit_fault(recording: Recording, labels: Sequence[float | str | None], classes: ClassesStudy) -> str | None:
     """Return why forces cannot be in N: by the labels, and by the sensor's noise; None if they can.
 
     The noise is taken from the mean difference of neighbours, on which pushes and a few knocks have no effect.
     """
     log, info = recording.forces, recording.info.force
-    if labels is None or log is None or info is None:
+    if log is None or info is None:
         return None
     largest_n = LARGEST_FORCE_BOUNDS * classes.bounds_n[-1]
-    sizes_n = np.abs([0.0 if isinstance(label, str) else label for label in labels])
+    sizes_n = np.abs([label if isinstance(label, float) else 0.0 for label in labels])
     raw_n = log.known(info.axis).force_n(info.axis)
     peak = int(np.argmax(sizes_n))
     noise_n = float(np.abs(np.diff(raw_n)).mean()) * np.sqrt(np.pi) / 2.0 if len(raw_n) > 1 else 0.0
@@ -112,9 +111,8 @@ def unit_fault(recording: Recording, labels: Sequence[float | str] | None, class
 def _trial(
     recording: Recording, frame: FrameEntry, label: float | str | None, classes: ClassesStudy, max_force_n: float | None
 ) -> Trial:
-    excluded = "pierced" if frame.pierced else None
+    excluded = "pierced" if frame.pierced else label if isinstance(label, str) else None
     if not isinstance(label, float):
-        excluded = excluded or label
         return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=None, target=None, excluded=excluded)
     if label < -classes.bounds_n[0] and not frame.pierced:
         raise RecordingError(
@@ -137,8 +135,7 @@ def contact_force(log: ForceLog, info: ForceInfo) -> Floats:
     raw_n = every_n[known]
     if not len(raw_n):
         return every_n
-    tare_n = float(raw_n[: tare_samples(raw_n, log.sample_rate_hz)].mean())
-    every_n[known] = low_pass(raw_n, log.time_s[known]) - tare_n
+    every_n[known] = low_pass(raw_n, log.time_s[known]) - raw_n[: tare_samples(raw_n, log.sample_rate_hz)].mean()
     return every_n
 
 
@@ -151,10 +148,10 @@ def tare_samples(raw_n: Floats, rate_hz: float) -> int:
 def low_pass(force_n: Floats, time_s: Floats) -> Floats:
     """Return a force without components above 5 Hz and without delay, shape (samples,).
 
-    A Butterworth filter of order 2, run forward and backward (Gustafsson 1996), on an even clock: half the amplitude
-    passes at 5 Hz; a step is followed within 0.1 s and overshoots by 4 %. If the clock jitters, samples are
-    interpolated to its mean rate and back. Parts between gaps of more than 0.2 s are filtered separately, so that the
-    work grows with the samples and not with the time that they span.
+    A Butterworth filter of order 2, forward and backward, on an even clock: half the amplitude passes at 5 Hz; a step
+    is followed within 0.1 s and overshoots by 4 %. If the clock jitters, samples are interpolated to its mean rate and
+    back. Parts between gaps of more than 0.2 s are filtered separately, so that the work grows with the samples and not
+    with the time that they span.
     """
     breaks = np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1
     parts = zip(np.split(force_n, breaks), np.split(time_s, breaks), strict=True)
@@ -162,8 +159,6 @@ def low_pass(force_n: Floats, time_s: Floats) -> Floats:
 
 
 def _low_pass(force_n: Floats, time_s: Floats) -> Floats:
-    from scleraforce.recording.low_pass import smoothed  # the import of Numba
-
     span_s = float(time_s[-1] - time_s[0])
     if span_s < LONGEST_GAP_S / 4.0:
         return np.full_like(force_n, force_n.mean())
@@ -171,9 +166,21 @@ def _low_pass(force_n: Floats, time_s: Floats) -> Floats:
     steps = max(len(time_s) - 1, round(span_s * GOOD_SAMPLE_RATE_HZ))
     rate_hz = steps / span_s
     even_s = time_s[0] + np.arange(steps + 1) / rate_hz
-    reach = min(round(3 * rate_hz / CUTOFF_HZ), steps)
-    smooth_n = smoothed(np.interp(even_s, time_s, force_n), CUTOFF_HZ / rate_hz, reach)
+    smooth_n = smoothed(np.interp(even_s, time_s, force_n), CUTOFF_HZ / rate_hz)
     return np.asarray(np.interp(time_s, even_s, smooth_n), dtype=np.float64)
+
+
+def smoothed(values: Floats, cutoff: float) -> Floats:
+    """Return evenly sampled values without delay; half the amplitude passes at `cutoff`, in cycles a sample.
+
+    The gain of both runs is 1 / (1 + (tan(pi f) / tan(pi cutoff))^4), by the bilinear transform. Beyond its ends a
+    series is mirrored; six periods of the cutoff are enough for its two ends not to see each other.
+    """
+    reach = round(6.0 / cutoff)
+    size = 1 << (len(values) + 2 * reach).bit_length()
+    whole = np.pad(values, (reach, size - reach - len(values)), mode="reflect")
+    gain = 1.0 / (1.0 + (np.tan(pi * np.fft.rfftfreq(size)) / tan(pi * cutoff)) ** 4)
+    return np.fft.irfft(np.fft.rfft(whole) * gain, size)[reach : reach + len(values)]
 
 
 def first_contact(force_n: Floats, rate_hz: float) -> int | None:

@@ -1,7 +1,6 @@
 """Logs as text: the header, the separator, the fields of each line, and how programs write times and units."""
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import date
@@ -13,7 +12,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
 from scleraforce.recording.scan import SECONDS
-from scleraforce.recording.tables import SPACES, Table, fields_of, is_number, without_cut
+from scleraforce.recording.tables import SPACES, Table, check_counts, fields_of, is_number, without_cut
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 from scleraforce.whole_files import KINDS, read_text
 
@@ -169,7 +168,7 @@ def read_log_text(path: Path, least: int = 2) -> Table:
     whole = read_text(path, KINDS["forces"])
     lines = whole.splitlines()
     text = _of_labview(path, lines) if whole.startswith(LABVIEW_MARK) else _of_lines(path, lines, least)
-    _check_counts(text)
+    check_counts(text)
     return text if whole.endswith(("\n", "\r")) else without_cut(text)
 
 
@@ -254,23 +253,3 @@ def _names(line: str, separator: str, marks: str = "#%") -> tuple[str, ...]:
 def _below(table: Table, lines: Sequence[str], top: int, first: int) -> Table:
     rest = {nth: line for nth, line in enumerate(lines[first:], start=first + 1) if line.strip()}
     return replace(table, lines=tuple(rest.values()), numbers=tuple(rest), above=tuple(lines[:top]))
-
-
-def _check_counts(text: Table) -> None:
-    counts = [_count(line, text.separator, len(text.names)) for line in text.lines]
-    usual = Counter(counts).most_common(1)[0][0] if counts else 0
-    for line, count in enumerate(counts):
-        if count > len(text.names) or count < usual:
-            most = "" if usual == len(text.names) else f", most lines {usual}"
-            raise RecordingError(f"{text.place(line)}: {count} fields; the header has {len(text.names)} names{most}")
-
-
-def _count(line: str, separator: str, names: int) -> int:
-    if separator == SPACES:
-        return len(line.split())
-    if '"' in line:
-        fields = fields_of(line, separator, "")
-        filled = max((nth for nth, field in enumerate(fields, start=1) if field), default=0)
-        return len(fields) if len(fields) <= names else max(names, filled)
-    count = line.count(separator) + 1
-    return count if count <= names else max(names, line.rstrip(f" \t{separator}").count(separator) + 1)

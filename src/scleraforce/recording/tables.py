@@ -2,9 +2,11 @@
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
 
@@ -71,7 +73,33 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
             raise RecordingError(f"{path}:1: column {name} is missing; found: {', '.join(names)}")
     bare = {nth: text for nth, line in enumerate(lines, start=2) if (text := line.rstrip(f" \t{separator}"))}
     table = Table(path=path, names=names, separator=separator, lines=tuple(bare.values()), numbers=tuple(bare))
-    return table if kind == KINDS["frames"] or whole.endswith(("\n", "\r")) else without_cut(table)
+    if kind == KINDS["frames"]:  # a separator at the end of a line is taken for a spreadsheet's: an empty field is cut
+        check_counts(table, 1 + max(map(names.index, required)))
+        return table
+    check_counts(table, len(names))
+    return table if whole.endswith(("\n", "\r")) else without_cut(table)
+
+
+def check_counts(table: Table, least: int | None = None) -> None:
+    """Refuse a line with more fields than the header, or with fewer than `least` (None: as most lines have)."""
+    names, counts = len(table.names), [_count(table, line) for line in range(len(table.lines))]
+    least = Counter(counts).most_common(1)[0][0] if least is None and counts else least or 0
+    for line, count in enumerate(counts):
+        if not least <= count <= names:
+            most = f", most lines {least}" if count < least < names else ""
+            hint = "; with decimal commas, columns are separated by semicolons" if table.separator == "," else ""
+            raise RecordingError(f"{table.place(line)}: {count} fields; the header has {names}{most}{hint}")
+
+
+def _count(table: Table, line: int) -> int:
+    """Return the number of fields of a line, without empty ones behind the last column."""
+    text, names, separator = table.lines[line], len(table.names), table.separator
+    if '"' in text or separator == SPACES:
+        fields = fields_of(text, separator, table.place(line))
+        filled = max((nth for nth, field in enumerate(fields, start=1) if field), default=0)
+        return len(fields) if len(fields) <= names else max(names, filled)
+    count = text.count(separator) + 1
+    return count if count <= names else max(names, text.rstrip(f" \t{separator}").count(separator) + 1)
 
 
 def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
@@ -152,27 +180,23 @@ def without_cut(text: Table) -> Table:
 
 
 def numbers_of(
-    table: Table, places: Sequence[int] | None = None, gaps: Sequence[int] = (), mark: str | None = None
+    table: Table, places: Sequence[int], gaps: Sequence[int] = (), mark: str | None = None, ours: bool = False
 ) -> Floats:
-    """Return columns (sample, column), by default all; at `gaps`, nan or nothing is NaN."""
-    read = range(len(table.names)) if places is None else places
-    mark = mark or decimal_mark(table, read)
+    """Return columns (sample, column) of a table with checked counts of fields; at `gaps`, nan or nothing is NaN.
+
+    In `ours`, a table of a recording, nothing is not a gap, and a point is a decimal one.
+    """
+    mark = mark or decimal_mark(table, places)
     if not table.lines:
         raise RecordingError(f"{table.path}: no samples below the header")
     lines = [line.replace(",", ".") for line in table.lines] if mark == "," else table.lines
-    open_quote = next((index for index, line in enumerate(lines) if '"' in line and line.count('"') % 2), None)
-    if open_quote is not None:  # NumPy would read on to the next one, over lines
-        table.fields(open_quote)
-    columns = None if places is None else tuple(places)
+    form: dict[str, Any] = {"delimiter": table.delimiter, "comments": None, "quotechar": '"', "ndmin": 2}
     try:  # NumPy is ten times as fast as Python
-        found = np.loadtxt(lines, delimiter=table.delimiter, usecols=columns, comments=None, quotechar='"', ndmin=2)
+        values_sc = np.loadtxt(lines, usecols=tuple(places), dtype=np.float64, **form)
     except ValueError:
-        found = None
-    if found is None or (places is None and found.shape[1] != len(table.names)):
-        whole = places is None
-        found = np.array([_row_numbers(table, line, read, gaps, mark, whole) for line in range(len(lines))])
-    values_sc = np.asarray(found, dtype=np.float64)
-    if mark == "." and places is not None:
+        empty = ("nan",) if ours else ("", "nan")
+        values_sc = np.array([_row_numbers(table, line, places, gaps, mark, empty) for line in range(len(lines))])
+    if mark == "." and not ours:
         _check_points(table, places, values_sc)
     return values_sc
 
@@ -197,25 +221,17 @@ def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> Non
 
 
 def _row_numbers(
-    table: Table, line: int, places: Sequence[int], gaps: Sequence[int], mark: str, whole: bool
+    table: Table, line: int, places: Sequence[int], gaps: Sequence[int], mark: str, empty: Sequence[str]
 ) -> list[float]:
-    fields = table.fields(line)
-    if whole and len(fields) != len(table.names):
-        raise RecordingError(f"{table.place(line)}: {_other_count(table, len(fields))}")
-    values = []
+    fields, values = table.fields(line), []
     for place in places:
         field = fields[place] if place < len(fields) else ""
         value = number(field, mark)
-        if value is None and not (place in gaps and field.lower() in (("nan",) if whole else ("", "nan"))):
-            hint = "; write nan where the sensor gave no force" if whole and place in gaps and not field else ""
+        if value is None and not (place in gaps and field.lower() in empty):
+            hint = "; write nan where the sensor gave no force" if place in gaps and not field else ""
             raise RecordingError(f"{table.place(line)}: {table.names[place]}: {field!r} is not a number{hint}")
         values.append(np.nan if value is None else value)
     return values
-
-
-def _other_count(table: Table, count: int) -> str:
-    hint = "; with decimal commas, columns are separated by semicolons" if table.separator == "," else ""
-    return f"{count} fields; the header has {len(table.names)}{hint}"
 
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
@@ -280,11 +296,8 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     entries: list[FrameEntry] = []
     seen: dict[str, int] = {}
     for index, line in enumerate(table.numbers):
-        place, fields = table.place(index), table.fields(index)
-        # A separator at the end of a line is taken for a spreadsheet's: what may be missing there is empty.
-        if len(fields) > len(table.names) or not set(table.names[len(fields) :]) <= {"pierced", "held_s"}:
-            raise RecordingError(f"{place}: {_other_count(table, len(fields))}")
-        entry = _frame_entry(place, dict(zip(table.names, fields, strict=False)), mark)
+        place = table.place(index)
+        entry = _frame_entry(place, dict(zip(table.names, table.fields(index), strict=False)), mark)
         if entry.file in seen:
             raise RecordingError(f"{place}: file: {entry.file} is in line {seen[entry.file]} already")
         if entries and entry.time_s <= entries[-1].time_s:
@@ -302,12 +315,11 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
 def read_force_log(path: Path, axis: str) -> ForceLog:
     """Read forces.csv; `axis` (fx, fy or fz) must be among its columns."""
     table = _read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
-    time = table.names.index("time_s")
-    values_sc = numbers_of(table, gaps=[place for place in range(len(table.names)) if place != time])
     columns = tuple(name for name in table.names if name != "time_s")
-    wrench_sc = np.delete(values_sc, time, axis=1)
-    notes = *table.notes, *gap_notes(path, wrench_sc[:, [columns.index(f"{axis}_n")]])
-    log = ForceLog(values_sc[:, time].copy(), wrench_sc, columns, notes)
+    forces = [table.names.index(name) for name in columns]
+    values_sc = numbers_of(table, [table.names.index("time_s"), *forces], gaps=forces, ours=True)
+    log = ForceLog(values_sc[:, 0].copy(), values_sc[:, 1:], columns)
+    log = replace(log, notes=(*table.notes, *gap_notes(path, log.force_n(axis))))
     log = checked_samples(log, path, table.place)
     if not np.isfinite(log.force_n(axis)).any():
         raise RecordingError(f"{path}: {axis}_n: no sample has a force; all are nan")
@@ -329,10 +341,10 @@ def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], rang
     return replace(log, wrench_sc=wrench_sc, notes=tuple(notes))
 
 
-def gap_notes(path: Path, wrench_sc: Floats) -> tuple[str, ...]:
-    """Return a sentence on the samples of a file that have no force."""
-    missing = int(np.isnan(wrench_sc).any(axis=1).sum())
-    return (f"{path.name}: {missing} of {len(wrench_sc)} samples have no force (nan)",) if missing else ()
+def gap_notes(path: Path, forces: Floats) -> tuple[str, ...]:
+    """Return a sentence on the samples (sample, ...) of a file that have no force."""
+    missing = int(np.isnan(forces.reshape(len(forces), -1)).any(axis=1).sum())
+    return (f"{path.name}: {missing} of {len(forces)} samples have no force (nan)",) if missing else ()
 
 
 def _without_implausible(log: ForceLog, place: Callable[[int], str], range_n: float | None, notes: list[str]) -> Floats:
