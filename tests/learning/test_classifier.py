@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +48,7 @@ def test_steps_of_a_descent_are_momentum_on_gradients_of_at_most_the_largest_nor
     study = NetworkStudy(learning_rate=0.2, warmup=0.0, max_gradient_norm=limit)
     before = network.weight.detach().clone()
     rounds = ([(network(inputs).mean(), 1)] for _ in range(2))  # of one batch each, computed lazily
-    first, second = descend(network, optimiser, rounds, study, 4, "network")
+    first, second = descend(network, optimiser, rounds, study, 4)
     push = inputs * min(1.0, limit / 5.0)
     rates = [learning_rate(study, step, 4) for step in (0, 1)]
     assert first == pytest.approx(float(before @ inputs.T))
@@ -64,10 +64,9 @@ def test_equal_seeds_give_equal_weights_and_leave_pytorch_unchanged(bars, small,
     before = torch.get_rng_state()
     first, again, other = (classifier.fit(study, *bars) for study in (small, small, replace(small, seed=1)))
     assert first.curves == again.curves
-    for one, two, three in zip(first.network.layers, again.network.layers, other.network.layers, strict=True):
-        np.testing.assert_array_equal(one.weight, two.weight)
-        np.testing.assert_array_equal(one.bias, two.bias)
-        assert not np.array_equal(one.weight, three.weight)
+    np.testing.assert_equal(asdict(first.network), asdict(again.network))
+    for one, another in zip(first.network.weights, other.network.weights, strict=True):
+        assert not np.array_equal(one, another)
     assert torch.equal(torch.get_rng_state(), before)
     assert torch.get_num_threads() == 1
     assert not torch.are_deterministic_algorithms_enabled()
@@ -75,7 +74,7 @@ def test_equal_seeds_give_equal_weights_and_leave_pytorch_unchanged(bars, small,
 
 def test_it_learns_and_reports_the_figures_of_the_returned_network(bars, small) -> None:
     fitted, (_, validation) = classifier.fit(replace(small, epochs=12), *bars), bars
-    curves, first = fitted.curves, fitted.network.layers[0].weight.reshape(-1, 12, 10)
+    curves, first = fitted.curves, fitted.network.weights[0].reshape(-1, 12, 10)
     assert len(curves.training_loss) == len(curves.validation_accuracy) == 12
     assert curves.validation_accuracy[-1] > 0.97
     assert 0.8 < curves.training_accuracy[-1] <= 1.0  # during training, with dropout
@@ -92,7 +91,7 @@ def test_validation_samples_do_not_influence_the_weights(bars, small) -> None:
     training, validation = bars
     flipped = classifier.Samples(validation.slices, 2 - validation.target)
     one, two = classifier.fit(small, training, validation), classifier.fit(small, training, flipped)
-    np.testing.assert_array_equal(one.network.layers[0].weight, two.network.layers[0].weight)
+    np.testing.assert_equal(asdict(one.network), asdict(two.network))
     assert one.curves.validation_accuracy != two.curves.validation_accuracy
 
 
@@ -105,11 +104,11 @@ def test_a_descent_that_diverges_says_so(bars, small, monkeypatch) -> None:
 
 @pytest.mark.parametrize("hidden", [(), (300, 200)])
 def test_the_file_is_repeatable_and_answers_as_the_rounded_network_at_half_the_size(bars, hidden) -> None:
-    norm = classifier.normalisation(bars[0])
+    mean, varies = classifier.normalisation(bars[0])
     torch.manual_seed(3)
-    built = classifier.build_network(int(norm.varies.sum()), NetworkStudy(hidden=hidden), 3).eval()
-    network = classifier.trained_network(built, norm)
-    centred = torch.from_numpy(bars[1].pixels[:, norm.varies] / np.float32(255) - norm.mean[norm.varies])
+    built = classifier.build_network(int(varies.sum()), NetworkStudy(hidden=hidden), 3).eval()
+    network = classifier.trained_network(built, mean, varies)
+    centred = torch.from_numpy(bars[1].pixels[:, varies] / np.float32(255) - mean[varies])
     by_torch = torch.softmax(built(centred), dim=1).detach().numpy()
     np.testing.assert_allclose(network.probabilities(bars[1].slices), by_torch, atol=1e-5)
     rounded, slices = classifier.with_half_weights(network), bars[1].slices
@@ -117,15 +116,15 @@ def test_the_file_is_repeatable_and_answers_as_the_rounded_network_at_half_the_s
     assert content == classifier.classifier_bytes(rounded, SIZE, {"dataset_sha256": "ab", "seed": "7"})
     (found,) = onnxruntime.InferenceSession(content).run(None, {"slices": slices})
     np.testing.assert_allclose(found, rounded.probabilities(slices), atol=1e-5)
-    assert not hidden or len(content) < 0.55 * sum(layer.weight.nbytes for layer in rounded.layers)
+    assert not hidden or len(content) < 0.55 * sum(weight.nbytes for weight in rounded.weights)
     model = onnx.load_from_string(content)
     assert {entry.key: entry.value for entry in model.metadata_props} == {"seed": "7", "dataset_sha256": "ab"}
     kinds = [tensor.data_type for tensor in model.graph.initializer if len(tensor.dims) == 2]
     assert kinds == [onnx.TensorProto.FLOAT16] * (len(hidden) + 1)
     assert np.abs(rounded.probabilities(slices) - network.probabilities(slices)).max() < 1e-3
-    for layer, before in zip(rounded.layers, network.layers, strict=True):
-        np.testing.assert_array_equal(layer.bias, before.bias)
-        assert 0.0 < np.abs(layer.weight - before.weight).max() < 1e-3 * np.abs(before.weight).max()
+    np.testing.assert_equal(rounded.biases, network.biases)
+    for weight, before in zip(rounded.weights, network.weights, strict=True):
+        assert 0.0 < np.abs(weight - before).max() < 1e-3 * np.abs(before).max()
 
 
 def test_the_best_candidate_is_the_most_accurate_and_of_equals_the_smallest() -> None:

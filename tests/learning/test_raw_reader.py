@@ -10,7 +10,7 @@ import torch
 
 from scleraforce.known import Known, Modulus
 from scleraforce.learning import raw_reader
-from scleraforce.learning.reader import ReaderNetwork, histogram
+from scleraforce.learning.reader import ReaderNetwork, force_bytes, histogram
 from scleraforce.learning.train import train_raw_reader
 from scleraforce.library import Library
 from scleraforce.models import network_session
@@ -68,7 +68,7 @@ def test_the_graph_answers_as_the_network_does() -> None:
     made, rng = network(), np.random.default_rng(2)
     frames = rng.uniform(-0.4, 1.4, (3, 80, 144)).astype(np.float32)
     given = rng.normal(size=(3, len(GIVEN))).astype(np.float32)
-    content = raw_reader.raw_reader_bytes(made, {"who": "me"})
+    content = force_bytes(made, {"who": "me"})
     session = network_session(content, "place", 1)
     found, contact_m = session.run(["histogram", "contact_m"], {"frames": frames, "given": given})
     with torch.inference_mode():
@@ -76,7 +76,7 @@ def test_the_graph_answers_as_the_network_does() -> None:
     np.testing.assert_allclose(found, histogram(mixtures, TINY.reader.bins).numpy(), atol=1e-5)
     np.testing.assert_allclose(contact_m, places.numpy() * 1e-3, atol=1e-7)
     assert session.get_modelmeta().custom_metadata_map == {"who": "me"}
-    assert raw_reader.raw_reader_bytes(made, {"who": "me"}) == content
+    assert force_bytes(made, {"who": "me"}) == content
 
 
 @pytest.mark.slow

@@ -80,13 +80,13 @@ def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
         wall = torch.from_numpy((samples.slices > 0).astype(np.float32))
         mixtures, place_mm = net(wall, torch.from_numpy(samples.given))
         expected = reader.histogram(mixtures, TINY.reader.bins).numpy()
-    content = reader.reader_bytes(net, TINY.slice, {"seed": "7"})
+    content = reader.force_bytes(net, {"seed": "7"})
     session = onnxruntime.InferenceSession(content)
     found, contact_m = session.run(["histogram", "contact_m"], {"slices": samples.slices, "given": samples.given})
     np.testing.assert_allclose(found, expected, atol=1e-5)
     np.testing.assert_allclose(contact_m, 1e-3 * place_mm.numpy(), atol=1e-8)
     assert np.ptp(expected, axis=0).max() > 1e-3, "a network that answers always the same proves nothing"
-    assert content == reader.reader_bytes(net, TINY.slice, {"seed": "7"})
+    assert content == reader.force_bytes(net, {"seed": "7"})
     assert [entry.value for entry in onnx.load_from_string(content).metadata_props] == ["7"]
 
 
@@ -98,9 +98,7 @@ def test_training_learns_and_is_the_same_with_any_number_of_processes(source) ->
         assert torch.equal(one, two)
     assert first.training_loss[-1] < first.training_loss[0] - 0.3
     samples = source.chunk(9, 500)
-    untrained = reader.compared(
-        reader.answers(network(), samples), samples.modulus_pa, samples.force_n, samples.lateral_m, TINY
-    )
+    untrained = reader.compared(reader.answers(network(), samples), samples, TINY)
     assert reader.measure_reader(first.network, source, TINY)["mae_mn"] < 0.6 * untrained["mae_mn"]
 
 
@@ -125,7 +123,7 @@ def test_mirror_images_are_learned_from_where_left_and_right_are_drawn_alike(sou
 def test_metrics_are_counted_as_by_hand(source) -> None:
     samples = source.chunk(3, 100)
     outputs = reader.answers(network(), samples)
-    metrics = reader.compared(outputs, samples.modulus_pa, samples.force_n, samples.lateral_m, TINY)
+    metrics = reader.compared(outputs, samples, TINY)
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
     edges = ratio_edges(TINY.reader.bins, TINY.reader.max_force_ratio)
     forces = force_distribution(reader.histogram(mixtures, 16).double().numpy(), edges, samples.modulus_pa)

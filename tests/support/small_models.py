@@ -120,14 +120,14 @@ def write_raw_model(path: Path, study: Study = RAW_STUDY) -> None:
     """Write the folder."""
     import torch
 
-    from scleraforce.learning.raw_reader import RawReaderNetwork, raw_reader_bytes
-    from scleraforce.learning.reader import ReaderNetwork
+    from scleraforce.learning.raw_reader import RawReaderNetwork
+    from scleraforce.learning.reader import ReaderNetwork, force_bytes
 
     with torch.random.fork_rng():
         torch.manual_seed(3)
         reads_slices = ReaderNetwork(study.reader, study.slice, study.eye.radius_m)
         network = RawReaderNetwork(study, reads_slices).eval()
-    content = raw_reader_bytes(network, {"study_sha256": study_hash(study)})
+    content = force_bytes(network, {"study_sha256": study_hash(study)})
     write_folder(path, content, format_study(study), "# card\n", {"kind": "raw-reader", "metrics": {}})
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Bytes, Flags, Floats, Integers, Places
+from scleraforce.arrays import Bytes, Flags, Floats, Integers
 from scleraforce.errors import SolverError
 from scleraforce.learning.descent import onnx_bytes, tensor, torch, trained
 from scleraforce.processes import work_in_order
@@ -60,32 +60,17 @@ def classes_at_modulus(force_n: Floats, ratio: float, classes: ClassesStudy) -> 
     return np.array([classes.classify(force) for force in ratio * force_n], dtype=np.int64)
 
 
-@dataclass(frozen=True)
-class Normalisation:
-    """The network's input scaling: the share of training slices with wall at each pixel, and the varying pixels.
+def normalisation(training: Samples, mirror: bool = False) -> tuple[NDArray[np.float32], Flags]:
+    """Return the share of training slices (and mirror images) with wall at each pixel, and the varying pixels.
 
     Both of shape (row * column,). Centred inputs condition the gradient descent far better than 0 and 1 (LeCun et al.,
     "Efficient BackProp", 1998, sec. 4.3). A pixel that never varies teaches nothing; its weights are zero.
     """
-
-    mean: NDArray[np.float32]
-    varies: Flags
-
-
-def normalisation(training: Samples, mirror: bool = False) -> Normalisation:
-    """Measure the mean of each pixel (as 0 to 1) over the training slices, and over their mirror images if asked."""
     wall, count = np.count_nonzero(training.slices, axis=0), len(training)
     if mirror:
         wall, count = wall + wall[:, ::-1], 2 * count
     mean = (wall / count).astype(np.float32)
-    return Normalisation(mean.ravel(), ((wall > 0) & (wall < count)).ravel())
-
-
-def mirrored_pixels(norm: Normalisation, columns: int) -> Places:
-    """Return the number of the mirror image of each varying pixel, in a slice of `columns` columns."""
-    number = np.full(norm.varies.size, -1)
-    number[norm.varies] = np.arange(np.count_nonzero(norm.varies))
-    return number.reshape(-1, columns)[:, ::-1].ravel()[norm.varies]
+    return mean.ravel(), ((wall > 0) & (wall < count)).ravel()
 
 
 def content_hash(*parts: Samples) -> str:
@@ -98,27 +83,22 @@ def content_hash(*parts: Samples) -> str:
 
 
 @dataclass(frozen=True)
-class Layer:
-    """A fully connected layer: y = weight x + bias. Shapes (output, input) and (output,)."""
-
-    weight: NDArray[np.float32]
-    bias: NDArray[np.float32]
-
-
-@dataclass(frozen=True)
 class TrainedNetwork:
-    """Weights that read slices: pixels (0 to 1) minus `mean`, then the layers with ReLU between them, then softmax."""
+    """Weights that read slices: pixels (0 to 1) minus `mean`, then the layers with ReLU between them, then softmax.
+
+    A layer gives weight x + bias, of shapes (output, input) and (output,).
+    """
 
     mean: NDArray[np.float32]
-    layers: tuple[Layer, ...]
+    weights: tuple[NDArray[np.float32], ...]
+    biases: tuple[NDArray[np.float32], ...]
 
     def probabilities(self, slices: Bytes) -> Floats:
         """Return class probabilities in double precision, shape (slice, class): the definition, not the fast path."""
-        signal = slices.reshape(len(slices), -1) / 255.0 - self.mean
-        for layer in self.layers[:-1]:
-            signal = np.maximum(signal @ layer.weight.T.astype(np.float64) + layer.bias, 0.0)
-        logits = signal @ self.layers[-1].weight.T.astype(np.float64) + self.layers[-1].bias
-        powers: Floats = np.exp(logits - logits.max(axis=1, keepdims=True))
+        signal: Floats = slices.reshape(len(slices), -1) / 255.0 - self.mean
+        for number, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            signal = (np.maximum(signal, 0.0) if number else signal) @ weight.T.astype(np.float64) + bias
+        powers: Floats = np.exp(signal - signal.max(axis=1, keepdims=True))
         powers /= powers.sum(axis=1, keepdims=True)
         return powers
 
@@ -141,16 +121,15 @@ def build_network(inputs: int, study: NetworkStudy, classes: int) -> torch.nn.Se
     return torch.nn.Sequential(*modules[:-2])
 
 
-def trained_network(network: torch.nn.Sequential, norm: Normalisation) -> TrainedNetwork:
+def trained_network(network: torch.nn.Sequential, mean: NDArray[np.float32], varies: Flags) -> TrainedNetwork:
     """Return the weights as NumPy arrays, the first layer spread over all pixels (zero where a pixel never varied)."""
-    layers = [
-        Layer(module.weight.detach().numpy().copy(), module.bias.detach().numpy().copy())
-        for module in network
-        if isinstance(module, torch.nn.Linear)
-    ]
-    full = np.zeros((layers[0].weight.shape[0], norm.mean.size), dtype=np.float32)
-    full[:, norm.varies] = layers[0].weight
-    return TrainedNetwork(norm.mean, (Layer(full, layers[0].bias), *layers[1:]))
+    layers = [module for module in network if isinstance(module, torch.nn.Linear)]
+    weights, biases = (
+        [getattr(layer, name).detach().numpy().copy() for layer in layers] for name in ("weight", "bias")
+    )
+    full = np.zeros((len(weights[0]), mean.size), dtype=np.float32)
+    full[:, varies] = weights[0]
+    return TrainedNetwork(mean, (full, *weights[1:]), tuple(biases))
 
 
 class _Reads(torch.nn.Module):
@@ -159,10 +138,10 @@ class _Reads(torch.nn.Module):
     def __init__(self, network: TrainedNetwork) -> None:
         super().__init__()
         self.mean = torch.nn.Parameter(torch.from_numpy(network.mean), requires_grad=False)
-        layers = [(layer.weight.astype(np.float16), layer.bias) for layer in network.layers]
+        halves = [weight.astype(np.float16) for weight in network.weights]
         self.weights, self.biases = (
             torch.nn.ParameterList(torch.nn.Parameter(torch.from_numpy(each), requires_grad=False) for each in values)
-            for values in zip(*layers, strict=True)
+            for values in (halves, network.biases)
         )
 
     def forward(self, slices: torch.Tensor) -> torch.Tensor:
@@ -174,8 +153,7 @@ class _Reads(torch.nn.Module):
 
 def with_half_weights(network: TrainedNetwork) -> TrainedNetwork:
     """Return a network with weights rounded to half precision, as the file has them; biases and mean are unchanged."""
-    layers = (replace(layer, weight=layer.weight.astype(np.float16).astype(np.float32)) for layer in network.layers)
-    return replace(network, layers=tuple(layers))
+    return replace(network, weights=tuple(each.astype(np.float16).astype(np.float32) for each in network.weights))
 
 
 def classifier_bytes(network: TrainedNetwork, study: SliceStudy, provenance: Mapping[str, str]) -> bytes:
@@ -206,49 +184,6 @@ class Fitted:
     curves: Curves
 
 
-@dataclass(frozen=True)
-class _Batches:
-    """Samples as tensors: the varying pixels (bool, shape (sample, pixel)), their mean, the classes.
-
-    `mirrored`: the number of each pixel on the other side of the slice.
-    """
-
-    wall: torch.Tensor
-    mean: torch.Tensor
-    target: torch.Tensor
-    mirrored: torch.Tensor | None = None
-
-    def take(self, index: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return centred inputs and classes of some samples."""
-        return self.wall[index].float() - self.mean, self.target[index]
-
-    def draw(self, index: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the same with a random half of the samples mirrored (if `mirrored` is set)."""
-        inputs, target = self.take(index)
-        if self.mirrored is not None:
-            turned = torch.rand(len(index)) < 0.5
-            inputs[turned] = inputs[turned][:, self.mirrored]
-        return inputs, target
-
-
-def _batches(samples: Samples, norm: Normalisation) -> _Batches:
-    wall = tensor(samples.pixels[:, norm.varies] > 0)
-    return _Batches(wall, tensor(norm.mean[norm.varies]), tensor(samples.target.astype(np.int64)))
-
-
-def _measure(network: torch.nn.Sequential, unseen: _Batches) -> tuple[float, float]:
-    """Return mean loss and accuracy without dropout."""
-    network.eval()
-    loss, right = 0.0, 0
-    with torch.inference_mode():
-        for index in torch.split(torch.arange(len(unseen.target)), 1024):
-            inputs, target = unseen.take(index)
-            logits = network(inputs)
-            loss += torch.nn.functional.cross_entropy(logits, target, reduction="sum").item()
-            right += int((logits.argmax(1) == target).sum())
-    return loss / len(unseen.target), right / len(unseen.target)
-
-
 def fit(
     study: NetworkStudy,
     training: Samples,
@@ -262,11 +197,14 @@ def fit(
     The weights are those after the last epoch: none are picked by their validation figures, which stay an honest
     estimate. `progress` is called with 1 after each epoch.
     """
-    norm = normalisation(training, study.mirror)
+    mean, varies = normalisation(training, study.mirror)
+    number = np.where(varies, np.cumsum(varies) - 1, -1).reshape(training.slices.shape[1:])  # of the varying pixels
     with torch.device(device):
-        seen, unseen = _batches(training, norm), _batches(validation, norm)
-        if study.mirror:
-            seen = replace(seen, mirrored=tensor(mirrored_pixels(norm, training.slices.shape[2])))
+        centre, mirror_images = tensor(mean[varies]), tensor(number[:, ::-1].ravel()[varies])
+        (wall, target), unseen = (
+            (tensor(samples.pixels[:, varies] > 0), tensor(samples.target.astype(np.int64)))
+            for samples in (training, validation)
+        )
     rows = list[tuple[float, ...]]()
     batches = ceil(len(training) / study.batch_size)
 
@@ -275,24 +213,41 @@ def fit(
         network.train()
         right = 0.0
         for index in torch.tensor_split(torch.randperm(len(training)), batches):
-            loss, share = cross_entropy(network, *seen.draw(index), study.dropout_masks)
+            inputs = wall[index].float() - centre
+            if study.mirror:  # a random half of the samples
+                turned = torch.rand(len(index)) < 0.5
+                inputs[turned] = inputs[turned][:, mirror_images]
+            loss, share = cross_entropy(network, inputs, target[index], study.dropout_masks)
             right += share * len(index)
             yield loss, len(index)
-        rows.append((right / len(training), *_measure(network, unseen)))
+        rows.append((right / len(training), *_measure(network, centre, *unseen)))
 
     fitted = trained(
-        lambda: build_network(int(norm.varies.sum()), study, classes),
+        lambda: build_network(int(varies.sum()), study, classes),
         epoch,
         (number for number in range(study.epochs)),
         study,
         study.epochs * batches,
-        "network",
         progress,
         CLASSIFIER_THREADS,
         device,
     )
     curves = Curves(fitted.training_loss, *zip(*rows, strict=True))
-    return Fitted(trained_network(fitted.network, norm), curves)
+    return Fitted(trained_network(fitted.network, mean, varies), curves)
+
+
+def _measure(
+    network: torch.nn.Sequential, centre: torch.Tensor, wall: torch.Tensor, target: torch.Tensor
+) -> tuple[float, float]:
+    """Return mean loss and accuracy without dropout."""
+    network.eval()
+    loss, right = 0.0, 0
+    with torch.inference_mode():
+        for index in torch.split(torch.arange(len(target)), 1024):
+            logits = network(wall[index].float() - centre)
+            loss += torch.nn.functional.cross_entropy(logits, target[index], reduction="sum").item()
+            right += int((logits.argmax(1) == target[index]).sum())
+    return loss / len(target), right / len(target)
 
 
 def cross_entropy(

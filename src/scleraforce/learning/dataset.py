@@ -20,7 +20,7 @@ from scleraforce.arrays import Bytes, Flags, Floats, Places
 from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
 from scleraforce.errors import DatasetError
 from scleraforce.known.calibration_file import CalibrationSummary
-from scleraforce.study import Choice, DatasetGroup, Sampled, Study, format_study, parse_study, study_hash
+from scleraforce.study import Choice, Sampled, Study, format_study, parse_study, study_hash
 from scleraforce.units import from_si
 
 UNIT_IMAGES = 200  # about this many samples are simulated and stored together
@@ -84,15 +84,24 @@ def plan_dataset(study: Study) -> DatasetPlan:
 
 @dataclass(frozen=True)
 class PlanDraft:
-    """A plan without each sample's own draws: made fast, it gives any part of the plan."""
+    """A plan without each sample's own draws: made fast, it gives any part of the plan.
+
+    Of contacts (contact,): the number of the group, polar angle and azimuth, whether they validate; of samples
+    (sample,): the number of the contact and the seed.
+    """
 
     study: Study
-    groups: "tuple[_GroupDraft, ...]"
+    group: Places
+    polar_rad: Floats
+    azimuth_rad: Floats
+    validation: Flags
+    contact: Places
+    seed: NDArray[np.uint32]
 
     @property
     def images(self) -> int:
         """Number of samples."""
-        return sum(len(group.seed) for group in self.groups)
+        return len(self.seed)
 
     def unit(self, number: int) -> DatasetPlan:
         """Return the plan of the samples of a unit of work alone, numbered from 0."""
@@ -101,74 +110,43 @@ class PlanDraft:
 
     def samples(self, samples: slice) -> DatasetPlan:
         """Return the plan of consecutive samples alone, numbered from 0."""
-        parts, first = [], 0
-        for group in self.groups:
-            count = len(group.seed)
-            low, high = max(samples.start - first, 0), min(samples.stop - first, count)
-            if low < high:
-                parts.append(group.plan(self.study, slice(low, high)))
-            first += count
-        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        return DatasetPlan(unit_images=unit_images(self.study), **joined)
+        study, needle, seed, contact = self.study.dataset, self.study.needle, self.seed[samples], self.contact[samples]
+        groups = [study.group[number] for number in self.group[contact]]
+        uniform = np.array([np.random.default_rng(number).random(len(DRAWS)) for number in seed])
+        draws = dict(zip(DRAWS, uniform.reshape(-1, len(DRAWS)).T, strict=True))
+        force_n = np.array([group.max_force_n for group in groups]) * draws["force"]
+        return DatasetPlan(
+            force_n=force_n,
+            target=np.array([self.study.classes.classify(force) for force in force_n], dtype=np.uint8),
+            thickness_m=np.array([group.thickness_m for group in groups]),
+            contact=contact.astype(np.int32),
+            polar_rad=self.polar_rad[contact],
+            azimuth_rad=self.azimuth_rad[contact],
+            gap_m=np.full(len(seed), needle.gap_m) if study.gap_m is None else _at(study.gap_m, draws["gap"]),
+            tilt_rad=_at(study.tilt_rad, draws["tilt"]),
+            direction_rad=_at(study.direction_rad, draws["direction"]),
+            framing_lateral_m=_at(study.framing_lateral_m, draws["framing_lateral"]),
+            framing_depth_m=_at(study.framing_depth_m, draws["framing_depth"]),
+            validation=self.validation[contact],
+            seed=seed,
+            unit_images=unit_images(self.study),
+        )
 
 
 def draft_plan(study: Study) -> PlanDraft:
     """Draw the contacts of a plan and the seeds of its samples."""
-    rng, first, drafts = np.random.default_rng(study.dataset.seed), 0, []
-    for group in study.dataset.group:
+    rng, parts = np.random.default_rng(study.dataset.seed), []
+    for number, group in enumerate(study.dataset.group):
         contacts = min(study.dataset.contacts, group.images)
         unseen = min(max(round(study.dataset.validation_fraction * contacts), 1), contacts - 1)  # both sets get some
-        drafts.append(
-            _GroupDraft(
-                group,
-                first,
-                polar_rad=study.needle.polar_angle_rad.sample(rng, contacts),
-                azimuth_rad=rng.uniform(0.0, 2.0 * np.pi, contacts),
-                validation=rng.permutation(np.arange(contacts) < unseen),
-                spread=group.images // contacts + (np.arange(contacts) < group.images % contacts),
-                seed=rng.integers(0, 2**32, group.images, dtype=np.uint32),
-            )
-        )
-        first += contacts
-    return PlanDraft(study, tuple(drafts))
-
-
-@dataclass(frozen=True)
-class _GroupDraft:
-    """A group: its contacts, numbered from `first_contact` and each with the number of its samples, and all seeds."""
-
-    group: DatasetGroup
-    first_contact: int
-    polar_rad: Floats
-    azimuth_rad: Floats
-    validation: Flags
-    spread: Places
-    seed: NDArray[np.uint32]
-
-    def plan(self, study: Study, samples: slice) -> dict[str, Any]:
-        """Return the columns of consecutive samples."""
-        seed, group = self.seed[samples], self.group
-        numbers = np.arange(samples.start, samples.stop)
-        contact = np.searchsorted(np.cumsum(self.spread), numbers, side="right")
-        uniform = np.array([np.random.default_rng(number).random(len(DRAWS)) for number in seed])
-        draws = dict(zip(DRAWS, uniform.reshape(-1, len(DRAWS)).T, strict=True))
-        gap = study.dataset.gap_m
-        force_n = group.max_force_n * draws["force"]
-        return {
-            "force_n": force_n,
-            "target": np.array([study.classes.classify(force) for force in force_n], dtype=np.uint8),
-            "thickness_m": np.full(len(seed), group.thickness_m),
-            "contact": (self.first_contact + contact).astype(np.int32),
-            "polar_rad": self.polar_rad[contact],
-            "azimuth_rad": self.azimuth_rad[contact],
-            "gap_m": np.full(len(seed), study.needle.gap_m) if gap is None else _at(gap, draws["gap"]),
-            "tilt_rad": _at(study.dataset.tilt_rad, draws["tilt"]),
-            "direction_rad": _at(study.dataset.direction_rad, draws["direction"]),
-            "framing_lateral_m": _at(study.dataset.framing_lateral_m, draws["framing_lateral"]),
-            "framing_depth_m": _at(study.dataset.framing_depth_m, draws["framing_depth"]),
-            "validation": self.validation[contact],
-            "seed": seed,
-        }
+        polar_rad = study.needle.polar_angle_rad.sample(rng, contacts)
+        azimuth_rad = rng.uniform(0.0, 2.0 * np.pi, contacts)
+        validation = rng.permutation(np.arange(contacts) < unseen)
+        spread = group.images // contacts + (np.arange(contacts) < group.images % contacts)
+        seed = rng.integers(0, 2**32, group.images, dtype=np.uint32)
+        parts.append((np.full(contacts, number), polar_rad, azimuth_rad, validation, spread, seed))
+    group_of, polar, azimuth, validates, spreads, seeds = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return PlanDraft(study, group_of, polar, azimuth, validates, np.repeat(np.arange(len(spreads)), spreads), seeds)
 
 
 def _at(sampled: Sampled, uniform: Floats) -> Floats:

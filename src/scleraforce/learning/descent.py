@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from math import cos, pi
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +62,7 @@ def onnx_bytes(
 
 
 Settings = NetworkStudy | ReaderStudy | WallFinderStudy | RawReaderStudy
-
+SECTIONS = dict(zip(get_args(Settings), ("network", "reader", "wall_finder", "raw_reader"), strict=True))
 CURVE_POINTS = 50
 AHEAD = 4  # chunks of samples for each process that are drawn or wait
 READER_THREADS = 1
@@ -104,7 +104,6 @@ def descend(
     rounds: Iterable[Iterable[tuple[torch.Tensor, int]]],
     study: Settings,
     steps: int,
-    section: str,
 ) -> Iterator[float]:
     """Take a step down the gradient of each batch's loss, its norm clipped; yield the mean loss of each round.
 
@@ -123,7 +122,8 @@ def descend(
             step += 1
             total, samples = total + loss.item() * count, samples + count
             if not np.isfinite(total):
-                raise SolverError(f"training diverged in step {step} of {steps}; lower {section}.learning_rate")
+                key = f"{SECTIONS[type(study)]}.learning_rate"
+                raise SolverError(f"training diverged in step {step} of {steps}; lower {key}")
         yield total / samples
 
 
@@ -141,7 +141,6 @@ def trained(
     drawn: Generator[Samples, None, None],
     study: Settings,
     steps: int,
-    section: str,
     progress: Callable[[int], object] | None = None,
     threads: int = READER_THREADS,
     device: str = "cpu",
@@ -149,15 +148,15 @@ def trained(
     """Train a new network on one thread or on a GPU, as others draw; the losses are of each draw.
 
     `losses_of` gives the mean losses of the batches in the samples of a draw, by its number, and their sizes; `drawn`
-    is closed in the end; `section` of the study is for messages; more `threads`, or another `device`, sum in another
-    order. The first weights are the same on every device; the network comes back to the CPU.
+    is closed in the end; more `threads`, or another `device`, sum in another order. The first weights are the same on
+    every device; the network comes back to the CPU.
     """
     losses: list[float] = []
     with closing(drawn), repeatable(study.seed, threads, device):
         network = build().to(device).train()
         rounds = (losses_of(network, number, samples) for number, samples in enumerate(drawn))
         with torch.device(device):
-            for loss in descend(network, _optimiser(network, study), rounds, study, steps, section):
+            for loss in descend(network, _optimiser(network, study), rounds, study, steps):
                 losses.append(loss)
                 if progress:
                     progress(1)

@@ -5,32 +5,39 @@ the mean over all places of the boundaries, for the slice network. That learns f
 learned from raw frames by the wall finder's loss, and last everything by the force's loss beside it.
 """
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Floats, Places
+from scleraforce.arrays import Floats
 from scleraforce.known import Known
 from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
-from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, tensor, torch, trained
-from scleraforce.learning.reader import ReaderNetwork, ReadForces, compared, fit_reader, reader_loss, targets
-from scleraforce.learning.samples import Source, concatenated, draw_framed, library_of_tissue, validation_chunks
+from scleraforce.learning.descent import Fitted, drawn_ahead, tensor, torch, trained
+from scleraforce.learning.reader import ReaderNetwork, compared, fit_reader, reader_loss, targets
+from scleraforce.learning.samples import (
+    RawSamples,
+    Source,
+    concatenated,
+    draw_framed,
+    library_of_tissue,
+    validation_chunks,
+)
 from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, eye_scores, network_score, of_population, wall_depths
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
+from scleraforce.library.slices import column_laterals
 from scleraforce.models import NETWORK_FILE, network_session
 from scleraforce.reader import networks
 from scleraforce.reader.intervals import Score
 from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.segmentation.reduced import FrameWindow
-from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Range, RawReaderStudy, ReaderStudy, SliceStudy, Study, draw, fixed
 
 Float = NDArray[np.float32]
@@ -52,8 +59,9 @@ class RawReaderNetwork(torch.nn.Module):
         window = FrameWindow.of(study.raw_reader)
         self.down: torch.Tensor
         self.along: torch.Tensor
-        self.register_buffer("down", torch.from_numpy(slice_rows(window, study.slice)))
-        self.register_buffer("along", torch.from_numpy(slice_weights(window, study.slice)))
+        for name, weights in zip(("down", "along"), _slice_weights(window, study.slice), strict=True):
+            self.register_buffer(name, torch.from_numpy(weights))
+        self.bins, self.example = reads_slices.bins, torch.zeros(2, window.rows, window.columns)  # of its input
 
     def forward(
         self, frames: torch.Tensor, given: torch.Tensor
@@ -71,42 +79,16 @@ class RawReaderNetwork(torch.nn.Module):
         return self.down @ wall @ self.along
 
 
-def slice_rows(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]:
-    """Return the weights (row of the slice, row of the window) of the means over a slice's rows."""
-    edges = np.arange(window.rows + 1) * window.row_m
-    pixels = np.arange(study.rows + 1)[:, None] * study.pixel_m
+def _slice_weights(window: FrameWindow, study: SliceStudy) -> tuple[Float, Float]:
+    """Return the weights of a window in a slice: of means over its rows, and that interpolate between its column pairs.
+
+    Shapes (row of the slice, row of the window) and (pair of the window's columns, column of the slice).
+    """
+    edges, pixels = np.arange(window.rows + 1) * window.row_m, np.arange(study.rows + 1)[:, None] * study.pixel_m
     covered: Floats = np.diff(np.clip(edges, pixels[:-1], pixels[1:]), axis=1) / study.pixel_m
-    return covered.round(6).astype(np.float32)
-
-
-def slice_weights(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]:
-    """Return the weights (pair of the window's columns, column of the slice) that interpolate between two pairs."""
     pairs_m = window.laterals_m.reshape(-1, 2).mean(axis=1)
-    columns_m = (np.arange(study.columns) + 0.5 - 0.5 * study.columns) * study.pixel_m
-    unit = np.eye(len(pairs_m))
-    weights: Floats = np.stack([np.interp(columns_m, pairs_m, each) for each in unit])
-    return weights.astype(np.float32)
-
-
-class _Reads(torch.nn.Module):
-    """The ONNX model: reduced frames and given values to histogram and contact's place."""
-
-    def __init__(self, network: RawReaderNetwork) -> None:
-        super().__init__()
-        self.network, self.forces = network, ReadForces(network.reads_slices.bins)
-
-    def forward(self, frames: torch.Tensor, given: torch.Tensor) -> Any:
-        return self.forces(*self.network(frames, given)[:2])
-
-
-def raw_reader_bytes(network: RawReaderNetwork, provenance: Mapping[str, str]) -> bytes:
-    """Return the network as an ONNX model; `reader.networks` describes its inputs and outputs."""
-    sees = network.sees_wall
-    inputs = {
-        FINDER_FRAMES: torch.zeros(2, sees.rows, sees.columns),
-        networks.GIVEN_INPUT: torch.zeros(2, len(networks.GIVEN)),
-    }
-    return onnx_bytes(_Reads(network).eval(), inputs, [networks.HISTOGRAM, networks.CONTACT], provenance)
+    between: Floats = np.stack([np.interp(column_laterals(study), pairs_m, each) for each in np.eye(len(pairs_m))])
+    return covered.round(6).astype(np.float32), between.astype(np.float32)
 
 
 def largest_needle_gap(raw: RawReaderStudy) -> float:
@@ -154,28 +136,6 @@ def draw_shafts(
 
 
 @dataclass(frozen=True)
-class RawSamples:
-    """Reduced frames (sample, row, column), float32; the rest is as in `ReaderSamples`.
-
-    `boundary_rows` float32 (sample, boundary, column / 2): of the wall, kept inside the window, NaN without wall.
-    """
-
-    frames: Float
-    boundary_rows: Float
-    given: Float
-    force_n: Floats
-    modulus_pa: Floats
-    lateral_m: Floats
-
-    def __len__(self) -> int:
-        return len(self.force_n)
-
-    def picked(self, order: Places) -> "RawSamples":
-        """Return these samples, in this order."""
-        return RawSamples(*(getattr(self, item.name)[order] for item in fields(self)))
-
-
-@dataclass(frozen=True)
 class RawSource:
     """A source of samples: the same chunk for the same seed and number."""
 
@@ -191,14 +151,12 @@ class RawSource:
     def chunk(self, number: int, count: int = FRAMES_TOGETHER) -> RawSamples:
         """Draw a chunk of samples, shuffled: a share of them is crossed by a needle."""
         raw = self.study.raw_reader
-        rng = np.random.default_rng([raw.seed, number])
+        rng, beside = np.random.default_rng([raw.seed, number]), self.study.reader
         crossed = int((rng.random(count) < raw.needle_share).sum())
-        beside = self.study.reader
         across = replace(beside, gap_m=Range(min=0.0, max=largest_needle_gap(raw)))
         parts = [(beside, count - crossed, False), (across, crossed, True)]
-        return concatenated([self._drawn(reader, many, needle, rng) for reader, many, needle in parts if many]).picked(
-            rng.permutation(count)
-        )
+        drawn = concatenated([self._drawn(reader, many, needle, rng) for reader, many, needle in parts if many])
+        return drawn.picked(rng.permutation(count))
 
     def _drawn(self, reader: ReaderStudy, count: int, needle: bool, rng: np.random.Generator) -> RawSamples:
         """Draw samples of a reader's study, all with a needle or all without."""
@@ -234,17 +192,15 @@ def fit_raw_reader(
     slices = Source.of(library, on_slices.reader, study.slice)
     reads_slices = fit_reader(on_slices, slices.chunk, workers, progress, device).network
     alone = raw.wall_share * raw.batches
-    fitted = trained(
+    return trained(
         lambda: RawReaderNetwork(study, reads_slices),
         lambda network, step, batch: [(_loss(network, batch, study, wall_alone=step < alone), 1)],
         _batches(RawSource.of(library, study), raw, workers),
         raw,
         raw.batches,
-        "raw_reader",
         learned,
         device=device,
     )
-    return Fitted(fitted.network, curve(fitted.training_loss))
 
 
 def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[RawSamples, None, None]:
@@ -267,8 +223,7 @@ def _loss(network: RawReaderNetwork, batch: RawSamples, study: Study, *, wall_al
     loss = finder_loss(row_logits, wall_logits, boundaries, torch.ones_like(wall_logits), study.raw_reader.target_rows)
     if wall_alone:
         return loss
-    force, place_mm = targets(batch.force_n, batch.modulus_pa, batch.lateral_m, study.reader)
-    return loss + reader_loss(mixtures, places, force, place_mm)
+    return loss + reader_loss(mixtures, places, *targets(batch, study.reader))
 
 
 def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Study) -> dict[str, Any]:
@@ -276,8 +231,7 @@ def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Stud
     parts = validation_chunks(source.chunk, study.raw_reader.validation_frames, FRAMES_TOGETHER)
     with torch.inference_mode():
         read = [network(torch.from_numpy(part.frames), torch.from_numpy(part.given))[:2] for part in parts]
-    samples = concatenated(parts)
-    return compared(read, samples.modulus_pa, samples.force_n, samples.lateral_m, study)
+    return compared(read, concatenated(parts), study)
 
 
 def measuring_raw(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Floats
 from scleraforce.learning import descent
 from scleraforce.learning.descent import Fitted, tensor, torch
-from scleraforce.learning.samples import CHUNK, ReaderSamples, Source, concatenated, validation_chunks
+from scleraforce.learning.samples import CHUNK, ForceSamples, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.library.slices import column_laterals
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, force_distribution, ratio_edges
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Choice, ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si, to_si
 
@@ -74,6 +74,7 @@ class ReaderNetwork(torch.nn.Module):
             middles = torch.linspace(0.3, 0.9, COMPONENTS)
             self.force.bias[:] = torch.cat([torch.zeros(COMPONENTS), middles, torch.full((COMPONENTS,), -2.0)])
         self.bins = reader.bins
+        self.example = torch.zeros(2, slice_study.rows, slice_study.columns, dtype=torch.uint8)  # of its input
         self.place = torch.nn.Linear(widths[-1], 1)
 
     def forward(self, slices: torch.Tensor, given: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -129,38 +130,30 @@ def bin_ends(bins: int) -> NDArray[np.float32]:
     return ends
 
 
-class ReadForces(torch.nn.Module):
-    """The last step of an ONNX model, from a network's outputs to histogram and contact's place, m."""
+class _Answers(torch.nn.Module):
+    """The ONNX model: slices, uint8, or reduced frames, and given values to histogram and contact's place, m."""
 
-    def __init__(self, bins: int) -> None:
+    def __init__(self, network: Any) -> None:
         super().__init__()
+        self.network = network
         self.ends: torch.Tensor
-        self.register_buffer("ends", torch.from_numpy(bin_ends(bins)))
+        self.register_buffer("ends", torch.from_numpy(bin_ends(network.bins)))
 
-    def forward(self, mixtures: torch.Tensor, places_mm: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return both."""
+    def forward(self, seen: torch.Tensor, given: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        seen = seen.float() * (1.0 / 255.0) if seen.dtype == torch.uint8 else seen
+        mixtures, places_mm = self.network(seen, given)[:2]
         return shares_between(self.ends, mixtures), places_mm * to_si(1.0, "mm")
 
 
-class _Reads(torch.nn.Module):
-    """The ONNX model: slices, uint8, and given values to histogram and contact's place."""
+def force_bytes(network: Any, provenance: Mapping[str, str]) -> bytes:
+    """Return a network of slices, uint8, 0 or 255, or of reduced frames as an ONNX model that reads forces.
 
-    def __init__(self, network: ReaderNetwork) -> None:
-        super().__init__()
-        self.network, self.forces = network, ReadForces(network.bins)
-
-    def forward(self, slices: torch.Tensor, given: torch.Tensor) -> Any:
-        return self.forces(*self.network(slices.float() * (1.0 / 255.0), given))
-
-
-def reader_bytes(network: ReaderNetwork, study: SliceStudy, provenance: Mapping[str, str]) -> bytes:
-    """Return the network as an ONNX model: from `slices`, uint8 (n, row, column), 0 or 255, and `given`, float32.
-
-    It answers with `histogram`, float32 (n, bins), rows sum to 1, and `contact_m`, float32 (n,).
+    From these (n, row, column) and `given`, float32, it answers with `histogram`, float32 (n, bins), rows sum to 1, and
+    `contact_m`, float32 (n,).
     """
-    slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
-    inputs = {SLICES: slices, GIVEN_INPUT: torch.zeros(2, len(GIVEN))}
-    return descent.onnx_bytes(_Reads(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
+    name = SLICES if network.example.dtype == torch.uint8 else FINDER_FRAMES
+    inputs = {name: network.example, GIVEN_INPUT: torch.zeros(len(network.example), len(GIVEN))}
+    return descent.onnx_bytes(_Answers(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
 
 
 def fit_reader(
@@ -182,7 +175,6 @@ def fit_reader(
         _rounds(draw, reader, reader.epochs * chunks, workers),
         reader,
         steps=reader.epochs * chunks * -(-CHUNK // reader.batch_size),
-        section="reader",
         progress=lambda _: progress(1) if progress and next(done) % chunks == 0 else None,
         device=device,
     )
@@ -207,7 +199,7 @@ def _rounds(
 def _losses(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Iterator[tuple[torch.Tensor, int]]:
     """Yield the mean losses of the batches of samples, and their sizes."""
     slices, given = _tensors(samples)
-    force, place_mm = targets(samples.force_n, samples.modulus_pa, samples.lateral_m, reader)
+    force, place_mm = targets(samples, reader)
     for index in torch.split(torch.arange(len(samples)), reader.batch_size):
         mixtures, places = network(slices[index], given[index])
         yield reader_loss(mixtures, places, force[index], place_mm[index]), len(index)
@@ -217,7 +209,7 @@ def measure_reader(network: ReaderNetwork, source: Source, study: Study) -> dict
     """Return `metrics` of `model.json`, of `[reader] validation_samples` new samples."""
     with descent.repeatable(study.reader.seed, descent.READER_THREADS):
         unseen = concatenated(validation_chunks(source.chunk, study.reader.validation_samples, CHUNK))
-        return compared(answers(network, unseen), unseen.modulus_pa, unseen.force_n, unseen.lateral_m, study)
+        return compared(answers(network, unseen), unseen, study)
 
 
 def answers(network: ReaderNetwork, samples: ReaderSamples) -> list[tuple[torch.Tensor, torch.Tensor]]:
@@ -228,14 +220,8 @@ def answers(network: ReaderNetwork, samples: ReaderSamples) -> list[tuple[torch.
         return [network(slices[part], given[part]) for part in torch.split(torch.arange(len(samples)), 512)]
 
 
-def compared(
-    outputs: Sequence[tuple[torch.Tensor, torch.Tensor]],
-    modulus_pa: Floats,
-    force_n: Floats,
-    lateral_m: Floats,
-    study: Study,
-) -> dict[str, Any]:
-    """Return `metrics` of `model.json` from a network's outputs for all parts of samples, whose truth is (sample,).
+def compared(outputs: Sequence[tuple[torch.Tensor, torch.Tensor]], truth: ForceSamples, study: Study) -> dict[str, Any]:
+    """Return `metrics` of `model.json` from a network's outputs for all parts of samples.
 
     Accuracy, its 95 % interval (Wilson) and confusion (a row for each true class) are of the classes; the mean error is
     of the median, the coverage of the 90 % intervals.
@@ -243,15 +229,11 @@ def compared(
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
     probabilities = histogram(mixtures, study.reader.bins).double().numpy()
     edges = ratio_edges(study.reader.bins, study.reader.max_force_ratio)
-    forces = force_distribution(probabilities, edges, modulus_pa)
+    forces, force_n = force_distribution(probabilities, edges, truth.modulus_pa), truth.force_n
     median_n, (low_n, high_n) = forces.median_n, forces.interval_n.T
-    classify = study.classes.classify
-    confusion = confusion_matrix(
-        [classify(force) for force in force_n.tolist()],
-        [classify(force) for force in median_n.tolist()],
-        len(study.classes.bounds_n) + 1,
-    )
-    share, off_m = accuracy(confusion), to_si(places_mm.double().numpy(), "mm") - lateral_m
+    target, found = (list(map(study.classes.classify, each.tolist())) for each in (force_n, median_n))
+    confusion = confusion_matrix(target, found, len(study.classes.bounds_n) + 1)
+    share, off_m = accuracy(confusion), to_si(places_mm.double().numpy(), "mm") - truth.lateral_m
     return {
         "validation_accuracy": share.value,
         "validation_interval": share.interval,
@@ -270,9 +252,10 @@ def reader_loss(
     return PLACE_WEIGHT * place - log_density(mixtures, force).mean()
 
 
-def targets(force_n: Floats, modulus_pa: Floats, lateral_m: Floats, reader: ReaderStudy) -> tuple[torch.Tensor, ...]:
+def targets(truth: ForceSamples, reader: ReaderStudy) -> tuple[torch.Tensor, ...]:
     """Return the true places of forces in the histogram, 0 to 1, and of the contact, mm, (sample,)."""
-    places = np.sqrt(force_n / modulus_pa / reader.max_force_ratio), from_si(lateral_m, "mm")
+    force_ratio = truth.force_n / truth.modulus_pa
+    places = np.sqrt(force_ratio / reader.max_force_ratio), from_si(truth.lateral_m, "mm")
     return tuple(tensor(values.astype(np.float32)) for values in places)
 
 

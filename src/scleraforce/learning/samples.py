@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Bytes, Floats
+from scleraforce.arrays import Bytes, Floats, Places
 from scleraforce.errors import InputError
 from scleraforce.known import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.walls import added_depths, disturb, draw_forms
@@ -81,6 +81,31 @@ class ReaderSamples:
         given = self.given.copy()
         given[:, GIVEN.index("pole along")] *= -1.0
         return replace(self, slices=self.slices[:, :, ::-1], given=given, lateral_m=-self.lateral_m)
+
+
+@dataclass(frozen=True)
+class RawSamples:
+    """Reduced frames (sample, row, column), float32; the rest is as in `ReaderSamples`.
+
+    `boundary_rows` float32 (sample, boundary, column / 2): of the wall, kept inside the window, NaN without wall.
+    """
+
+    frames: NDArray[np.float32]
+    boundary_rows: NDArray[np.float32]
+    given: NDArray[np.float32]
+    force_n: Floats
+    modulus_pa: Floats
+    lateral_m: Floats
+
+    def __len__(self) -> int:
+        return len(self.force_n)
+
+    def picked(self, order: Places) -> "RawSamples":
+        """Return these samples, in this order."""
+        return RawSamples(*(getattr(self, item.name)[order] for item in fields(self)))
+
+
+ForceSamples = ReaderSamples | RawSamples
 
 
 def concatenated(parts: Sequence[Samples]) -> Samples:

@@ -1,41 +1,42 @@
-"""Train a network, measure it on unseen samples, and write its model folder."""
+"""Train a network, measure it on unseen samples, and write its model folder, with the card of its kind (cards.toml)."""
 
 import platform
-from collections.abc import Callable
-from dataclasses import asdict, replace
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, fields, replace
 from functools import partial
 from hashlib import sha256
+from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from scleraforce import __version__
 from scleraforce.errors import DatasetError
-from scleraforce.learning import cards, classifier, raw_reader, reader, wall_finder
+from scleraforce.learning import classifier, raw_reader, reader, wall_finder
 from scleraforce.learning.dataset import Dataset
-from scleraforce.learning.descent import READER_THREADS, chosen_device, onnx, torch
+from scleraforce.learning.descent import READER_THREADS, chosen_device, curve, onnx, torch
 from scleraforce.learning.generate import check_library
 from scleraforce.learning.samples import CHUNK, Source
 from scleraforce.learning.virtual_eyes import measured_intervals, measuring
 from scleraforce.library import Library, save_library
-from scleraforce.library.files import StoredErrors
 from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, WALL_FINDER, check_place, network_session, write_folder
 from scleraforce.processes import available_cores
 from scleraforce.reader.kinds import RawReader
 from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
 from scleraforce.segmentation.wall_finder import WallFinder
-from scleraforce.study import NetworkStudy, Study, format_study, study_hash
+from scleraforce.study import Choice, NetworkStudy, Range, Study, format_study, study_hash
+from scleraforce.study.fields import field_key, field_unit, map_numbers
 from scleraforce.units import from_si
 
 Progress = Callable[[int], object] | None
+Record = dict[str, Any]  # `model.json`
 
 DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
 EYES = "virtual eyes of the library's walls"
-
-
-Record = dict[str, Any]  # `model.json`
 
 
 def train_classifier(
@@ -55,19 +56,21 @@ def train_classifier(
     study = replace(dataset.study, network=network or dataset.study.network)
     study = replace(study, eye=replace(study.eye, youngs_modulus_pa=modulus_pa))  # that its labels belong to
     classes = len(study.classes.bounds_n) + 1
-    training, validation = split_samples(dataset, modulus_pa)
+    samples = training, validation = split_samples(dataset, modulus_pa)
     candidates: tuple[classifier.Candidate, ...] = ()
     if search:
-        candidates, sizes, fitted = classifier.search_sizes(
-            study.network, training, validation, classes, progress, workers, device
-        )
+        candidates, sizes, fitted = classifier.search_sizes(study.network, *samples, classes, progress, workers, device)
         study = replace(study, network=sizes)
     else:
-        fitted = classifier.fit(study.network, training, validation, classes, progress, device)
+        fitted = classifier.fit(study.network, *samples, classes, progress, device)
     stored = classifier.with_half_weights(fitted.network)
-    of_data = {"dataset_sha256": classifier.content_hash(training, validation), "class_bounds_mn": _bounds_mn(study)}
-    of_data["youngs_modulus_mpa"] = f"{from_si(modulus_pa, 'mpa'):.6g}"
-    provenance = _provenance("classifier", study, study.network.seed, classifier.CLASSIFIER_THREADS, device, **of_data)
+    of_data = {
+        "dataset_sha256": classifier.content_hash(*samples),
+        "class_bounds_mn": _bounds_mn(study),
+        "youngs_modulus_mpa": f"{from_si(modulus_pa, 'mpa'):.6g}",
+    }
+    threads = classifier.CLASSIFIER_THREADS
+    provenance = _provenance("classifier", study, study.network.seed, device, of_data, threads)
     answers = stored.probabilities(validation.slices).argmax(axis=1)
     confusion = confusion_matrix(validation.target.tolist(), answers.tolist(), classes)
     reached = accuracy(confusion)
@@ -85,9 +88,14 @@ def train_classifier(
         "curves": asdict(fitted.curves),
         "search": [asdict(entry) for entry in candidates],
     }
-    card = cards.classifier_card(study, record, recall(confusion))
-    write_folder(out, classifier.classifier_bytes(stored, study.slice, provenance), format_study(study), card, record)
-    return record
+    graph = classifier.classifier_bytes(stored, study.slice, provenance)
+    pixels = study.slice.rows * study.slice.columns
+    words = {
+        "sizes": "-".join(map(str, (pixels, *study.network.hidden, classes))),
+        "mirrored": ";\nhalf of the slices shown with left and right exchanged" if study.network.mirror else "",
+        "recall": ", ".join(f"{share.value:.2%}" for share in recall(confusion)),
+    }
+    return _written(out, study, graph, record, words)
 
 
 def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[classifier.Samples, classifier.Samples]:
@@ -116,27 +124,26 @@ def train_reader(
     """Train the reader on a library and write its model folder."""
     check_place(out)
     check_library(library, study)
-    device, own, (content, errors) = chosen_device(device), study.reader, _stored_library(library)
+    device, own, stored = chosen_device(device), study.reader, BytesIO()
+    errors = save_library(library, stored)
     source = Source.of(library, own, study.slice)
     fitted = reader.fit_reader(study, source.chunk, workers or _other_cores(), progress, device)
-    provenance = _library_provenance("reader", study, own.seed, content, device)
-    graph = reader.reader_bytes(fitted.network, study.slice, provenance)
-    samples = own.epochs * _whole_chunks(study)
+    provenance = _provenance("reader", study, own.seed, device, _of_library(stored, study))
+    graph = reader.force_bytes(fitted.network, provenance)
     record: Record = {
         "kind": "reader",
         "default": DEFAULT_METHOD,
         "provenance": provenance,
-        "samples": {"training": samples, "validation": own.validation_samples},
+        "samples": {"training": own.epochs * _whole_chunks(study), "validation": own.validation_samples},
         "epochs": own.epochs,
         "metrics": reader.measure_reader(fitted.network, source, study),
         "curves": {"training_loss": fitted.training_loss},
         "library": asdict(errors),
     }
-    if own.interval_eyes:
-        measure, cores = partial(measuring, study, library, graph), workers or available_cores()
-        record["intervals"] = measured_intervals(measure, own.interval_eyes, cores, EYES, measured)
-    write_folder(out, graph, format_study(study), cards.reader_card(study, record), record, {LIBRARY_FILE: content})
-    return record
+    measure, cores = partial(measuring, study, library, graph), workers or available_cores()
+    record |= measured_intervals(measure, own.interval_eyes, cores, EYES, measured)
+    curves_um = {"curves_um": from_si(errors.curves_m, "um")}
+    return _written(out, study, graph, record, curves_um, {LIBRARY_FILE: stored.getvalue()})
 
 
 def train_raw_reader(
@@ -152,29 +159,24 @@ def train_raw_reader(
     """Train the raw reader as `train_reader` does; `learned` is called with 1 after each batch of raw frames."""
     check_place(out)
     check_library(library, study)
-    device, raw = chosen_device(device), study.raw_reader
+    device, raw, stored = chosen_device(device), study.raw_reader, BytesIO()
+    save_library(library, stored)
     fitted = raw_reader.fit_raw_reader(library, study, workers or _other_cores(), progress, learned, device)
-    metrics = raw_reader.measure_raw_reader(fitted.network, raw_reader.RawSource.of(library, study), study)
-    provenance = _library_provenance(RawReader.kind, study, raw.seed, _stored_library(library)[0], device)
-    graph = raw_reader.raw_reader_bytes(fitted.network, provenance)
-    frames = raw.batches * raw.batch_size
-    samples = {
-        "slices": raw.slice_epochs * _whole_chunks(study), "training": frames, "validation": raw.validation_frames,
-    }  # fmt: skip
+    provenance = _provenance(RawReader.kind, study, raw.seed, device, _of_library(stored, study))
+    graph = reader.force_bytes(fitted.network, provenance)
+    frames, slices = raw.batches * raw.batch_size, raw.slice_epochs * _whole_chunks(study)
     record: Record = {
         "kind": RawReader.kind,
         "provenance": provenance,
-        "samples": samples,
+        "samples": {"slices": slices, "training": frames, "validation": raw.validation_frames},
         "batches": raw.batches,
-        "metrics": metrics,
-        "curves": {"training_loss": fitted.training_loss},
+        "metrics": raw_reader.measure_raw_reader(fitted.network, raw_reader.RawSource.of(library, study), study),
+        "curves": {"training_loss": curve(fitted.training_loss)},
     }
-    if raw.interval_eyes:
-        measure, cores = partial(raw_reader.measuring_raw, study, library, graph), workers or available_cores()
-        source = f"{EYES}, drawn as raw frames"
-        record["intervals"] = measured_intervals(measure, raw.interval_eyes, cores, source, measured)
-    write_folder(out, graph, format_study(study), cards.raw_reader_card(study, record), record)
-    return record
+    measure, cores = partial(raw_reader.measuring_raw, study, library, graph), workers or available_cores()
+    record |= measured_intervals(measure, raw.interval_eyes, cores, f"{EYES}, drawn as raw frames", measured)
+    window_mm = {"width_mm": from_si(raw.rows * raw.row_m, "mm"), "depth_mm": from_si(raw.columns * raw.column_m, "mm")}
+    return _written(out, study, graph, record, window_mm)
 
 
 def train_wall_finder(
@@ -182,29 +184,25 @@ def train_wall_finder(
 ) -> Record:
     """Train the wall finder on scenes that workers draw (a process on each other core), and write its model folder."""
     check_place(out)
-    device = chosen_device(device)
-    finder = study.wall_finder
+    device, finder = chosen_device(device), study.wall_finder
     fitted = wall_finder.fit_wall_finder(study.scenes, finder, workers or _other_cores(), progress, device)
-    provenance = _provenance(
-        WALL_FINDER, study, finder.seed, READER_THREADS, device, scenes_seed=str(study.scenes.seed)
-    )
+    provenance = _provenance(WALL_FINDER, study, finder.seed, device, {"scenes_seed": str(study.scenes.seed)})
     graph = wall_finder.finder_bytes(fitted.network, provenance)
     runs = WallFinder(network_session(graph, NETWORK_FILE, 1), finder, NETWORK_FILE)
-    metrics = wall_finder.measure_finder(runs, study.scenes, finder.validation_scenes, finder.rows)
-    scenes = finder.batches * finder.batch_size
     record: Record = {
         "kind": WALL_FINDER,
         "provenance": provenance,
-        "scenes": {"training": scenes, "validation": finder.validation_scenes},
+        "scenes": {"training": finder.batches * finder.batch_size, "validation": finder.validation_scenes},
         "batches": finder.batches,
-        "metrics": metrics,
-        "curves": {"training_loss": fitted.training_loss},
+        "metrics": wall_finder.measure_finder(runs, study.scenes, finder.validation_scenes, finder.rows),
+        "curves": {"training_loss": curve(fitted.training_loss)},
     }
-    write_folder(out, graph, format_study(study), cards.finder_card(study, record), record)
-    return record
+    return _written(out, study, graph, record)
 
 
-def _provenance(kind: str, study: Study, seed: int, threads: int, device: str, **more: str) -> dict[str, str]:
+def _provenance(
+    kind: str, study: Study, seed: int, device: str, more: Mapping[str, str], threads: int = READER_THREADS
+) -> dict[str, str]:
     """Return `metadata_props` of a network: the same for the same study, data and versions."""
     return {
         "kind": kind,
@@ -221,22 +219,13 @@ def _provenance(kind: str, study: Study, seed: int, threads: int, device: str, *
     }
 
 
-def _library_provenance(kind: str, study: Study, seed: int, library: bytes, device: str) -> dict[str, str]:
-    """Return the provenance of a network that learned from a library, as it is stored."""
-    digest = sha256(library).hexdigest()
-    more = {"library_sha256": digest, "class_bounds_mn": _bounds_mn(study)}
-    return _provenance(kind, study, seed, READER_THREADS, device, **more)
+def _of_library(stored: BytesIO, study: Study) -> dict[str, str]:
+    """Return what identifies the library, as it is stored, that a network learned from."""
+    return {"library_sha256": sha256(stored.getvalue()).hexdigest(), "class_bounds_mn": _bounds_mn(study)}
 
 
 def _bounds_mn(study: Study) -> str:
     return ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n)
-
-
-def _stored_library(library: Library) -> tuple[bytes, StoredErrors]:
-    """Return a library as a model folder has it, and its largest deviations from the computed one."""
-    file = BytesIO()
-    errors = save_library(library, file)
-    return file.getvalue(), errors
 
 
 def _other_cores() -> int:
@@ -246,3 +235,58 @@ def _other_cores() -> int:
 def _whole_chunks(study: Study) -> int:
     """Return the samples of an epoch of slices: whole chunks of them are drawn."""
     return -(-study.reader.samples_per_epoch // CHUNK) * CHUNK
+
+
+def _written(
+    out: Path,
+    study: Study,
+    graph: bytes,
+    record: Record,
+    words: Mapping[str, Any] = MappingProxyType({}),
+    more: Mapping[str, bytes] = MappingProxyType({}),
+) -> Record:
+    """Write a model folder; its card is the template of its kind, filled from the study, the record and `words`."""
+    kind, cut = record["kind"], study.slice
+    texts = tomllib.loads(files("scleraforce.learning").joinpath("cards.toml").read_text(encoding="utf-8"))
+    intervals = texts["intervals"].get(kind, {}).get("measured" if "intervals" in record else "unmeasured", "")
+    low_mn, high_mn = (from_si(bound, "mn") for bound in study.classes.bounds_n)
+    sections = {"reader": study.reader, RawReader.kind: study.raw_reader, WALL_FINDER: study.scenes.window}
+    ranges = _ranges(sections[kind]) if kind in sections else _ranges_of_classes(study)
+    card = {
+        **texts,
+        **record,
+        **words,
+        "study": study,
+        "measured": intervals.format(**record),
+        "pixels": f"{cut.rows} x {cut.columns} pixels of {from_si(cut.pixel_m, 'mm'):g} mm",
+        "low_mn": low_mn,
+        "high_mn": high_mn,
+        "table": "\n".join(["| | |", "|---|---|", *(f"| {name} | {value} |" for name, value in ranges.items())]),
+    }
+    write_folder(out, graph, format_study(study), texts[kind].format_map(card), record, more)
+    return record
+
+
+def _ranges_of_classes(study: Study) -> dict[str, str]:
+    """Return what a classifier's slices are drawn from: walls of the data set's groups, and other values' ranges."""
+    walls = {
+        f"wall of {from_si(group.thickness_m, 'um'):g} µm": f"{group.images} images, "
+        f"0 to {from_si(group.max_force_n, 'mn'):g} mN"
+        for group in study.dataset.group
+    }
+    ranges = {**_ranges(study.eye), **_ranges(study.needle), **_ranges(study.dataset)}
+    ranges.pop("`thickness_um`")  # of the groups' walls
+    return {**walls, **ranges}
+
+
+def _ranges(section: Any) -> dict[str, str]:
+    """Return the values of a study's section, in its keys' units, by key; without sections within it."""
+    found = {}
+    for item in fields(section):
+        value = map_numbers(getattr(section, item.name), field_unit(item).from_si)
+        values = value.values if isinstance(value, Choice) else value if isinstance(value, tuple) else (value,)
+        if isinstance(value, Range):
+            found[f"`{field_key(item)}`"] = " to ".join(dict.fromkeys(f"{end:.6g}" for end in value.bounds))
+        elif all(isinstance(each, int | float) for each in values):
+            found[f"`{field_key(item)}`"] = ", ".join(f"{each:.6g}" for each in values)
+    return found

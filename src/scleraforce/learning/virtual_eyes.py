@@ -283,12 +283,14 @@ def measured_intervals(
     progress: Callable[[int], object] | None = None,
 ) -> dict[str, Any]:
     """Return `intervals` of `model.json` from the scores of virtual eyes: factors, and the number and kind of eyes."""
+    if not eyes:
+        return {}
     scores: list[Score] = []
     for of_eye in work_in_order(prepare, range(eyes), workers, ahead=AHEAD * workers):
         scores += of_eye
         if progress:
             progress(1)
-    return intervals.intervals_record(scores, trait_factors(scores), source)
+    return {"intervals": intervals.intervals_record(scores, trait_factors(scores), source)}
 
 
 ScoresOf = Callable[[int, VirtualEye, Known, tuple[VirtualFrame, ...], np.random.Generator], list[Score]]

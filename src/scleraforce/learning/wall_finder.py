@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Flags, Floats
 from scleraforce.laboratory.scenes import Scene, draw_scene
-from scleraforce.learning.descent import Fitted, curve, drawn_ahead, onnx_bytes, tensor, torch, trained
+from scleraforce.learning.descent import Fitted, drawn_ahead, onnx_bytes, tensor, torch, trained
 from scleraforce.reader.metrics import dice
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall_finder import (
@@ -154,17 +154,15 @@ def fit_wall_finder(
     device: str = "cpu",
 ) -> Fitted[WallFinderNetwork]:
     """Train the network; scenes and weights are the same for any number of workers (0: none), on the same machine."""
-    fitted = trained(
+    return trained(
         lambda: WallFinderNetwork(study),
         lambda network, _, batch: [(_loss(network, batch, study), 1)],
         drawn_ahead(partial(scene_batch, scenes, study), range(study.batches), workers),
         study,
         study.batches,
-        "wall_finder",
         progress,
         device=device,
     )
-    return Fitted(fitted.network, curve(fitted.training_loss))
 
 
 def _loss(network: WallFinderNetwork, batch: SceneBatch, study: WallFinderStudy) -> torch.Tensor:
