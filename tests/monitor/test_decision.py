@@ -14,6 +14,7 @@ from hypothesis import given, settings, strategies as st
 from scleraforce.errors import InputError
 from scleraforce.monitor.decision import Decision, decide, risen_force
 from scleraforce.monitor.events import (
+    LATCHED,
     MOVES,
     TRANSITIONS,
     Cause,
@@ -98,9 +99,21 @@ def withdrawn() -> MonitorState:
     return play([Fault(0.051, Cause.CHECKSUM, "CRC")], watching())
 
 
+REPORTS = replace(LIMITS, reports_pierced=True)
+THROUGH = [frame(n, 0.024) for n in range(2, 5)] + [frame(5, 0.007), frame(6, 0.0071)]
+
+
+def pierced() -> MonitorState:
+    """The state after a wall was pierced, reported only."""
+    state = play([replace(one, at_s=one.at_s - 0.01, frame_id=one.frame_id - 1) for one in THROUGH], limits=REPORTS)
+    assert state.state is State.PIERCED
+    return state
+
+
 STATES: dict[State, Callable[[], MonitorState]] = {
     State.NOT_READY: MonitorState,
     State.WATCHING: watching,
+    State.PIERCED: pierced,
     State.WITHDRAW: withdrawn,
 }
 VERDICTS: list[tuple[dict[str, Any], Cause]] = [  # of any reader, each with the cause in it
@@ -162,6 +175,7 @@ SIGNALS: dict[Signal, list[MonitorEvent]] = {
     Signal.UNJUDGED: [unusable(6)],
     Signal.QUIET: [Tick(0.06)],
     Signal.ALARM: [Fault(0.06, Cause.EXCEPTION, "error")],
+    Signal.PIERCED: [*(frame(n, 0.024) for n in range(6, 9)), frame(9, 0.007), frame(10, 0.0071)],
     Signal.RESET_GRANTED: [*(frame(n) for n in range(6, 11)), Reset(0.105)],
     Signal.RESET_REFUSED: [Reset(0.06)],
 }
@@ -170,6 +184,8 @@ SIGNALS: dict[Signal, list[MonitorEvent]] = {
 def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there() -> None:
     leaving = {s for (before, s), after in TRANSITIONS.items() if before is State.WITHDRAW is not after}
     assert leaving == {Signal.RESET_GRANTED}
+    pierced_by = {s for (before, s), after in TRANSITIONS.items() if before is State.PIERCED is not after}
+    assert pierced_by == {Signal.RESET_GRANTED, Signal.ALARM}
     assert all(TRANSITIONS[state, Signal.ALARM] is State.WITHDRAW for state in State)
     watching_by = {s for (before, s), after in TRANSITIONS.items() if before is not after is State.WATCHING}
     assert watching_by == {Signal.HARMLESS, Signal.RESET_GRANTED}
@@ -178,16 +194,17 @@ def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there() 
 def test_decide_follows_the_table() -> None:
     for before, signal in product(State, Signal):
         state, events = STATES[before](), SIGNALS[signal]
-        limits = MonitorLimits(unusable_frames=2) if signal is Signal.TOLERATED else LIMITS
+        limits = {Signal.TOLERATED: replace(REPORTS, unusable_frames=2), Signal.PIERCED: REPORTS}.get(signal, LIMITS)
         if signal is Signal.UNJUDGED:  # the needle has not touched yet
             state = replace(state, touched=False)
-        if before is State.WATCHING and signal is Signal.RESET_REFUSED:
+        if before in (State.WATCHING, State.PIERCED) and signal is Signal.RESET_REFUSED:
             state = replace(state, fresh=1)
         state = play(events[:-1], state, limits)
         here = state.state  # NOT_READY cannot meet what needs frames: it is WATCHING by then
         after, decision = decide(state, events[-1], limits)
         assert after.state is TRANSITIONS[here, signal]
-        assert decision.code == {State.NOT_READY: 13, State.WATCHING: 1, State.WITHDRAW: 3}[after.state]
+        codes = {State.NOT_READY: 13, State.WATCHING: 1, State.PIERCED: 14, State.WITHDRAW: 3}
+        assert decision.code == codes[after.state]
 
 
 def test_each_cause_withdraws_at_once_in_every_state() -> None:
@@ -566,12 +583,12 @@ def test_a_client_that_starts_counting_again_can_be_reset() -> None:
 
 def test_a_needle_that_is_lifted_off_may_be_placed_anew() -> None:
     lifted: list[MonitorEvent] = [frame(n, 3e-4) for n in range(6, 57)]
-    assert play([*lifted, unusable(57)], watching()).state is State.NOT_READY
-    assert play([*lifted[:-1], unusable(56)], watching()).cause is Cause.UNUSABLE, "half a second is needed"
-    assert play([*lifted[:30], frame(36, 2.1e-3), *lifted[31:], unusable(57)], watching()).cause is Cause.UNUSABLE
+    assert play([*lifted, unusable(57)], watching(4e-3)).state is State.NOT_READY
+    assert play([*lifted[:-1], unusable(56)], watching(4e-3)).cause is Cause.UNUSABLE, "half a second is needed"
+    assert play([*lifted[:30], frame(36, 2.1e-3), *lifted[31:], unusable(57)], watching(4e-3)).cause is Cause.UNUSABLE
     seen = opinion(30, 2.1e-3, at_s=0.305)
-    assert play([*lifted[:25], seen, *lifted[25:], unusable(57)], watching()).cause is Cause.UNUSABLE
-    assert play([*lifted, frame(57), unusable(58)], watching()).cause is Cause.UNUSABLE, "it touches again"
+    assert play([*lifted[:25], seen, *lifted[25:], unusable(57)], watching(4e-3)).cause is Cause.UNUSABLE
+    assert play([*lifted, frame(57), unusable(58)], watching(4e-3)).cause is Cause.UNUSABLE, "it touches again"
 
 
 def test_a_bad_first_frame_does_not_set_size_and_scale() -> None:
@@ -617,7 +634,7 @@ def sequences(draw: st.DrawFn) -> list[MonitorEvent]:
     now_s = 0.0
     for number in range(1, draw(st.integers(5, 60))):
         now_s += draw(st.sampled_from([0.001, 0.01, 0.01, 0.01, 0.11]))
-        force_n = draw(st.sampled_from([0.001, 0.01, 0.01, 0.02, 0.029, NAN]))
+        force_n = draw(st.sampled_from([0.001, 0.01, 0.01, 0.02, 0.02, 0.029, NAN]))
         plain = frame(number, force_n, now_s)
         seen = [opinion(number - 1, 0.01, now_s), replace(no_opinion(number - 1), at_s=now_s)]
         choices: list[MonitorEvent] = [*[plain] * 8, *seen * 2, Tick(now_s), Reset(now_s)]
@@ -634,7 +651,7 @@ def harmless(event: MonitorEvent) -> bool:
 
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
-@given(sequences(), st.sampled_from([LIMITS, OPINED]))
+@given(sequences(), st.sampled_from([LIMITS, OPINED, REPORTS]))
 def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(
     events: list[MonitorEvent], limits: MonitorLimits
 ) -> None:
@@ -646,10 +663,10 @@ def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_fr
         assert seen or not limits.expects_opinion or decision.code != 1
         good = good or harmless(event)
         assert good or decision.code != 1
-        if before.state is State.WITHDRAW and state.state is not State.WITHDRAW:
+        if before.state in LATCHED and state.state not in LATCHED:
             assert isinstance(event, Reset)
             assert before.fresh >= LIMITS.fresh_frames
-        assert (decision.code == 3) == (decision.cause is not None)
+        assert (decision.code in (3, 14)) == (decision.cause is not None)
         assert len(state.history) <= 5 * LIMITS.rate_frames
         assert len(state.losses) <= 21
         if isinstance(event, FrameRead) and not harmless(event):
@@ -775,8 +792,100 @@ def test_a_dent_is_contact_also_where_the_force_on_it_has_relaxed() -> None:
     relaxed = [judged(frame(number, 0.5e-3), elastic_force_n=4e-3) for number in range(6, 66)]
     assert play([*relaxed, unusable(66)], watching()).cause is Cause.UNUSABLE
     lifted = [judged(one, elastic_force_n=0.5e-3) for one in relaxed]
-    assert play([*lifted, unusable(66)], watching()).cause is None
+    assert play([*lifted, unusable(66)], watching(4e-3)).cause is None
 
 
 def test_nan_as_elastic_force_withdraws() -> None:
     assert play([judged(frame(6), elastic_force_n=NAN)], watching()).cause is Cause.NO_NUMBER
+
+
+def needle_goes(
+    forces_n: Sequence[float], rate_hz: float = 100.0, travel_m: Sequence[float] | None = None, half_n: float = 1e-3
+) -> list[FrameRead]:
+    """Frames from 1 on with these forces, and the travel if it is known."""
+    where_m = travel_m or len(forces_n) * [None]
+    return [
+        replace(frame(n, force_n, n / rate_hz, half_n), travel_m=there_m, travel_age_s=0.001)
+        for n, (force_n, there_m) in enumerate(zip(forces_n, where_m, strict=True), 1)
+    ]
+
+
+HELD = [0.024] * 8
+THROUGH_N = [*HELD, 0.007, 0.0072, 0.0074]
+
+
+def test_a_fall_that_no_retraction_explains_is_pierced_with_the_second_frame_after_it() -> None:
+    for rate_hz in (70.0, 100.0, 400.0):
+        assert play(needle_goes(THROUGH_N[:9], rate_hz)).state is State.WATCHING  # one frame may be wild
+        state = play(needle_goes(THROUGH_N[:10], rate_hz))
+        assert (state.state, state.cause) == (State.WITHDRAW, Cause.PIERCED)
+        assert state.reason.startswith("pierced: the dent fell from 24.0 to 7.2 mN within ")
+    between = [*HELD, 0.015, 0.007, 0.0072]  # a frame in the middle of the fall
+    assert play(needle_goes(between)).cause is Cause.PIERCED
+    assert play(needle_goes(THROUGH_N, 25.0)).cause is None  # the frames are too far apart to tell
+
+
+def test_what_withdraws_the_needle_or_is_one_frame_is_not_pierced() -> None:
+    steepest = LIMITS.stiffness_n_m * (LIMITS.retraction_m_s + LIMITS.eye_m_s)  # N/s
+    for rate_hz in (20.0, 60.0, 100.0, 400.0, 1000.0):
+        fallen_n = [max(0.024 - steepest * n / rate_hz, 0.0) for n in range(int(0.1 * rate_hz))]
+        assert play(needle_goes([*HELD, *fallen_n], rate_hz, half_n=5e-4)).cause is None
+    for wild in ([0.003], [0.028]):
+        assert play(needle_goes([*HELD, *wild, *HELD, *wild, *HELD])).cause is None
+    missing = [*needle_goes(HELD), *(unusable(n) for n in (9, 10, 11))]
+    after = [replace(one, frame_id=11 + n, at_s=0.11 + 0.01 * n) for n, one in enumerate(needle_goes([0.004] * 5), 1)]
+    patient = replace(LIMITS, unusable_frames=9)
+    assert play([*missing, *after], limits=patient).cause is None  # 40 ms: a needle has time to withdraw
+
+
+def test_travel_explains_a_fall_or_not() -> None:
+    fast = replace(LIMITS, retraction_m_s=0.05)  # such a robot needs its travel: without it all may be a retraction
+    on_m, back_m = [1e-4 * n for n in range(11)], [1e-3 - 5e-4 * max(n - 7, 0) for n in range(11)]
+    assert play(needle_goes(THROUGH_N), limits=fast).cause is None
+    assert play(needle_goes(THROUGH_N, travel_m=on_m), limits=fast).cause is Cause.PIERCED
+    assert play(needle_goes(THROUGH_N, travel_m=back_m), limits=fast).cause is None
+    early_m = [1e-3 - 5e-4 * min(max(n - 5, 0), 3) for n in range(11)]  # pictures come later than the robot says
+    assert play(needle_goes(THROUGH_N, travel_m=early_m), limits=fast).cause is None
+    old = [replace(one, travel_age_s=0.02) for one in needle_goes(THROUGH_N, travel_m=on_m)]
+    assert play(old, limits=fast).cause is None  # 20 ms ago; it may have withdrawn since
+    unknown = needle_goes(THROUGH_N, travel_m=[NAN] * 11)
+    assert play(unknown).cause is Cause.PIERCED
+
+
+def test_of_tissue_that_relaxes_the_dent_counts() -> None:
+    held = [judged(one, elastic_force_n=0.024) for one in needle_goes(THROUGH_N)]  # the force relaxes, the dent stays
+    assert play(held).cause is None
+    sprung = [judged(one, elastic_force_n=one.verdict.force_n * 1.2) for one in needle_goes(THROUGH_N)]
+    assert play(sprung).cause is Cause.PIERCED
+
+
+def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view() -> None:
+    fresh = [frame(n, 0.007) for n in range(6, 206)]
+    for limits, state, code in ((LIMITS, State.WITHDRAW, 3), (REPORTS, State.PIERCED, 14)):
+        now = play([frame(1, 0.024), *THROUGH], limits=limits)
+        for event in fresh[1:]:
+            now, decision = decide(now, event, limits)
+            assert (decision.state, decision.code, decision.sub_code) == (state, code, 116)
+            assert decision.present_cause is Cause.PIERCED
+        after, decision = decide(now, Reset(2.0501), limits)
+        assert (after.state, decision.code, decision.cause, decision.present_cause) == (State.WATCHING, 1, None, None)
+        _, again = decide(after, replace(frame(206, 0.007), at_s=2.06), limits)
+        assert again.code == 1
+
+
+def test_what_is_only_reported_suppresses_no_other_cause() -> None:
+    bound, decision = decide(pierced(), frame(6, 0.0295), REPORTS)
+    assert (decision.code, decision.cause) == (3, Cause.BOUND)
+    _, decision = decide(pierced(), Tick(1.0), REPORTS)
+    assert (decision.code, decision.cause) == (3, Cause.SILENCE)
+    withdrawn_first = play([frame(n, 0.007) for n in range(7, 9)], bound, REPORTS)
+    assert (withdrawn_first.state, withdrawn_first.present_cause) == (State.WITHDRAW, Cause.PIERCED)
+
+
+def test_before_a_reset_that_follows_it_the_second_opinion_counts_anew() -> None:
+    limits = replace(OPINED, reports_pierced=True)
+    state = play([*both(1, 2, 3, 4, force_n=0.024), *both(5, force_n=0.007), frame(6, 0.007)], limits=limits)
+    assert state.state is State.PIERCED
+    frames = [frame(n, 0.007) for n in range(7, 13)]
+    assert play([*frames, Reset(0.121)], state, limits).state is State.PIERCED
+    assert play([*both(*range(7, 13), force_n=0.007), Reset(0.126)], state, limits).state is State.WATCHING

@@ -305,6 +305,18 @@ def test_half_a_message_does_not_stay_for_ever(clock: TurnedClock) -> None:
             slow.hear(within_s=0.02)
 
 
+def test_the_pose_of_the_needle_is_its_travel_along_its_own_axis(
+    scanner: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    travels_m: list[float] = []
+    monkeypatch.setattr(Session, "travelled", lambda _, travel_m, at_s: travels_m.append(travel_m) if at_s else None)
+    pose = Transform((0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.8, 3.0, 50.0, 4.0))
+    scanner.say(pose, "Probe")
+    scanner.say(pose, "NeedlePose")
+    scanner.read(10.0)
+    assert travels_m == pytest.approx([0.005])
+
+
 def test_other_messages_are_read_over(scanner: Peer) -> None:
     scanner.watch()
     for _ in range(6):

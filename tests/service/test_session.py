@@ -83,6 +83,37 @@ def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
     assert (entry.frame, entry.verdict) == (None, None)  # of an event that is not a frame
 
 
+def test_a_puncture_that_is_only_reported_is_no_withdrawal_and_a_later_cause_is() -> None:
+    clock = Clock()
+    session = Session(read, replace(LIMITS, reports_pierced=True), clock, clock)
+    for sender_id, force_un in enumerate((24_000, 24_001, 24_002, 7_000, 7_001), 1):
+        take(session, clock, force_un, sender_id)
+    entry = session.entry("frame", clock.now_s)
+    assert (entry.state, entry.code, entry.cause, entry.withdrawn_s) == ("PIERCED", 14, "PIERCED", None)
+    assert session.withdrawals == []
+    clock.now_s += 0.2
+    session.take(Tick(clock.now_s))
+    entry = session.entry("tick", clock.now_s)
+    assert (entry.cause, entry.withdrawn_s) == ("SILENCE", clock.now_s)
+    assert [one["cause"] for one in session.withdrawals] == ["SILENCE"]
+
+
+def test_frames_have_the_travel_that_was_stated_last_and_its_age() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    image = ScannerFrame(frame_of(10_000, 1), **SCALE)
+    assert session.frame(image, 1, 1, clock.now_s).travel is None
+    session.travelled(0.002, clock.now_s)
+    assert session.frame(image, 2, 1, clock.now_s + 0.004).travel == pytest.approx((0.002, 0.004))
+    assert session.frame(image, 3, 1, clock.now_s + 0.11).travel is None, "too old"
+    for back_m, code in ((0.0, 3), (0.0005, 1)):  # what the needle went back explains the fall, or not
+        session = Session(read, replace(LIMITS, retraction_m_s=0.05), clock, clock)
+        for sender_id, force_un in enumerate((24_000, 24_001, 24_002, 24_003, 7_000, 7_001), 1):
+            session.travelled(0.002 - back_m * max(sender_id - 4, 0), clock.now_s + 0.01)
+            take(session, clock, force_un, sender_id)
+        assert session.decision.code == code
+
+
 def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)

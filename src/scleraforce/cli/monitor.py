@@ -58,6 +58,10 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
               "of more than 4 ms.")  # fmt: skip
 @click.option("--reaction-ms", type=click.FloatRange(0.0, min_open=True), default=50.0, show_default=True,
               help="The robot's delay, from the order to withdraw to its motion.")  # fmt: skip
+@click.option("--retraction-mm-s", type=click.FloatRange(0.0, min_open=True), default=5.0, show_default=True,
+              help="The robot's largest speed of withdrawal: a dent that falls faster is a puncture.")  # fmt: skip
+@click.option("--on-pierced", type=click.Choice(["withdraw", "report"]), default="withdraw", show_default=True,
+              help="After a puncture, order to withdraw or only report it: code 14, not OK.")  # fmt: skip
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
               help="Read the frames with the fit as well, in another process.")  # fmt: skip
 @click.option("--record", type=PATH, help="Recording folder to write the session to; must not exist.")
@@ -166,6 +170,8 @@ def _limits(reader: "Reader", given: dict[str, Any]) -> "MonitorLimits":
         unusable_frames=given["unusable_frames"],
         unusable_opinions=given["unusable_opinions"],
         reaction_s=to_si(given["reaction_ms"], "ms"),
+        retraction_m_s=to_si(given["retraction_mm_s"], "mm"),
+        reports_pierced=given["on_pierced"] == "report",
         loss_in_window_s=to_si(given["unread_ms"], "ms"),
         size=(rows, columns),
         scale_m=(width_m / columns, depth_m / rows),

@@ -9,6 +9,7 @@ from typing import assert_never
 from scleraforce.monitor import events
 from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, Signal, State
 from scleraforce.monitor.limits import MonitorLimits, harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
+from scleraforce.monitor.piercing import MAD_TO_SD, OUTSIDE, noise_n, unexplained_fall
 from scleraforce.monitor.state import MonitorState, remember
 from scleraforce.units import from_si
 
@@ -17,7 +18,8 @@ from scleraforce.units import from_si
 class Decision:
     """The message to the robot: `code` and `sub_code` of the STATUS, and its `message`.
 
-    `cause` is the first one of a withdrawal, `present_cause` and `present` the present one; without one, None and "".
+    `cause` is the first one of a withdrawal, or `PIERCED` where it is only reported; `present_cause` and `present` are
+    the present one; without one, None and "".
     """
 
     state: State
@@ -31,7 +33,7 @@ class Decision:
 
 @dataclass(frozen=True)
 class _Finding:
-    """The meaning of an event; it has a `cause` only with an alarm."""
+    """The meaning of an event; it has a `cause` only with an alarm, or if the wall is pierced."""
 
     signal: Signal
     reason: str
@@ -40,7 +42,6 @@ class _Finding:
 
 QUIET = _Finding(Signal.QUIET, "")
 LEAST_PAIRS = 4
-MAD_TO_SD = 1.4826  # of a normal distribution
 
 
 def decide(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> tuple[MonitorState, Decision]:
@@ -151,6 +152,10 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
     harmful = harm(verdict, limits)
     if harmful:
         return _alarm(*harmful)
+    if fall := unexplained_fall(now.dents, limits):
+        from_mn, to_mn, within_ms = from_si(fall.from_n, "mn"), from_si(fall.to_n, "mn"), from_si(fall.within_s, "ms")
+        reason = f"pierced: the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within {within_ms:.0f} ms"
+        return _Finding(Signal.PIERCED if limits.reports_pierced else Signal.ALARM, reason, Cause.PIERCED)
     upper_n = upper_end(verdict)
     if upper_n is not None and verdict.force_n is not None:
         risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations, limits.rate_frames)
@@ -236,27 +241,32 @@ def _move(state: MonitorState, finding: _Finding, limits: MonitorLimits) -> Moni
     after = events.TRANSITIONS[state.state, finding.signal]
     fresh = {Signal.HARMLESS: state.fresh + 1, Signal.QUIET: state.fresh, Signal.RESET_REFUSED: state.fresh}
     cause, reason = state.cause, state.reason
-    if after is not State.WITHDRAW:
+    if after not in events.LATCHED:
         reason = "" if after is State.WATCHING else finding.reason or reason
-    elif state.state is not State.WITHDRAW:
+    elif state.state is not after:
         cause, reason = finding.cause, finding.reason
     keeps = finding.signal in (Signal.QUIET, Signal.RESET_REFUSED)
+    pierced, dents = state.pierced, state.dents
+    if finding.cause is Cause.PIERCED:  # harmless frames do not mend it; a fall is found once
+        pierced, dents = finding.reason, dents[-OUTSIDE:]
     moved = replace(
         state,
         state=after,
         fresh=fresh.get(finding.signal, 0),
-        opinion=None if finding.signal is Signal.ALARM else state.opinion,
+        opinion=None if finding.cause else state.opinion,
         cause=cause,
         reason=reason,
-        present_cause=state.present_cause if keeps else finding.cause,
-        present_reason=state.present_reason if keeps else finding.reason,
+        pierced=pierced,
+        dents=dents,
+        present_cause=state.present_cause if keeps else finding.cause or (Cause.PIERCED if pierced else None),
+        present_reason=state.present_reason if keeps else finding.reason or pierced,
     )
-    leaves = state.state is State.WITHDRAW and after is not State.WITHDRAW
+    leaves = state.state in events.LATCHED and after is State.WATCHING
     return _released(moved, state, limits) if leaves else moved
 
 
 def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) -> MonitorState:
-    """End the withdrawal: nothing from before its fresh frames counts any more."""
+    """End what was latched: nothing from before its fresh frames counts any more."""
     return replace(
         moved,
         cause=None,
@@ -268,6 +278,10 @@ def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) 
         losses=(),
         lost_in_row_s=0.0,
         history=before.history[-before.fresh :],
+        dents=before.dents[-before.fresh :],
+        pierced="",
+        present_cause=None,
+        present_reason="",
     )
 
 
@@ -309,8 +323,7 @@ def risen_force(
     now_n = median(offsets_n)
     off_n = median([abs(offset_n - now_n) for offset_n in offsets_n])
     forces_n = [force_n for _, force_n in history]
-    bends_n = [abs(a - 2.0 * b + c) for a, b, c in zip(forces_n, forces_n[1:], forces_n[2:], strict=False)]
-    sd_n = MAD_TO_SD * max(off_n, median(bends_n) / sqrt(6.0))  # a second difference has six variances
+    sd_n = max(MAD_TO_SD * off_n, noise_n(forces_n))
     middle_s = fmean([at_s for at_s, _ in points])
     spread = sqrt(sum((at_s - middle_s) ** 2 for at_s, _ in points))
     least = slope - deviations * sd_n / spread

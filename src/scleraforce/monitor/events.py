@@ -14,6 +14,7 @@ class State(Enum):
 
     NOT_READY = 13
     WATCHING = 1
+    PIERCED = 14  # reported only: OpenIGTLink's "manual mode"
     WITHDRAW = 3
 
 
@@ -25,17 +26,23 @@ class Signal(Enum):
     UNJUDGED = "unusable frame before contact"
     QUIET = "nothing new"
     ALARM = "cause of a withdrawal"
+    PIERCED = "wall pierced, to be reported only"
     RESET_GRANTED = "reset after fresh harmless frames"
     RESET_REFUSED = "reset, refused"
 
 
 MOVES = {
     (State.NOT_READY, Signal.HARMLESS): State.WATCHING,
+    (State.NOT_READY, Signal.PIERCED): State.PIERCED,
     (State.NOT_READY, Signal.ALARM): State.WITHDRAW,
     (State.WATCHING, Signal.UNJUDGED): State.NOT_READY,
+    (State.WATCHING, Signal.PIERCED): State.PIERCED,
     (State.WATCHING, Signal.ALARM): State.WITHDRAW,
+    (State.PIERCED, Signal.ALARM): State.WITHDRAW,
+    (State.PIERCED, Signal.RESET_GRANTED): State.WATCHING,
     (State.WITHDRAW, Signal.RESET_GRANTED): State.WATCHING,
 }
+LATCHED = (State.PIERCED, State.WITHDRAW)  # until the operator's reset
 TRANSITIONS: Mapping[tuple[State, Signal], State] = MappingProxyType(
     {(state, signal): MOVES.get((state, signal), state) for state in State for signal in Signal}
 )  # a signal without a move leaves the state unchanged
@@ -64,6 +71,7 @@ class Cause(Enum):
     NO_OPINION = 113
     STALE = 114
     PIXEL_TYPE = 115
+    PIERCED = 116
     WATCHDOG = 120  # sent by the watchdog alone, never by the decision
 
 
@@ -91,7 +99,8 @@ class FrameRead:
 
     `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: the number of frames since
     its picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock;
-    None if it states none. `pixel_type`: of its pixels as sent, such as "uint16".
+    None if it states none. `pixel_type`: of its pixels as sent, such as "uint16". `travel_m`: how far the needle had
+    gone on along its axis, as its robot stated `travel_age_s` before the frame; None if it states none.
     """
 
     at_s: float
@@ -102,6 +111,8 @@ class FrameRead:
     scale_m: tuple[float, float]
     sent_s: float | None = None
     pixel_type: str | None = None
+    travel_m: float | None = None
+    travel_age_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from scleraforce.monitor.events import SLACK_S, Cause, FrameRead, QueueLoss, Ver
 from scleraforce.units import from_si
 
 LEAST = {"rate_frames": 4, "frozen_frames": 2}  # of the other counts, 1
-MAY_BE_ZERO = ("rate_deviations", "lag_drift")
+MAY_BE_ZERO = ("rate_deviations", "lag_drift", "eye_m_s", "travel_lag_s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +18,8 @@ class MonitorLimits:
     `size` and `scale_m` are the study's; None takes the last sound frame's. `reads_force` is False with a classifier,
     which gives no force; otherwise a frame without a force is a cause. `expects_opinion` is True if another process
     gives second opinions: then nothing is OK before the first one, and an overdue one is a cause. Losses are limited by
-    the time that the lost frames represent, so that the limits fit any frame rate.
+    the time that the lost frames represent, so that the limits fit any frame rate. `reports_pierced` is True if a
+    pierced wall is not to end in a withdrawal.
 
     Raises:
         InputError: a limit that lets everything pass, or nothing.
@@ -49,6 +50,14 @@ class MonitorLimits:
     reads_force: bool = True
     expects_opinion: bool = False
     opinion_s: float = 0.5
+    reports_pierced: bool = False
+    fall_share: float = 0.4
+    fall_n: float = 3e-3
+    fall_s: float = 0.03
+    retraction_m_s: float = 5e-3
+    stiffness_n_m: float = 60.0
+    eye_m_s: float = 2e-3
+    travel_lag_s: float = 0.05
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -5,7 +5,9 @@ from math import isfinite
 
 from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, QueueLoss, SecondOpinion, State
 from scleraforce.monitor.limits import MonitorLimits, lag_of, of_scale, sound_pixels, touches, unsound
+from scleraforce.monitor.piercing import Dent
 
+DENTS = 64  # that are kept: 64 ms at 1000 a second
 NOISE_WINDOWS = 5  # times the frames of the slope are kept, to estimate the noise
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
@@ -18,7 +20,8 @@ class MonitorState:
 
     `cause` and `reason`: the first cause of a withdrawal, until the reset; `present_cause` and `present_reason`: the
     last cause or doubt, until a harmless frame. `size` and `scale_m` are the study's, or the last sound frames': a
-    change is a cause once. `history` has (time, force) of the last frames with sound numbers. `repeats` counts the
+    change is a cause once. `history` has (time, force) of the last frames with sound numbers, `dents` their dents;
+    `pierced` says that the wall was pierced since the last reset. `repeats` counts the
     frames in a row with one picture; `returns` says of each of the last frames whether its picture came back after
     others. `lags` are the last delays since the time that the sender states, on two clocks that need not agree;
     `least_lag` is (time, lag): the least so far of the third quickest of 20, plus the clocks' possible drift. `losses`
@@ -48,6 +51,8 @@ class MonitorState:
     clear_s: float | None = None
     unusable: int = 0
     history: tuple[tuple[float, float], ...] = ()
+    dents: tuple[Dent, ...] = ()
+    pierced: str = ""
     losses: tuple[tuple[float, float], ...] = ()
     lost: int = 0
     lost_in_row_s: float = 0.0
@@ -93,7 +98,7 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
     lag_s = lag_of(frame)
     lags = state.lags if lag_s is None or not isfinite(lag_s) else (*state.lags, lag_s)[-LAGS:]
     size, scale_m, history = limits.size or state.size, limits.scale_m or state.scale_m, state.history
-    touched, clear_s = state.touched, None
+    touched, clear_s, dents = state.touched, None, state.dents
     if frame.verdict.usable and not unsound(frame.verdict, limits):
         if sound_pixels(frame.size, frame.scale_m):
             same = scale_m is not None and of_scale(frame.scale_m, scale_m, limits)
@@ -101,6 +106,7 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
         touched, clear_s = _contact(state, frame, limits)
         if frame.verdict.force_n is not None:
             history = (*history, (frame.at_s, frame.verdict.force_n))[-NOISE_WINDOWS * limits.rate_frames :]
+            dents = (*dents, _dent(frame, frame.verdict.force_n))[-DENTS:]
     return replace(
         state,
         at_s=_time_of(state, frame),
@@ -110,12 +116,21 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
         touched=touched,
         clear_s=clear_s,
         history=history,
+        dents=dents,
         repeats=state.repeats + 1 if frame.shown_back == 1 else 1,
         returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :],
         lags=lags,
         least_lag=_least_lag(state.least_lag, lags, frame.at_s, limits),
         unusable=0 if frame.verdict.usable else state.unusable + 1,
         unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
+    )
+
+
+def _dent(frame: FrameRead, force_n: float) -> Dent:
+    elastic_n, travel_m = frame.verdict.elastic_force_n, frame.travel_m
+    known = travel_m is not None and isfinite(travel_m) and frame.travel_age_s >= 0.0
+    return Dent(
+        frame.at_s, force_n if elastic_n is None else elastic_n, travel_m if known else None, frame.travel_age_s
     )
 
 

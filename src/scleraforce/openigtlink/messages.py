@@ -131,6 +131,11 @@ class Transform:
 
     matrix: tuple[float, ...]
 
+    @property
+    def travel_mm(self) -> float:
+        """The translation along its own z axis."""
+        return sum(axis * place for axis, place in zip(self.matrix[6:9], self.matrix[9:12], strict=True))
+
 
 @dataclass(frozen=True)
 class Query:

@@ -29,7 +29,7 @@ from scleraforce.units import HumanUnit, from_si
 
 LISTED = 12  # frames of a recording (`evaluate` lists all), withdrawals of a log
 CLASSES = ClassesStudy()  # the paper's bounds
-SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "WITHDRAW": RED}
+SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "PIERCED": AMBER, "WITHDRAW": RED}
 
 
 def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:

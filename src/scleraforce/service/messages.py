@@ -23,7 +23,8 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.frame_ring import RingPlace
 from scleraforce.units import from_si, to_si
 
-STATUS_DEVICE, READING_DEVICE = "ForceMonitor", "ForceReading"  # of the OpenIGTLink messages
+# Of the OpenIGTLink messages.
+STATUS_DEVICE, READING_DEVICE, NEEDLE_DEVICE = "ForceMonitor", "ForceReading", "NeedlePose"
 # Logs of 26 November 2026 and before lack these.
 LATER = {"withdrawn_s": None, "present_cause": None, "present": "", "elastic_force_mn": None}
 

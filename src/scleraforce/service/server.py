@@ -10,16 +10,27 @@ from select import select
 
 from scleraforce.errors import ProtocolError
 from scleraforce.monitor.events import Cause, Fault, MonitorEvent, Reset, SecondOpinion, Tick
-from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
+from scleraforce.openigtlink import (
+    BadChecksum,
+    Broken,
+    Image,
+    Malformed,
+    PeerEvent,
+    Query,
+    Received,
+    Sensor,
+    Text,
+    Transform,
+)
 from scleraforce.service import clients as peers, messages
 from scleraforce.service.clients import Clients, Connection, Outgoing, RateLimiter, ServerSettings
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import READING_DEVICE, STATUS_DEVICE
+from scleraforce.service.messages import NEEDLE_DEVICE, READING_DEVICE, STATUS_DEVICE
 from scleraforce.service.reset import RESET_DEVICE, ResetToken, token_digest
 from scleraforce.service.scanner_image import FrameAssembler
 from scleraforce.service.session import Frame, Session
-from scleraforce.units import from_si
+from scleraforce.units import from_si, to_si
 
 TICK_S = 0.01
 HEARTBEAT_S = 0.05
@@ -161,6 +172,8 @@ class Server:
                 self._clients.send(client, self._status(), at_s)
             case Received(message=Text(text)) if event.header.device == RESET_DEVICE:
                 self._reset_by_client(client, text, at_s)
+            case Received(message=Transform() as pose) if event.header.device == NEEDLE_DEVICE:
+                self.session.travelled(to_si(pose.travel_mm, "mm"), at_s)
             case Received(message=Sensor(values)) if client.forces.take(at_s) and self._forces.take(at_s):
                 time_s, device = self.session.wall_clock(), event.header.device
                 force = messages.ForceHeard(at_s=at_s, time_s=time_s, values=values, device=device)

@@ -3,12 +3,23 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from statistics import median_low
 from time import monotonic, time
 from typing import Any
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import SLACK_S, Cause, Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
+from scleraforce.monitor.events import (
+    SLACK_S,
+    Cause,
+    Fault,
+    FrameRead,
+    MonitorEvent,
+    OvertakenRead,
+    QueueLoss,
+    State,
+    Tick,
+)
 from scleraforce.monitor.limits import of_scale
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.reader.felt import ELASTIC, History
@@ -65,8 +76,8 @@ class Frame:
     `misfit`: its size, scale, pixel type or order is wrong, known before it is read; such a frame is never skipped.
     `interval_s`: the time that it stands for, the scanner's mean interval. `order` rises with `sender_id`, and keeps
     rising where another sender starts to count anew. `shown_back`: the number of frames since its picture was last
-    shown, 0 if it is new. `sent_s`: the time in its header, None if it has none. `history`: the tissue's before it,
-    and before all frames that came with it.
+    shown, 0 if it is new. `sent_s`: the time in its header, None if it has none. `travel`: the needle's last one (m),
+    and how old it was (s). `history`: the tissue's before it, and before all frames that came with it.
     """
 
     number: int
@@ -78,6 +89,7 @@ class Frame:
     shown_back: int
     misfit: bool
     sent_s: float | None
+    travel: tuple[float, float] | None = None
     history: History = ELASTIC
 
 
@@ -150,6 +162,7 @@ class Session:
         self._shown = ShownPictures(limits.shown_frames)
         self._pace, self._deferred = FramePace(limits.silence_s), DeferredFrames(limits.catch_up_s)
         self._overtaken = 0
+        self._travel = (0.0, -inf)
 
     @property
     def lost(self) -> int:
@@ -166,10 +179,14 @@ class Session:
         before = self.decision
         self._state, self.decision = decide(self._state, event, self.limits)
         cause, message = self.decision.cause, self.decision.message
-        if cause and not before.cause:
+        if cause and State.WITHDRAW is self.decision.state is not before.state:
             begun = {"frame": self.frames, "time_s": self.wall_clock(), "cause": cause.name, "message": message}
             self.withdrawals.append(begun)
         return self.decision != before
+
+    def travelled(self, travel_m: float, at_s: float) -> None:
+        """Take the needle's travel along its axis at a time: frames until the next one have it."""
+        self._travel = travel_m, at_s
 
     def frame(
         self, image: ScannerFrame, sender_id: int, sender: int, at_s: float, sent_s: float | None = None
@@ -181,6 +198,7 @@ class Session:
         order = self._offset + sender_id
         misfit = order <= self._order or not self._fits(image)
         self._order, self._sent_type = order, image.sent_type
+        travel_m, age_s = self._travel[0], at_s - self._travel[1]
         return Frame(
             number=self.frames,
             order=order,
@@ -191,6 +209,7 @@ class Session:
             shown_back=self._shown.back(image.pixels),
             misfit=misfit,
             sent_s=sent_s,
+            travel=(travel_m, age_s) if 0.0 <= age_s < self.limits.silence_s else None,
             history=self._history,
         )
 
@@ -251,6 +270,8 @@ class Session:
             scale_m=(image.lateral_m, image.depth_m),
             sent_s=frame.sent_s,
             pixel_type=image.sent_type,
+            travel_m=frame.travel[0] if frame.travel else None,
+            travel_age_s=frame.travel[1] if frame.travel else 0.0,
         )
         return answer, read, history
 
@@ -277,7 +298,7 @@ class Session:
             sub_code=decision.sub_code,
             cause=decision.cause.name if decision.cause else None,
             message=decision.message,
-            withdrawn_s=self.withdrawals[-1]["time_s"] if decision.cause else None,
+            withdrawn_s=self.withdrawals[-1]["time_s"] if decision.state is State.WITHDRAW else None,
             present_cause=decision.present_cause.name if decision.present_cause else None,
             present=decision.present,
             frame=frame.number if frame else None,

@@ -48,6 +48,15 @@ def test_the_present_cause_is_shown_beside_the_first_one_and_its_time() -> None:
     assert (shown["sentence"], shown["present"], shown["detail"]) == (SENTENCES["SILENCE"], "", "")
 
 
+def test_a_puncture_that_is_only_reported_is_worse_than_not_ready_and_has_its_sentence() -> None:
+    shown = board_with((1.0, entry(1.0, "PIERCED", "PIERCED", present_cause="PIERCED"))).as_json(1.0, 0)
+    assert (shown["state"], shown["present"], shown["withdrawn_s"]) == ("PIERCED", SENTENCES["PIERCED"], None)
+    history = History()
+    for state in ("NOT_READY", "PIERCED", "WATCHING"):
+        history.take(entry(1.0, state))
+    assert history.since(0)[-1].state == "PIERCED"
+
+
 def test_a_change_of_state_or_cause_is_urgent_and_another_frame_is_not() -> None:
     board = Board(0.0)
     withdrawn = [entry(at_s, "WITHDRAW", "BOUND") for at_s in (0.02, 0.03)]

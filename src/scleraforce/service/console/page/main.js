@@ -2,7 +2,7 @@
 
 import { makeGraph } from "./graph.js";
 import { connect } from "./link.js";
-import { clearNumbers, showSettings, showState, showVerdict } from "./numbers.js";
+import { clearNumbers, isHeld, showSettings, showState, showVerdict } from "./numbers.js";
 import { makeReset } from "./reset.js";
 import { makeScan } from "./scan.js";
 
@@ -38,7 +38,7 @@ function state(message) {
   graph.look();
   graph.take(message);
   scan.look();
-  allowReset(message.state === "WITHDRAW", true);
+  allowReset(isHeld(message.state), true);
 }
 
 function hello(message) {

@@ -1,6 +1,6 @@
 // State, class, force and rates as words and numbers.
 
-const WORDS = { NOT_READY: "NOT READY", WATCHING: "WATCHING", WITHDRAW: "WITHDRAW" };
+const WORDS = { NOT_READY: "NOT READY", WATCHING: "WATCHING", PIERCED: "PIERCED", WITHDRAW: "WITHDRAW" };
 const MARKS = ["M12 1a11 11 0 1 0 0 22a11 11 0 1 0 0-22z", "M2 2h20v20h-20z", "M12 1l11.5 21.5h-23z"];
 const RESTS = { NOT_READY: "No frame can be judged yet. The robot must not push.", WATCHING: "Frames are read, in time, and harmless." };
 
@@ -36,9 +36,12 @@ export function showVerdict(view, word, sentence, detail, held = "") {
   if (document.title !== title) document.title = title;
 }
 
+// Until the operator's reset.
+export const isHeld = (state) => state === "WITHDRAW" || state === "PIERCED";
+
 export function showState(message, settings) {
   const { state } = message;
-  const held = state === "WITHDRAW";
+  const held = isHeld(state);
   const now = held ? presentText(message) : RESTS[state];
   showVerdict(state, WORDS[state], now, message.detail, held ? heldText(message) : "");
   showReading(message.reading, settings);
