@@ -83,7 +83,7 @@ def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
     assert (entry.frame, entry.verdict) == (None, None)  # of an event that is not a frame
 
 
-def test_a_puncture_that_is_only_reported_is_no_withdrawal_and_a_later_cause_is() -> None:
+def test_a_puncture_that_is_only_reported_does_not_count_as_a_withdrawal_and_a_later_cause_does() -> None:
     clock = Clock()
     session = Session(read, replace(LIMITS, reports_pierced=True), clock, clock)
     for sender_id, force_un in enumerate((24_000, 24_001, 24_002, 7_000, 7_001), 1):

@@ -99,8 +99,8 @@ class FrameRead:
 
     `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: the number of frames since
     its picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock;
-    None if it states none. `pixel_type`: of its pixels as sent, such as "uint16". `travel_m`: how far the needle had
-    gone on along its axis, as its robot stated `travel_age_s` before the frame; None if it states none.
+    None if it states none. `pixel_type`: of its pixels as sent, such as "uint16". `travel_m`: the needle's travel
+    along its axis, as its robot stated it `travel_age_s` before the frame; None if it states none.
     """
 
     at_s: float
