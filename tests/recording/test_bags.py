@@ -11,7 +11,7 @@ from foreign_files import COLUMNS, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording.bags import read_bag
-from scleraforce.recording.scan import UnansweredError
+from scleraforce.recording.pixels import UnansweredError
 
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")

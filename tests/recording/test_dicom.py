@@ -17,7 +17,7 @@ from pydicom.sequence import Sequence
 from scleraforce.errors import FrameError
 from scleraforce.recording.dicom import read_dicom
 from scleraforce.recording.images import read_frame, read_image
-from scleraforce.recording.scan import Scan
+from scleraforce.recording.pixels import Scan
 
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
 BYTES = RAMP.astype(np.uint8)

@@ -8,7 +8,7 @@ import pytest
 from foreign_files import pictures_of
 
 from scleraforce.errors import FrameError
-from scleraforce.recording.film import read_film
+from scleraforce.recording.images import read_film
 
 CASES = Path(__file__).parents[3] / "shared" / "cases" / "import" / "15-film-frames-missing"
 LEVELS = (20, 60, 100, 140, 180, 220)

@@ -8,7 +8,7 @@ import pytest
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.recording.force_log import LogColumn, columns_by_header, parse_column, read_force_text
 from scleraforce.recording.log_text import read_log_text
-from scleraforce.recording.scan import UnansweredError
+from scleraforce.recording.pixels import UnansweredError
 from scleraforce.recording.sources import source_kind
 
 # As the demo program of ATI's Net F/T writes it: settings above, quoted values, counts, a clock of whole seconds.

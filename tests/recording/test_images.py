@@ -15,7 +15,7 @@ from foreign_files import FRAMES, STORED, pictures_of, write_dicom
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.images import read_frame, read_image, read_numpy
-from scleraforce.recording.scan import AXES, UnansweredError
+from scleraforce.recording.pixels import AXES, UnansweredError
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct"
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)

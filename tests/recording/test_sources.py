@@ -20,8 +20,17 @@ from small_recordings import write_small_recording
 
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording.importing import answers_like, given_times
-from scleraforce.recording.pixels import Sourced, find_greys
-from scleraforce.recording.scan import AXES, Scan, Times, UnansweredError, array_scan, joined, parse_axes
+from scleraforce.recording.pixels import (
+    AXES,
+    Scan,
+    Sourced,
+    Times,
+    UnansweredError,
+    array_scan,
+    find_greys,
+    joined,
+    parse_axes,
+)
 from scleraforce.recording.sources import ImportOptions, files_of, gather, on_one_clock, read_scan, source_kind
 
 nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")

@@ -17,8 +17,7 @@ from foreign_files import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, STOR
 from scleraforce.errors import FrameError
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.images import read_frame, read_image
-from scleraforce.recording.pixels import as_shown, find_greys
-from scleraforce.recording.scan import Scan
+from scleraforce.recording.pixels import Scan, as_shown, find_greys
 from scleraforce.recording.tiff import read_tiff
 
 RAMP = np.arange(ROWS * COLUMNS, dtype=np.uint16).reshape(ROWS, COLUMNS)

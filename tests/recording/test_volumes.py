@@ -13,8 +13,7 @@ from foreign_files import COLUMNS, COUNT, FRAMES, ROWS, pictures_of, plus_fields
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.sources import read_scan, source_kind
-from scleraforce.recording.thorlabs import read_thorlabs
-from scleraforce.recording.volumes import read_metaimage, read_nifti, read_nrrd
+from scleraforce.recording.volumes import read_metaimage, read_nifti, read_nrrd, read_thorlabs
 
 nibabel = pytest.importorskip("nibabel")
 nrrd = pytest.importorskip("nrrd")

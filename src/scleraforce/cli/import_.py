@@ -16,7 +16,7 @@ from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.recording.importing import Asker, Import, Question
-    from scleraforce.recording.scan import UnansweredError
+    from scleraforce.recording.pixels import UnansweredError
     from scleraforce.recording.sources import ImportOptions
 
 OPEN = "-"  # leaves an optional question open

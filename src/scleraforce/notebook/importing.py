@@ -24,8 +24,7 @@ from scleraforce.recording import importing
 from scleraforce.recording.folder import OctInfo, Recording, read_recording
 from scleraforce.recording.importing import Asker, Import, answers_like
 from scleraforce.recording.labels import labels_n, unit_fault
-from scleraforce.recording.pixels import Greys, PixelScale, find_greys
-from scleraforce.recording.scan import Scan, UnansweredError
+from scleraforce.recording.pixels import Greys, PixelScale, Scan, UnansweredError, find_greys
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, files_of, gather, option_name
 from scleraforce.recording.writing import RecordingWriter, frame_files, write_log, written
 from scleraforce.segmentation.wall import find_wall

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Floats, Integers, Places
 from scleraforce.errors import FrameError, InputError, RecordingError
-from scleraforce.recording import scan as scans
-from scleraforce.recording.pixels import check_size
-from scleraforce.recording.scan import Scan, Times, UnansweredError
+from scleraforce.recording import pixels as scans
+from scleraforce.recording.pixels import Scan, Times, UnansweredError, check_size
 from scleraforce.recording.tables import ForceLog
 from scleraforce.units import from_si
 

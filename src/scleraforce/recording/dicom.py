@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from datetime import UTC, datetime, tzinfo
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
-from scleraforce.recording import scan as scans
-from scleraforce.recording.pixels import check_size, inverted, jpeg_frame, one_grey, unpacked_bytes
-from scleraforce.recording.scan import PixelSize, Scan, Times, rising
+from scleraforce.recording import pixels as scans
+from scleraforce.recording.pixels import PixelSize, Scan, Times, inverted, one_grey, rising, unpacked_bytes
 from scleraforce.units import to_si
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ OVERLAYS = range(0x6000, 0x6020, 2)  # groups
 # What turns stored values into grey levels in another way than along a straight line.
 TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
-A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}
+A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}  # by manufacturer and model
 DEFLATED = b"1.2.840.10008.1.2.1.99"  # the transfer syntax of a file that is inflated as a whole
 HEAD_BYTES = 1024  # in which the transfer syntax is
 NEEDED = ("Rows", "Columns", "BitsAllocated", "BitsStored", "PixelRepresentation", "PixelData")  # to know the pixels
@@ -39,7 +38,7 @@ SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
 CENTIMETRES, IMAGE_2D = 3, 1  # of a region of ultrasound: its units, its spatial format
 FRAME_TIMES = ("FrameReferenceDateTime", "FrameAcquisitionDateTime")  # the moment of the frame, else its beginning
 FRAME_TIME, FRAME_TIME_VECTOR = 0x00181063, 0x00181065  # what FrameIncrementPointer names
-ZONE = re.compile(r"([+-])(\d\d)([0-5]\d)")
+ZONE = re.compile(r"[+-](0\d|1[0-3])[0-5]\d|[+-]1400")
 
 
 def read_dicom(path: Path, data: bytes | None = None) -> Scan:
@@ -50,8 +49,7 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         rows, columns = int(dataset.Rows), int(dataset.Columns)
         scans.check_bytes(count * rows * columns * (int(dataset.BitsAllocated) // 8))
         dark_large, notes = _dark_is_large(dataset)
-        # A scanner that writes A-scans along the rows of its images.
-        maker = (str(dataset.get("Manufacturer", "")).strip(), str(dataset.get("ManufacturerModelName", "")).strip())
+        maker = tuple(str(dataset.get(name, "")).strip() for name in ("Manufacturer", "ManufacturerModelName"))
         if maker in A_SCANS_ALONG_ROWS:
             notes.append("this scanner writes A-scans along the rows: rows and columns were exchanged")
         depth, lateral, scale_fault = scans.one_size(_pixel_sizes(dataset))
@@ -74,21 +72,15 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
 
 @contextmanager
 def _opened(path: Path, data: bytes | None) -> "Iterator[FileDataset]":
-    import pydicom  # here, so that reading PNG needs OpenCV only
-    from pydicom import config
+    from pydicom import config, dcmread  # here, so that reading PNG needs OpenCV only
 
-    before = config.settings.reading_validation_mode
-    config.settings.reading_validation_mode = config.IGNORE
-    try:
-        with scans.named_faults(path, "DICOM"):
-            with path.open("rb") if data is None else BytesIO(data) as file:
-                if DEFLATED in file.read(HEAD_BYTES):
-                    raise FrameError("a deflated DICOM file, whose size is not known before; save it uncompressed")
-                file.seek(0)
-                dataset = pydicom.dcmread(file)
-            yield dataset
-    finally:
-        config.settings.reading_validation_mode = before
+    with config.disable_value_validation(), scans.named_faults(path, "DICOM"):
+        with path.open("rb") if data is None else BytesIO(data) as file:
+            if DEFLATED in file.read(HEAD_BYTES):
+                raise FrameError("a deflated DICOM file, whose size is not known before; save it uncompressed")
+            file.seek(0)
+            dataset = dcmread(file)
+        yield dataset
 
 
 def _grey_kind(dataset: "Dataset") -> str:
@@ -112,17 +104,15 @@ def _places(dataset: "Dataset", sequence: str) -> "Iterator[tuple[str, Dataset]]
 
 
 def _check_image(dataset: "FileDataset", frames: int) -> None:
-    floats = [name for name in FLOATS if name in dataset]
-    if floats:
+    if floats := [name for name in FLOATS if name in dataset]:
         raise FrameError(f"pixels are floats ({floats[0]}); export whole numbers (PixelData)")
-    missing = [name for name in NEEDED if dataset.get(name, None) is None]
-    if missing:
+    if missing := [name for name in NEEDED if dataset.get(name, None) is None]:
         raise FrameError(f"a DICOM file without {', '.join(missing)}; export it anew")
     kind = _grey_kind(dataset)
     if kind not in KINDS_READ:
         raise FrameError(f"PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
     rows, columns, samples = int(dataset.Rows), int(dataset.Columns), int(dataset.get("SamplesPerPixel", 1))
-    check_size(rows, columns, samples)
+    scans.check_size(rows, columns, samples)
     if samples != SAMPLES.get(kind, 3):
         found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
         raise FrameError(f"{found}, which has {SAMPLES.get(kind, 3)}; export it anew")
@@ -133,8 +123,7 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
     if dataset.file_meta.TransferSyntaxUID.is_compressed:
         _check_compressed(dataset, frames)
         return
-    subsampled = 2 * samples // 3 if kind == "YBR_FULL_422" else samples
-    size = rows * columns * subsampled * (allocated // 8)
+    size = rows * columns * (2 if kind == "YBR_FULL_422" else samples) * (allocated // 8)
     if len(dataset.PixelData) // size != frames:
         found = f"PixelData has {len(dataset.PixelData):,} bytes, which are {len(dataset.PixelData) / size:.4g} frames"
         raise FrameError(f"damaged: NumberOfFrames is {frames}, {found}; export it anew")
@@ -171,9 +160,8 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
 def _check_jpeg(dataset: "FileDataset", packed: bytes) -> None:
     from pydicom.uid import JPEG2000TransferSyntaxes, JPEGExtended12Bit
 
-    syntax, stored = dataset.file_meta.TransferSyntaxUID, int(dataset.BitsStored)
-    header = (int(dataset.Rows), int(dataset.Columns))
-    frame = jpeg_frame(packed)
+    syntax, stored, signs = dataset.file_meta.TransferSyntaxUID, int(dataset.BitsStored), ("unsigned", "signed")
+    header, frame = (int(dataset.Rows), int(dataset.Columns)), scans.jpeg_frame(packed)
     if frame is None or frame[:2] != header:
         raise FrameError(f"damaged: the compressed image is of {frame and frame[:2]} pixels, the header says {header}")
     bits, signed = frame[2:]
@@ -182,10 +170,10 @@ def _check_jpeg(dataset: "FileDataset", packed: bytes) -> None:
         raise FrameError(f"{found}; save it uncompressed")
     if syntax not in JPEG2000TransferSyntaxes:
         return
-    if signed != bool(dataset.PixelRepresentation):
-        words = {False: "unsigned", True: "signed"}
-        stated = f"{dataset.PixelRepresentation} ({words[bool(dataset.PixelRepresentation)]})"
-        found = f"PixelRepresentation is {stated}, its JPEG 2000 image has {words[signed]} pixels"
+    if signed != bool(stated := dataset.PixelRepresentation):
+        found = (
+            f"PixelRepresentation is {stated} ({signs[bool(stated)]}), its JPEG 2000 image has {signs[signed]} pixels"
+        )
         raise FrameError(f"{found}; save it uncompressed")
     # Values of more bits are right where they fit, which `_stored_values` checks.
     if bits < stored:
@@ -216,15 +204,13 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
     if shape not in ("IDENTITY", "INVERSE"):
         raise FrameError(f"PresentationLUTShape: {shape}; IDENTITY or INVERSE")
     if kind == "MONOCHROME1" and shape == "INVERSE":
-        raise FrameError(
-            "PhotometricInterpretation MONOCHROME1 and PresentationLUTShape INVERSE: programs differ in whether these "
-            "are one inversion or two; export it as MONOCHROME2"
-        )
+        both = "PhotometricInterpretation MONOCHROME1 and PresentationLUTShape INVERSE"
+        raise FrameError(f"{both}: one inversion to some programs, two to others; export it as MONOCHROME2")
     slope = _slope(dataset)
     notes = ["colour became grey"] if kind not in GREY_KINDS else []
-    turns = [f"RescaleSlope {slope:g}"] if slope < 0.0 else []
-    turns += ["MONOCHROME1"] if kind == "MONOCHROME1" else []
-    turns += ["PresentationLUTShape INVERSE"] if shape == "INVERSE" else []
+    possible = {f"RescaleSlope {slope:g}": slope < 0.0, "MONOCHROME1": kind == "MONOCHROME1"}
+    possible["PresentationLUTShape INVERSE"] = shape == "INVERSE"
+    turns = [name for name, turned in possible.items() if turned]
     if turns and kind not in GREY_KINDS:
         raise FrameError(f"{turns[0]} and PhotometricInterpretation {kind}; export it as MONOCHROME2")
     if len(turns) == 1:
@@ -250,16 +236,13 @@ def _slope(dataset: "Dataset") -> float:
     ]
     if not found:
         return 1.0
-    first, scale = found[0]
-    for place, other in found:
-        if other != scale:
-            raise FrameError(
-                f"RescaleSlope and RescaleIntercept {scale[0]:g}, {scale[1]:g}{first} and {other[0]:g}, "
-                f"{other[1]:g}{place}; export frames of one scale of grey"
-            )
-    if not np.isfinite(scale[0]) or scale[0] == 0.0:
-        raise FrameError(f"RescaleSlope: {scale[0]:g}; it is a number other than 0")
-    return scale[0]
+    slope = found[0][1][0]
+    if other := next((each for each in found if each[1] != found[0][1]), None):
+        two = " and ".join(f"{scale[0]:g}, {scale[1]:g}{place}" for place, scale in (found[0], other))
+        raise FrameError(f"RescaleSlope and RescaleIntercept {two}; export frames of one scale of grey")
+    if not np.isfinite(slope) or slope == 0.0:
+        raise FrameError(f"RescaleSlope: {slope:g}; it is a number other than 0")
+    return slope
 
 
 def _overlay_bits(dataset: "Dataset") -> list[int]:
@@ -275,10 +258,9 @@ def _overlay_bits(dataset: "Dataset") -> list[int]:
 
 def _bits(dataset: "Dataset") -> int | None:
     """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever was stored."""
-    stored = int(dataset.BitsStored)
-    if _grey_kind(dataset) not in GREY_KINDS:
-        return 8 if _grey_kind(dataset) != "PALETTE COLOR" and stored == 8 else None
-    return stored if 1 <= stored <= 16 and not int(dataset.PixelRepresentation) else None
+    kind, stored = _grey_kind(dataset), int(dataset.BitsStored)
+    known = stored <= 16 and not int(dataset.PixelRepresentation) if kind in GREY_KINDS else stored == 8
+    return stored if known and kind != "PALETTE COLOR" else None
 
 
 def _pictures(path: Path, data: bytes | None, dark_large: bool) -> scans.PictureStream:
@@ -321,11 +303,10 @@ def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
 
 def _without_padding(dataset: "Dataset", values: NDArray[Any], bright: NDArray[Any]) -> NDArray[Any]:
     """Return a picture whose pixels of PixelPaddingValue, up to PixelPaddingRangeLimit, are as dark as its darkest."""
-    ends = [dataset.get(name, None) for name in ("PixelPaddingValue", "PixelPaddingRangeLimit")]
-    if ends[0] is None:
+    value, limit = (dataset.get(name, None) for name in ("PixelPaddingValue", "PixelPaddingRangeLimit"))
+    if value is None:
         return bright
-    stored = int(dataset.BitsStored)
-    first, last = (int(ends[0] if end is None else end) for end in ends)
+    first, last, stored = int(value), int(value if limit is None else limit), int(dataset.BitsStored)
     if values.dtype.kind == "i":  # some programs write the negative ones without their sign
         first, last = (end - (1 << stored) if end >= 1 << (stored - 1) else end for end in (first, last))
     padded = (values >= min(first, last)) & (values <= max(first, last))
@@ -348,8 +329,9 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
     for region in dataset.get("SequenceOfUltrasoundRegions", None) or []:
         units = {region.get(f"PhysicalUnits{axis}Direction", None) for axis in "XY"}
         if units == {CENTIMETRES} and region.get("RegionSpatialFormat", IMAGE_2D) == IMAGE_2D:
-            deltas_cm = (abs(float(region.get(f"PhysicalDelta{axis}", 0.0))) for axis in "YX")
-            depth_m, lateral_m = (to_si(10.0 * delta_cm, "mm") for delta_cm in deltas_cm)
+            depth_m, lateral_m = (
+                to_si(10.0 * abs(float(region.get(f"PhysicalDelta{axis}", 0.0))), "mm") for axis in "YX"
+            )
             sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m=depth_m, lateral_m=lateral_m))
     ratio = [float(value) for value in _several(dataset.get("PixelAspectRatio", None))]
     if len(ratio) == 2 and min(ratio) > 0.0:
@@ -359,9 +341,8 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
 
 
 def _several(value: Any) -> Sequence[Any]:
-    if value is None:
-        return []
-    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
+    several = isinstance(value, Sequence) and not isinstance(value, str)
+    return list(value) if several else [] if value is None else [value]
 
 
 def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
@@ -395,13 +376,9 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
 
 def _zone(dataset: "Dataset") -> tzinfo:
     stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "").strip()
-    if not stated:
-        return UTC
-    found = ZONE.fullmatch(stated)
-    offset = timedelta(hours=int(found[2]), minutes=int(found[3])) if found else timedelta.max
-    if found is None or offset > timedelta(hours=14):
+    if stated and not ZONE.fullmatch(stated):
         raise FrameError(f"TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400")
-    return timezone(-offset if found[1] == "-" else offset)
+    return datetime.strptime(stated or "+0000", "%z").tzinfo or UTC
 
 
 def _seconds(stated: Any, zone: tzinfo) -> float | None:

@@ -13,8 +13,7 @@ from scleraforce.errors import InputError
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.recording.scan import check_bytes, package_for
+from scleraforce.recording.pixels import PixelScale, check_bytes, package_for
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si

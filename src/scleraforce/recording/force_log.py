@@ -13,7 +13,7 @@ from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.recording import log_text, tables
 from scleraforce.recording.log_text import FORCE, TIME, TORQUE, quantity_of, unit_factor
-from scleraforce.recording.scan import UnansweredError
+from scleraforce.recording.pixels import UnansweredError
 from scleraforce.recording.tables import FORCE_COLUMNS, GROUPED, PLAIN_NUMBERS, ForceLog, Table, number
 
 STATUS = "status"  # our name of such a column

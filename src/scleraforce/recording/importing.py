@@ -16,8 +16,7 @@ from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, eye_id_fault, read_info
 from scleraforce.recording.force_log import columns_by_header
 from scleraforce.recording.log_text import read_log_text
-from scleraforce.recording.pixels import MOST_BITS, Greys, Sourced
-from scleraforce.recording.scan import Scan, Times, UnansweredError, even_times
+from scleraforce.recording.pixels import MOST_BITS, Greys, Scan, Sourced, Times, UnansweredError, even_times
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, on_one_clock, option_name
 from scleraforce.recording.tables import ForceLog, numbers_of
 from scleraforce.units import from_si, to_si

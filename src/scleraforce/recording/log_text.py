@@ -11,7 +11,7 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
-from scleraforce.recording.scan import SECONDS
+from scleraforce.recording.pixels import SECONDS
 from scleraforce.recording.tables import SPACES, Table, check_counts, fields_of, is_number, without_cut
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 from scleraforce.whole_files import KINDS, read_text

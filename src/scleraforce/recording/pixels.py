@@ -1,15 +1,19 @@
-"""Pixels of frames of any file: their type and size, colour to grey, counts of at most 16 bits."""
+"""Frames of any file, one or many: pixels, grey levels, the size of a pixel, and what files state; None: not stated."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import KW_ONLY, dataclass, replace
+from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Counts
+from scleraforce.arrays import Counts, Floats
 from scleraforce.errors import FrameError, InputError
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.recording.folder import OctInfo
@@ -192,3 +196,236 @@ def find_greys(pictures: Iterable[NDArray[Any]], given: tuple[float, float] | No
     if not low < high:
         raise FrameError(f"{name}: all pixels have one value or none; there is nothing to see in them")
     return Greys(low=low, high=high, scaled=True, lost=lost)
+
+
+@contextmanager
+def named_faults(path: Path | str, kind: str) -> Iterator[None]:
+    """Name the file in every exception of a reader, and its kind in errors of packages; errors of the system pass."""
+    try:
+        yield
+    except InputError as fault:
+        fault.args = (f"{path}: {fault}",)
+        raise
+    except Exception as fault:  # packages raise whatever the damage leads to: OSError without a name, MemoryError
+        if isinstance(fault, OSError) and fault.filename is not None:
+            raise
+        words = " ".join(str(fault).split()) or type(fault).__name__
+        raise FrameError(f"{path}: damaged or an unknown kind of {kind}: {words}") from fault
+
+
+def package_for(name: str, kind: str) -> Any:
+    """Import and return the optional package that reads or writes a file of a kind."""
+    try:
+        return import_module(name)
+    except ImportError as fault:
+        package = name.partition(".")[0]
+        raise InputError(
+            f"{kind} takes the package {package}, which is not installed: pip install 'scleraforce[formats]'"
+        ) from fault
+
+
+PictureStream = Iterator[NDArray[Any]]
+
+LARGEST_BYTES = 16 * 2**30  # of the frames of one source, unpacked
+METRES = {
+    "m": 1.0, "meter": 1.0, "metre": 1.0, "cm": 1e-2, "centimeter": 1e-2, "inch": 25.4e-3, "in": 25.4e-3, "mm": 1e-3,
+    "millimeter": 1e-3, "millimetre": 1e-3, "µm": 1e-6, "μm": 1e-6, "um": 1e-6, "micron": 1e-6, "microns": 1e-6,
+    "micrometer": 1e-6, "micrometre": 1e-6, "nm": 1e-9, "nanometer": 1e-9,
+}  # fmt: skip
+SECONDS = {
+    "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0, "sekunden": 1.0, "secondes": 1.0, "min": 60.0,
+    "h": 3600.0, "d": 86400.0, "days": 86400.0, "ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "us": 1e-6,
+    "µs": 1e-6, "usec": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9,
+}  # fmt: skip
+ROUNDED = 0.001  # sizes of a pixel that differ by less were rounded
+
+
+@dataclass(frozen=True, eq=False)
+class Times:
+    """Times of frames, s, on a clock of the source's own, and the source."""
+
+    time_s: Floats
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """Frames of one or several files.
+
+    `pictures` gives the frames (row, column) from the first on, at every call: whole numbers or floats, larger is
+    brighter. Rows are depth, columns lateral. After a contradiction in the file, `scale_fault` or `times_fault` is
+    set, and the sizes of a pixel or the times are not.
+    """
+
+    names: tuple[str, ...]
+    rows: int
+    columns: int
+    pictures: Callable[[], PictureStream]
+    _: KW_ONLY
+    bits: int | None = None
+    depth_pixel_m: Sourced | None = None
+    lateral_pixel_m: Sourced | None = None
+    times: Times | None = None
+    notes: tuple[str, ...] = ()
+    scale_fault: str | None = None
+    times_fault: str | None = None
+
+    def turned(self) -> "Scan":
+        """Return the scan with rows and columns exchanged: depth ran along the rows."""
+        turned = replace(self, rows=self.columns, columns=self.rows, pictures=lambda: (p.T for p in self.pictures()))
+        return replace(turned, depth_pixel_m=self.lateral_pixel_m, lateral_pixel_m=self.depth_pixel_m)
+
+    def of_file(self, path: Path) -> "Scan":
+        """Return the scan with the file's name before each note and fault."""
+        scale_fault, times_fault = (fault and f"{path}: {fault}" for fault in (self.scale_fault, self.times_fault))
+        notes = tuple(f"{path}: {note}" for note in self.notes)
+        return replace(self, notes=notes, scale_fault=scale_fault, times_fault=times_fault)
+
+
+@dataclass(frozen=True)
+class PixelSize:
+    """The size of a pixel that one field of a file states."""
+
+    source: str
+    _: KW_ONLY
+    depth_m: float | None
+    lateral_m: float | None
+
+    @property
+    def words(self) -> str:
+        """The field and its values, for messages."""
+        sizes = ("?" if size_m is None else f"{from_si(size_m, 'mm'):.6g}" for size_m in (self.depth_m, self.lateral_m))
+        return f"{self.source} states pixels of {' x '.join(sizes)} mm (depth x lateral)"
+
+
+def one_size(sizes: Sequence[PixelSize]) -> tuple[Sourced | None, Sourced | None, str | None]:
+    """Return the distance of rows and of columns by the first field that states one, and the fault if fields differ."""
+    stated = [size for size in sizes if size.depth_m or size.lateral_m]
+    if not stated:
+        return None, None, None
+    first = stated[0]
+    for other in stated[1:]:
+        pairs = ((first.depth_m, other.depth_m), (first.lateral_m, other.lateral_m))
+        if any(mine and theirs and abs(mine - theirs) > ROUNDED * mine for mine, theirs in pairs):
+            return None, None, f"{first.words}, {other.words}"
+    depth, lateral = (size_m and Sourced(size_m, first.source) for size_m in (first.depth_m, first.lateral_m))
+    return depth or None, lateral or None, None
+
+
+def frame_names(path: Path, count: int) -> tuple[str, ...]:
+    """Return the names of a file's frames: a.tif[0], a.tif[1]; of its only one b.tif."""
+    return tuple(f"{path}[{nth}]" for nth in range(count)) if count > 1 else (str(path),)
+
+
+def even_times(count: int, step_s: float, source: str) -> Times | None:
+    """Return times in even steps from 0 on; None if the step is not positive."""
+    return Times(np.arange(count, dtype=np.float64) * step_s, source) if step_s > 0.0 else None
+
+
+def rising(time_s: Floats) -> bool:
+    """Return whether every time is later than the one before."""
+    return bool(np.isfinite(time_s).all() and (np.diff(time_s) > 0.0).all())
+
+
+def check_bytes(count: int) -> None:
+    """Check the memory or disk space of a file's frames before they are read."""
+    if count > LARGEST_BYTES:
+        raise FrameError(f"{count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most (docs/formats.md)")
+
+
+class UnansweredError(InputError):
+    """A source leaves open what an option (like "--axes") answers; `forms` are of answers given several times."""
+
+    def __init__(self, option: str, question: str, *forms: str) -> None:
+        super().__init__(f"{question}; give {' '.join(f'{option} {form}' for form in forms) or option}")
+        self.option, self.question, self.forms = option, question, forms
+
+
+def joined(scans: Sequence[Scan]) -> Scan:
+    """Return several files of frames as one scan: in the order of their times, or in the given order."""
+    first = scans[0]
+    for scan in scans[1:]:
+        kind = _kind(first)
+        for field, mine in _kind(scan).items():
+            if mine != kind[field]:
+                found = f"{field} {mine}, where {first.names[0]} has {kind[field]}"
+                raise FrameError(f"{scan.names[0]}: {found}; import frames of one kind at a time")
+    times = [scan.times for scan in scans if scan.times is not None]
+    ordered, joint = scans, None
+    if len(times) == len(scans):
+        order = sorted(range(len(scans)), key=lambda nth: float(times[nth].time_s[0]))
+        time_s = np.concatenate([times[nth].time_s for nth in order])
+        if rising(time_s):
+            ordered, joint = [scans[nth] for nth in order], Times(time_s, times[0].source)
+    return replace(
+        first,
+        names=tuple(name for scan in ordered for name in scan.names),
+        pictures=lambda: (picture for scan in ordered for picture in _checked(scan)),
+        times=joint,
+        scale_fault=next((scan.scale_fault for scan in scans if scan.scale_fault), None),
+        times_fault=next((scan.times_fault for scan in scans if scan.times_fault), None),
+        notes=tuple(dict.fromkeys(note for scan in scans for note in scan.notes)),
+    )
+
+
+def _checked(scan: Scan) -> PictureStream:
+    """Yield a scan's frames, and check their stated number and size, which damaged files break."""
+    count = 0
+    for picture in scan.pictures():
+        count += 1
+        if picture.shape != (scan.rows, scan.columns) or count > len(scan.names):
+            raise FrameError(
+                f"{scan.names[0]}: damaged: a frame of {picture.shape}, number {count}, that it does not state"
+            )
+        yield picture
+    if count < len(scan.names):
+        raise FrameError(f"{scan.names[0]}: damaged: {count} of {len(scan.names)} frames can be read")
+
+
+def _kind(scan: Scan) -> dict[str, str]:
+    sizes = (size and from_si(size.value, "um") for size in (scan.depth_pixel_m, scan.lateral_pixel_m))
+    names = ("rows", "columns", "bits", "depth of a pixel (um)", "width of a pixel (um)")
+    values = (scan.rows, scan.columns, scan.bits, *sizes)
+    return {name: "not stated" if value is None else f"{value:.9g}" for name, value in zip(names, values, strict=True)}
+
+
+AXES = ("frame", "depth", "lateral")
+
+
+def parse_axes(text: str) -> tuple[str, ...]:
+    """Return the axes that a text names, like "lateral, depth,frame"."""
+    names = tuple(name.strip() for name in text.split(","))
+    if sorted(names) not in (sorted(AXES), sorted(AXES[1:])):
+        raise InputError(f"--axes: {text!r}; give {','.join(AXES)} in the order of the file, or depth,lateral of one")
+    return names
+
+
+def array_scan(
+    path: Path, array: NDArray[Any], axes: tuple[str, ...] | None, pixel_m: tuple[Sourced | None, ...] = ()
+) -> Scan:
+    """Return an array as a scan; `axes` names those longer than 1 (None: ask), `pixel_m` is the step along each."""
+    sizes = " x ".join(map(str, array.shape))
+    long = [axis for axis, size in enumerate(array.shape) if size > 1]
+    steps_m = [pixel_m[axis] if pixel_m else None for axis in long]
+    array = array.squeeze()
+    if array.ndim not in (2, 3):
+        raise FrameError(f"an array of {sizes}; give frames x rows x columns, or one frame")
+    if array.dtype.kind not in "uif":
+        raise FrameError(f"pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)")
+    if axes is None:
+        names = ",".join(AXES[-array.ndim :])
+        question = f"which axis is which? Name {names} in the order of the sizes"
+        raise UnansweredError("--axes", f"an array of {sizes}: {question}")
+    if array.ndim == 2:
+        axes = tuple(name for name in axes if name != "frame")
+    if len(axes) != array.ndim:
+        raise FrameError(f"--axes names {len(axes)} axes ({','.join(axes)}); the array is of {sizes}")
+    check_bytes(array.nbytes)
+    frames = np.transpose(array, [axes.index(name) for name in AXES if name in axes])
+    frames = frames if frames.ndim == 3 else frames[np.newaxis]
+    count, rows, columns = frames.shape
+    check_size(rows, columns)
+    depth_m, lateral_m = (steps_m[axes.index(name)] for name in AXES[1:])
+    bits = 8 if frames.dtype == np.uint8 else None
+    scan = Scan(frame_names(path, count), rows, columns, lambda: iter(frames), bits=bits)
+    return replace(scan, depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)

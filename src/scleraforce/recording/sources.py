@@ -10,8 +10,8 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.recording import bags, dicom, film, force_log, images, log_text, tables, thorlabs, tiff, volumes
-from scleraforce.recording.scan import Scan, Times, joined, parse_axes, rising
+from scleraforce.recording import bags, dicom, force_log, images, log_text, tables, tiff, volumes
+from scleraforce.recording.pixels import Scan, Times, joined, parse_axes, rising
 from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import FileKind, check_regular
 
@@ -134,13 +134,13 @@ def source_kind(path: Path) -> str:
 
 
 VOLUMES = {"nifti": volumes.read_nifti, "nrrd": volumes.read_nrrd, "metaimage": volumes.read_metaimage}
-STACKS = {"tiff": tiff.read_tiff, "dicom": dicom.read_dicom, "film": film.read_film}
+STACKS = {"tiff": tiff.read_tiff, "dicom": dicom.read_dicom, "film": images.read_film}
 
 
 def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array: str | None = None) -> Scan:
     """Return the frames of a source of a kind that `source_kind` returns."""
     if kind == "thorlabs":
-        return thorlabs.read_thorlabs(path)
+        return volumes.read_thorlabs(path)
     if kind == "numpy":
         return images.read_numpy(path, axes, array)
     if kind in VOLUMES:

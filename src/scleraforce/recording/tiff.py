@@ -19,9 +19,20 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Floats
 from scleraforce.errors import FrameError
-from scleraforce.recording import scan as scans
-from scleraforce.recording.pixels import as_shown, check_size, inverted, one_grey, unpacked_bytes
-from scleraforce.recording.scan import METRES, SECONDS, PixelSize, Scan, Times, rising
+from scleraforce.recording import pixels as scans
+from scleraforce.recording.pixels import (
+    METRES,
+    SECONDS,
+    PixelSize,
+    Scan,
+    Times,
+    as_shown,
+    check_size,
+    inverted,
+    one_grey,
+    rising,
+    unpacked_bytes,
+)
 
 if TYPE_CHECKING:
     from tifffile import TiffFile, TiffPage, TiffPageSeries
