@@ -214,7 +214,7 @@ def test_a_clock_that_is_set_back_is_refused_with_both_stamps(tmp_path: Path) ->
         sent = [(0, arrived_ns[nth] + nth % 3 * MS_NS, HERE.wrench(at, [nth] * 6), WRENCH)
                 for nth, at in enumerate(stamps_ns)]  # fmt: skip
         with pytest.raises(
-            RecordingError, match=r"/t: its stamps do not run forward: message 59 is of .* message 60 of "
+            RecordingError, match=r"/t: its stamps do not run forward: message 59 is of .* message 60 is of "
         ):
             read_bag(write_topic(tmp_path, "mcap", sent))
 

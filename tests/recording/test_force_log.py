@@ -76,8 +76,8 @@ def test_samples_that_an_ati_sensor_flags_as_saturated_have_no_force(tmp_path: P
     log, _ = log_of(tmp_path, ATI)
     assert np.isnan(log.wrench_sc).all(axis=1).tolist() == [False, False, True, False]
     (note,) = log.notes
-    assert note.startswith("Status (hex): 1 of 4 samples are flagged by the sensor and have no force; the first is ")
-    assert note.endswith("log.csv:11: 0x80020000")
+    assert note.startswith("1 of 4 samples are flagged by the sensor and have no force; the first is ")
+    assert note.endswith("log.csv:11: Status (hex): '0x80020000'")
 
 
 def test_numbers_other_than_counts_under_a_header_with_counts_are_asked_about(tmp_path: Path) -> None:
@@ -130,8 +130,8 @@ def test_samples_that_a_flag_marks_as_faulty_have_no_force(tmp_path: Path) -> No
         assert np.flatnonzero(np.isnan(log.force_n("fz"))).tolist() == [3, 4]
         assert columns[-1].name == name
         (note,) = log.notes
-        assert note.startswith(f"{name}: 2 of 9 samples are flagged")
-        assert note.endswith(f"log.csv:5: {bad}")
+        assert note.startswith("2 of 9 samples are flagged")
+        assert note.endswith(f"log.csv:5: {name}: {bad!r}")
 
 
 def test_a_column_that_flags_every_sample_is_refused_unless_it_is_not_the_status(tmp_path: Path) -> None:

@@ -292,7 +292,7 @@ def test_a_sequence_of_plus_has_its_own_times_and_leaves_out_invalid_frames(tmp_
     assert scan.times is None
     assert "does not rise: 3 (frame 2) and 2.5 (frame 3)" in str(scan.times_fault)
     fields = plus_fields(range(COUNT)) | {"UltrasoundImageOrientation": None}
-    with pytest.raises(FrameError, match=r"Seq_FrameNNNN_Timestamp of 5 frames, 0 to 4, and 40"):
+    with pytest.raises(FrameError, match=r"Seq_FrameNNNN_Timestamp of 5 frames, 0 to 4, .* has 40"):
         read_metaimage(mha(tmp_path / "a.mha", **fields), ("frame", "depth", "lateral"))
     with pytest.raises(FrameError, match=r"ImageStatus = INVALID for all 5 frames"):
         read_metaimage(mha(tmp_path / "a.mha", **plus_fields(range(COUNT), ["INVALID"] * COUNT)), IJK)

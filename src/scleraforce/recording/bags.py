@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import blake2b
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,36 +12,24 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Floats, Integers, Places
+from scleraforce.arrays import Flags, Floats, Integers, Places
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording import pixels as scans
 from scleraforce.recording.pixels import Scan, Times, UnansweredError, check_size
-from scleraforce.recording.tables import ForceLog
+from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
 
-# Encodings of sensor_msgs/Image: type and number of samples of a pixel, and how colours become grey.
-ENCODINGS: dict[str, tuple[str, int, int | None]] = {
-    "mono8": ("u1", 1, None),
-    "8UC1": ("u1", 1, None),
-    "mono16": ("u2", 1, None),
-    "16UC1": ("u2", 1, None),
-    "16SC1": ("i2", 1, None),
-    "32FC1": ("f4", 1, None),
-    "rgb8": ("u1", 3, cv2.COLOR_RGB2GRAY),
-    "bgr8": ("u1", 3, cv2.COLOR_BGR2GRAY),
-    "rgba8": ("u1", 4, cv2.COLOR_RGBA2GRAY),
-    "bgra8": ("u1", 4, cv2.COLOR_BGRA2GRAY),
-}
-
+# Types of a sample by sensor_msgs/Image's encoding; colours have 3 or 4 of one byte.
+GREYS = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2", "16SC1": "i2", "32FC1": "f4"}
+COLOURS = ("rgb8", "bgr8", "rgba8", "bgra8")
 # What decides on the meaning of a message's bytes, and stays the same within a topic.
 IMAGE_FIELDS = ("encoding", "is_bigendian", "height", "width", "step", "format")
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 FORCES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Vector3Stamped")
-SIX, THREE = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"), ("fx_n", "fy_n", "fz_n")
 SECOND_NS = 1_000_000_000
 NEIGHBOURS = 25  # messages before and after a stamp that runs back, whose delays are compared
 SPLIT = "record or filter them into bags of their own (rosbag filter, ros2 bag convert, mcap filter)"
@@ -57,21 +46,19 @@ def _image_pixels(message: Any, place: str) -> NDArray[Any]:
         if decoded is None:
             raise FrameError(f"{place}: damaged: an image that cannot be decoded")
         return np.asarray(decoded if decoded.ndim == 2 else cv2.cvtColor(decoded[..., :3], cv2.COLOR_BGR2GRAY))
-    known = ENCODINGS.get(message.encoding)
-    if known is None:
-        raise FrameError(f"{place}: encoding {message.encoding!r}; one of {', '.join(ENCODINGS)}")
-    code, samples, colour = known
-    kind = np.dtype((">" if message.is_bigendian else "<") + code)
+    if (encoding := message.encoding) not in (*GREYS, *COLOURS):
+        raise FrameError(f"{place}: encoding {encoding!r}; one of {', '.join((*GREYS, *COLOURS))}")
+    kind = np.dtype((">" if message.is_bigendian else "<") + GREYS.get(encoding, "u1"))
     rows, columns, step = int(message.height), int(message.width), int(message.step)
-    data = np.asarray(message.data, dtype=np.uint8)
-    if step < columns * samples * kind.itemsize or data.size < rows * step:
+    samples = len(encoding) - 1 if encoding in COLOURS else 1
+    data, used = np.asarray(message.data, dtype=np.uint8), columns * samples * kind.itemsize
+    if step < used or data.size < rows * step:
         raise FrameError(f"{place}: damaged: {data.size} bytes for {rows} rows of {step}")
-    lines = np.ascontiguousarray(data[: rows * step].reshape(rows, step)[:, : columns * samples * kind.itemsize])
+    lines = np.ascontiguousarray(data[: rows * step].reshape(rows, step)[:, :used])
     pixels = lines.view(kind).astype(kind.newbyteorder("=")).reshape(rows, columns, samples)
-    return pixels[..., 0] if colour is None else np.asarray(cv2.cvtColor(pixels, colour))
-
-
-_Ordered = tuple[Floats, Places, tuple[str, ...]]
+    if encoding in GREYS:
+        return pixels[..., 0]
+    return np.asarray(cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{encoding[:-1].upper()}2GRAY")))
 
 
 class _Heard(NamedTuple):
@@ -119,15 +106,11 @@ def _topic(bag: "AnyReader", kinds: Sequence[str], chosen: str | None, option: s
     for other in connections[1:]:
         if other.msgtype != connections[0].msgtype:
             raise InputError(f"{topic}: messages of two types, {connections[0].msgtype} and {other.msgtype}; {SPLIT}")
-    for first in connections[:1]:
-        # A type has one definition when messages are decoded, whichever connection they came by.
-        for other in bag.connections:
-            if other.msgtype == first.msgtype and _definition(other) != _definition(first):
-                two = " and of ".join(
-                    f"connection {each.id} ({each.topic}: {each.digest or f'{len(each.msgdef.data)} characters'})"
-                    for each in (first, other)
-                )
-                raise InputError(f"{topic}: two definitions of {first.msgtype}, of {two}; {SPLIT}")
+    # A type has one definition when messages are decoded, whichever connection they came by.
+    for first, other in product(connections[:1], bag.connections):
+        if other.msgtype == first.msgtype and _definition(other) != _definition(first):
+            two = " and ".join(f"connection {each.id} ({each.topic})" for each in (first, other))
+            raise InputError(f"{topic}: two definitions of {first.msgtype}, of {two}; {SPLIT}")
     return connections
 
 
@@ -149,7 +132,9 @@ def _messages(bag: "AnyReader", connections: "Sequence[Connection]") -> Iterator
         yield _Heard(each.id, captured_ns, arrived_ns, message.header.frame_id), message
 
 
-def _ordered(heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool) -> "_Ordered":
+def _ordered(
+    heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool
+) -> tuple[Floats, Places, tuple[str, ...]]:
     """Return the times of messages without repeated ones, their places in the order of arrival, and notes."""
     for nth, each in enumerate(heard):
         if each.frame_id != heard[0].frame_id:
@@ -162,10 +147,8 @@ def _ordered(heard: Sequence[_Heard], content: Callable[[int], bytes], by_arriva
         _check_stamped(captured_ns, late_ms)
         _check_publishers(publisher, late_ms)
     notes = [_late_note(late_ms)]
-    counts = np.unique(publisher, return_counts=True)[1]
-    if len(counts) > 1:
-        listed = " and ".join(map(str, counts))
-        notes.append(f"{len(counts)} publishers, with {listed} messages; merged by their time")
+    if len(counts := np.unique(publisher, return_counts=True)[1]) > 1:
+        notes.append(f"{len(counts)} publishers, with {' and '.join(map(str, counts))} messages; merged by their time")
     order = np.argsort(stamps_ns, kind="stable")
     if (moved := np.flatnonzero(np.diff(stamps_ns) < 0) + 1).size:
         _check_one_clock(stamps_ns, late_ms)
@@ -187,10 +170,8 @@ def _check_stamped(captured_ns: Integers, late_ms: Floats) -> None:
     others = late_ms[~empty]
     begins = empty.sum() == 1 and others.size and abs(late_ms[empty][0] - np.median(others)) <= LATEST_MS
     if empty.any() and not begins:
-        raise UnansweredError(
-            "--by-arrival", f"{empty.sum()} of {empty.size} messages are without a capture stamp "
-            "(header.stamp is 0): take the times at which all arrived, which lag behind by an unknown time?"
-        )  # fmt: skip
+        found = f"{empty.sum()} of {empty.size} messages are without a capture stamp (header.stamp is 0)"
+        raise UnansweredError("--by-arrival", f"{found}: take the times of arrival, which lag by an unknown time?")
 
 
 def _check_one_clock(stamps_ns: Integers, late_ms: Floats) -> None:
@@ -200,21 +181,16 @@ def _check_one_clock(stamps_ns: Integers, late_ms: Floats) -> None:
     before_ms, after_ms = late_ms[max(0, at - NEIGHBOURS) : at], late_ms[at : at + NEIGHBOURS]
     set_back = after_ms.min() - before_ms.min() > back_ms / 2.0
     if set_back or np.ptp(late_ms) > LATEST_MS:
-        before, after = (stamps_ns[nth] / SECOND_NS for nth in (at - 1, at))
-        raise RecordingError(
-            f"its stamps do not run forward: message {at - 1} is of {before:.6f} s, message {at} of "
-            f"{after:.6f} s, and late delivery does not explain it (the time from stamp to arrival is "
-            f"{late_ms.min():.1f} to {late_ms.max():.1f} ms); {SPLIT}"
-        )
+        pair = ", ".join(f"message {nth} is of {stamps_ns[nth] / SECOND_NS:.6f} s" for nth in (at - 1, at))
+        late = f"late delivery ({late_ms.min():.1f} to {late_ms.max():.1f} ms after the stamp) does not explain it"
+        raise RecordingError(f"its stamps do not run forward: {pair}; {late}; {SPLIT}")
 
 
 def _check_publishers(publisher: Integers, late_ms: Floats) -> None:
     typical_ms = {int(each): float(np.median(late_ms[publisher == each])) for each in np.unique(publisher)}
     if max(typical_ms.values()) - min(typical_ms.values()) > LATEST_MS:
         listed = " and ".join(f"{value:.0f} ms (connection {each})" for each, value in typical_ms.items())
-        raise RecordingError(
-            f"its publishers are not on one clock: messages arrive {listed} after their stamps; {SPLIT}"
-        )
+        raise RecordingError(f"its publishers are not on one clock: messages arrive {listed} after stamps; {SPLIT}")
 
 
 def _late_note(late_ms: Floats) -> str:
@@ -255,9 +231,9 @@ def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_
 def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStream:
     """Yield pictures in an order; pictures that arrived before their turn wait."""
     waiting: dict[int, NDArray[Any]] = {}
+    first: NDArray[Any] | None = None
     wanted, turn = set(order), iter(order)
     due = next(turn)
-    first: NDArray[Any] | None = None
     with _opened(path) as bag:
         connections = [each for each in bag.connections if each.topic == topic and each.msgcount]
         for nth, (_, message) in enumerate(_messages(bag, connections)):
@@ -274,16 +250,14 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStre
 
 
 def _log(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool) -> ForceLog:
-    heard, values = [], []
+    heard, values, topic = [], [], connections[0].topic
     for each, message in _messages(bag, connections):
         vectors = (message.wrench.force, message.wrench.torque) if hasattr(message, "wrench") else (message.vector,)
         values.append([coordinate for vector in vectors for coordinate in (vector.x, vector.y, vector.z)])
         heard.append(each)
     wrench_sc = np.array(values, dtype=np.float64)
-    topic = connections[0].topic
     with scans.named_faults(topic, "topic"):
         time_s, order, notes = _ordered(heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival)
-    names = np.array(SIX if wrench_sc.shape[1] == len(SIX) else THREE)
-    measured = ~np.isnan(wrench_sc).all(axis=0)  # what a sensor does not measure is NaN in ROS
-    columns, notes = tuple(names[measured].tolist()), tuple(f"{path}: {topic}: {note}" for note in notes)
-    return ForceLog(time_s, wrench_sc[order][:, measured], columns, notes)
+    measured: Flags = np.asarray(~np.isnan(wrench_sc).all(axis=0))  # what a sensor does not measure is NaN in ROS
+    columns = tuple(np.array(FORCE_COLUMNS[1:])[: len(measured)][measured].tolist())
+    return ForceLog(time_s, wrench_sc[order][:, measured], columns, tuple(f"{path}: {topic}: {note}" for note in notes))

@@ -45,29 +45,25 @@ def _status_meaning(name: str, others: Sequence[str]) -> str | None:
 
 
 def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str, ...]]:
-    name, meaning = column.name, column.unit
-    none = np.zeros(len(text.lines), dtype=bool)
+    name, meaning, none = column.name, column.unit, np.zeros(len(text.lines), dtype=bool)
     if meaning == ANY:
         return none, ()
     values, index = np.unique(np.char.strip(np.array(text.column(name))), return_inverse=True)
     in_hex = bool(HEX.search(name.strip()))
-    codes = [_code(str(value), in_hex) for value in values]
-    if any(isinstance(code, float) for code in codes):  # a measured quantity, like the error of a position
+    codes = {str(value): _code(str(value), in_hex) for value in values}
+    if any(isinstance(code, float) for code in codes.values()):  # a measured quantity, like the error of a position
         return none, (f"{name}: not taken for the sensor's status, because it has fractions",)
-    faulty = np.array([_is_faulty(code, meaning) for code in codes])[index]
-    count = int(faulty.sum())
+    faulty = np.array([_is_faulty(code, meaning) for code in codes.values()])[index]
+    count, first = int(faulty.sum()), int(np.argmax(faulty))
+    found = f"{text.place(first)}: {name}: {str(values[index[first]])!r}"
     if count == len(faulty):
-        raise RecordingError(
-            f"{text.place(0)}: {name}: {str(values[index[0]])!r}, and every sample is flagged: it gave no force; "
-            f"if this column is not its status, give --column {STATUS}={name}:{ANY}"
-        )
+        way = f"if this column is not its status, give --column {STATUS}={name}:{ANY}"
+        raise RecordingError(f"{found}, and every sample is flagged: it gave no force; {way}")
     if count:
-        first = int(np.argmax(faulty))
-        found = f"{text.place(first)}: {values[index[first]]}"
         flagged = f"{count} of {len(faulty)} samples are flagged by the sensor and have no force"
-        return faulty, (f"{name}: {flagged}; the first is {found}",)
-    harmless = sorted({str(value) for value, code in zip(values, codes, strict=True) if meaning == ATI and code})
-    note = f"{name}: {', '.join(harmless)}: a summary or the user's own threshold, without a fault; its forces are kept"
+        return faulty, (f"{flagged}; the first is {found}",)
+    harmless = ", ".join(value for value, code in codes.items() if meaning == ATI and code)
+    note = f"{name}: {harmless}: a summary or the user's own threshold, without a fault; its forces are kept"
     return faulty, (note,) if harmless else ()
 
 
@@ -244,31 +240,31 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
         by_header += _clock_column(text)
     answered = _of_each_kind(text.path, by_header, given)
     _check_units(text, [column for column in answered if column not in given], stated)
-    columns = required_columns(text.path, answered, text.names)
-    places = [text.names.index(column.name) for column in columns]
-    dated = columns[0].unit in log_text.CLOCKS
-    read = places[1:] if dated else places
-    mark = tables.decimal_mark(text, read)
-    values_sc = tables.numbers_of(text, read, gaps=places[1:], mark=mark)
-    _check_whole(text, columns[1:], values_sc[:, -len(columns) + 1 :], given)
-    values_sc *= [column.factor for column in columns[1 if dated else 0 :]]
-    time_s, wrench_sc = values_sc[:, 0], values_sc[:, -len(columns) + 1 :]
-    if dated:
-        moments = text.column(columns[0].name)
-        seconds = log_text.seconds_of(moments, columns[0].unit)
-        if isinstance(seconds, int):
-            found = f"{moments[seconds]!r} is not a time ({columns[0].unit})"
-            raise RecordingError(f"{text.place(seconds)}: {columns[0].name}: {found}")
-        time_s = seconds
-    notes = [*text.notes, *(["numbers have decimal commas"] if mark == "," else []), *_unused_date(text, columns[0])]
+    time, *forces = columns = required_columns(text.path, answered, text.names)
+    read = forces if time.unit in log_text.CLOCKS else columns
+    places = [text.names.index(column.name) for column in read]
+    mark = tables.decimal_mark(text, places)
+    values_sc = tables.numbers_of(text, places, gaps=places[-len(forces) :], mark=mark)
+    _check_whole(text, forces, values_sc[:, -len(forces) :], given)
+    values_sc *= [column.factor for column in read]
+    time_s, wrench_sc = values_sc[:, 0] if read is columns else _dated(text, time), values_sc[:, -len(forces) :]
+    notes = [*text.notes, *(["numbers have decimal commas"] if mark == "," else []), *_unused_date(text, time)]
     notes += [*_overruled(by_header, given), *tables.gap_notes(text.path, wrench_sc)]
     flags = _flagged(text, given)
     for column in flags:
         faulty, said = _faulty_samples(text, column)
         wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
         notes += said
-    log = ForceLog(time_s, wrench_sc, tuple(column.ours for column in columns[1:]), tuple(notes))
+    log = ForceLog(time_s, wrench_sc, tuple(column.ours for column in forces), tuple(notes))
     return tables.checked_samples(log, text.path, text.place, _range_n(text)), (*columns, *flags)
+
+
+def _dated(text: Table, time: LogColumn) -> Floats:
+    moments = text.column(time.name)
+    time_s = log_text.seconds_of(moments, time.unit)
+    if isinstance(time_s, int):
+        raise RecordingError(f"{text.place(time_s)}: {time.name}: {moments[time_s]!r} is not a time ({time.unit})")
+    return time_s
 
 
 def _stated_units(text: Table) -> dict[str, str]:
@@ -320,11 +316,12 @@ def _range_n(text: Table) -> float | None:
 
 def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
     stated = {column.name: column for column in given if column.ours == STATUS}
-    missing = next((name for name in stated if name not in text.names), None)
-    if missing is not None:
-        raise InputError(f"{text.path}: --column: no column {missing!r}; there are {', '.join(map(repr, text.names))}")
-    named = {name: LogColumn(STATUS, name, meaning) for name in text.names
-             if (meaning := _status_meaning(name, text.names))}  # fmt: skip
+    if missing := stated.keys() - set(text.names):
+        raise InputError(
+            f"{text.path}: --column: no column {min(missing)!r}; there are {', '.join(map(repr, text.names))}"
+        )
+    meanings = {name: _status_meaning(name, text.names) for name in text.names}
+    named = {name: LogColumn(STATUS, name, meaning) for name, meaning in meanings.items() if meaning}
     return tuple((named | stated).values())
 
 
@@ -356,8 +353,7 @@ def _clock_column(text: Table) -> list[LogColumn]:
         found = dict.fromkeys(map(log_text.clock_of, moments))
         if None in found:
             continue
-        known = [clock for clock in found if clock]
-        if known:
+        if known := [clock for clock in found if clock]:
             return [LogColumn("time_s", name, known[0])]
         if found:
             question = f"is the day or the month first? time={name}:dmy says the day, time={name}:mdy the month"

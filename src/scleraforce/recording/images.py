@@ -59,8 +59,7 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
     if pixels.dtype.kind == "i":
         least = int(pixels.min())
         note = f"{path}: signed pixels: {-least} was added, so that the smallest is 0"
-        scan = replace(scan, notes=(*scan.notes, note))
-        pixels = pixels.astype(np.int64) - least
+        scan, pixels = replace(scan, notes=(*scan.notes, note)), pixels.astype(np.int64) - least
         pixels = pixels.astype(np.uint16) if int(pixels.max()) < 2**16 else pixels
     with named_faults(path, "image"):
         return scans.grey_pixels(np.ascontiguousarray(pixels)), scan
@@ -79,11 +78,9 @@ def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
         if decoded is None:
             raise FrameError("damaged: it starts like an image but cannot be decoded")
         pixels: NDArray[Any] = np.asarray(decoded)
-        notes = []
-        if pixels.ndim == 3 and pixels.shape[-1] == 4 and not (pixels[..., 3] == np.iinfo(pixels.dtype).max).all():
-            notes.append("its transparency was left out")
-        if orientation != UPRIGHT:
-            notes.append(f"EXIF Orientation {orientation}: the frame was turned as it states")
+        clear = pixels.ndim == 3 and pixels.shape[-1] == 4 and (pixels[..., 3] != np.iinfo(pixels.dtype).max).any()
+        notes = ["its transparency was left out"] if clear else []
+        notes += [f"EXIF Orientation {orientation}: turned as it states"] if orientation != UPRIGHT else []
         grey: Pixels = np.ascontiguousarray(as_shown(scans.grey_pixels(pixels, cv2.COLOR_BGR2GRAY), orientation))
     (rows, columns), bits = grey.shape, 8 if grey.itemsize == 1 else None
     scan = Scan((str(path),), rows, columns, lambda: iter([read_image(path)[0]]), bits=bits, notes=tuple(notes))
@@ -93,9 +90,6 @@ def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
 def _check_png(data: bytes) -> int:
     """Walk the chunks of a PNG and return its EXIF Orientation: OpenCV would fill what is missing with black."""
     at, orientation = len(PNG_SIGNATURE), UPRIGHT
-    if data[at + 4 : at + 8] == b"IHDR":
-        columns, rows = (int.from_bytes(data[at + 8 + k : at + 12 + k], "big") for k in (0, 4))
-        check_size(rows, columns)
     while at + 12 <= len(data):
         length = int.from_bytes(data[at : at + 4], "big")
         chunk, check = data[at + 4 : at + 8 + length], data[at + 8 + length : at + 12 + length]
@@ -103,6 +97,8 @@ def _check_png(data: bytes) -> int:
             break
         if zlib.crc32(chunk) != int.from_bytes(check, "big"):
             raise FrameError("damaged: the check sum of a PNG chunk is wrong")
+        if chunk.startswith(b"IHDR"):
+            check_size(int.from_bytes(chunk[8:12], "big"), int.from_bytes(chunk[4:8], "big"))
         if chunk.startswith(b"acTL"):
             raise FrameError("an animated PNG; give a file for each frame")
         if chunk.startswith(b"eXIf"):
@@ -116,8 +112,7 @@ def _check_png(data: bytes) -> int:
 def _check_jpeg(data: bytes) -> int:
     if b"\xff\xd9" not in data[-1024:]:
         raise FrameError("a truncated JPEG: its end is missing")
-    frame = scans.jpeg_frame(data)
-    if frame is None:
+    if (frame := scans.jpeg_frame(data)) is None:
         raise FrameError("damaged: a JPEG that does not say how large it is")
     check_size(*frame[:2])
     at = data[: 2**17].find(JPEG_EXIF)
@@ -181,19 +176,15 @@ def read_film(path: Path) -> Scan:
     steps_s, pace = np.diff(time_s), f"film of {rate_hz:g} frames a second"
     if steps_s.size and np.ptp(steps_s) > EVEN * np.median(steps_s):
         pace = f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
-    notes = [
-        "a film's compression changes grey levels and fine structure; times are those at which it plays, from its "
-        "first frame on (--rate-hz where frames were taken at another rate)"
-    ]
+    notes = ["a film's compression changes grey levels and fine structure; its times are those at which it plays "
+             "(--rate-hz where frames were taken at another rate)"]  # fmt: skip
     with path.open("rb") as file:  # Matroska states no number of frames
         known = "" if file.read(4) == MATROSKA else f"states {stated} frames, of which "
     count = len(times_ms)
     if _ends_early(path):
         notes.append(f"{known}{count} can be decoded: it was cut off, for it ends before the end that it states")
     elif known and count < stated:
-        notes.append(
-            f"holds {stated} frames and plays {count}; the others are empty, hidden by an edit list or damaged"
-        )
+        notes.append(f"holds {stated} frames and plays {count}; the others are empty, hidden or damaged")
     shape, bits, times = (rows, columns), None if deep else 8, Times(time_s, pace) if rising(time_s) else None
     scan = Scan(scans.frame_names(path, count), *shape, lambda: _pictures(path, shape, deep), bits=bits, times=times)
     return replace(scan, notes=tuple(notes)).of_file(path)
@@ -203,13 +194,10 @@ def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
     tag = (int(film.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF).to_bytes(4, "little")
     if tag == GREY_16:
         return True
-    bits = _bits_of(tag)
-    if bits != 8:
-        depth = "an unknown number of" if bits is None else bits
-        raise FrameError(
-            f"pixels of {depth} bits (FFmpeg's pixel format {tag!r}); 8 bits, and 16 of grey, are read unchanged; "
-            f"write it so: ffmpeg -i {path.name} -pix_fmt gray16le -c:v ffv1 grey.mkv"
-        )
+    if (bits := _bits_of(tag)) != 8:
+        found = f"pixels of {bits or 'an unknown number of'} bits (FFmpeg's pixel format {tag!r})"
+        way = f"ffmpeg -i {path.name} -pix_fmt gray16le -c:v ffv1 grey.mkv"
+        raise FrameError(f"{found}; 8 bits, and 16 of grey, are read unchanged; write it so: {way}")
     return False
 
 
@@ -276,10 +264,7 @@ def _pictures(path: Path, shape: tuple[int, int], deep: bool) -> scans.PictureSt
     with _opened(path) as film:
         if deep:
             film.set(cv2.CAP_PROP_CONVERT_RGB, 0)
-        while True:
-            there, picture = film.read()
-            if not there:
-                return
+        while (picture := film.read()[1]) is not None:
             if picture.shape[:2] != shape:
                 raise FrameError(f"its frames change their size, from {shape} to {picture.shape[:2]}")
             if picture.dtype != (np.uint16 if deep else np.uint8):

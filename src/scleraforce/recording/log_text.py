@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import date
+from datetime import date, datetime
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,7 +19,6 @@ from scleraforce.whole_files import KINDS, read_text
 ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK = "iso", "dmy", "mdy", "date", "clock"
 CLOCKS = (ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK)
 DAY_S = 86_400
-EPOCH_DAY = date(1970, 1, 1).toordinal()
 MONTHS = {
     name: month
     for month, names in enumerate(
@@ -46,70 +45,55 @@ def clock_of(text: str) -> str | None:
     found = MOMENT.fullmatch(text)
     if found is None:
         return None
-    if found["name"] or found["name_after"]:
-        return NAMED
-    if not found["first"]:
-        return CLOCK
-    if len(found["first"]) == 4:
-        return ISO
+    if kind := _kind(found):
+        return kind
     if found["mark"] == "." or int(found["first"]) > 12:
         return DAY_FIRST
     return MONTH_FIRST if int(found["middle"]) > 12 else ""
 
 
+def _kind(found: re.Match[str]) -> str:
+    """Return the notation of a moment, "" for `DAY_FIRST` or `MONTH_FIRST`."""
+    if found["name"] or found["name_after"]:
+        return NAMED
+    return CLOCK if not found["first"] else ISO if len(found["first"]) == 4 else ""
+
+
 def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
     """Return dates in s since 1970 (UTC by default), times of day since midnight; or the place of another clock's."""
-    days: dict[str, int] = {}
     time_s = np.empty(len(texts))
     for nth, text in enumerate(texts):
         found = MOMENT.fullmatch(text)
-        if found is None:
+        if found is None or _kind(found) not in (clock, *([""] if clock in (DAY_FIRST, MONTH_FIRST) else [])):
             return nth
         try:
-            written = text[: found.start("hour")]
-            if written not in days:
-                days[written] = _day(found, clock)
-            time_s[nth] = days[written] * DAY_S + _of_day(found)
-        except (ValueError, KeyError):
+            time_s[nth] = _seconds(found, clock)
+        except ValueError:
             return nth
     if clock == CLOCK:  # past midnight, the day begins anew
         time_s += DAY_S * np.concatenate([[0], np.cumsum(np.diff(time_s) < -DAY_S / 2)])
     return time_s
 
 
-def _day(found: re.Match[str], clock: str) -> int:
-    name = found["name"] or found["name_after"]
-    if (clock == CLOCK) != (not name and not found["first"]) or (clock == NAMED) != bool(name):
+def _seconds(found: re.Match[str], clock: str) -> float:
+    hour, half, zone = int(found["hour"]), found["half"], (found["zone"] or "Z").replace("UTC", "Z")
+    if half and not 1 <= hour <= 12:
         raise ValueError
+    hour = hour % 12 + (12 if half[0] in "pP" else 0) if half else hour
+    time = f"{hour:02}:{found['minute']}:{found['second'] or '00'}{zone}"
+    return datetime.fromisoformat(f"{_day(found, clock)}T{time}").timestamp() + float(f"0.{found['fraction'] or 0}")
+
+
+def _day(found: re.Match[str], clock: str) -> date:
     if clock == CLOCK:
-        return 0
-    if name:
-        short = name.lower()
-        month = next((MONTHS[short[:length]] for length in (4, 3) if short[:length] in MONTHS), 0)
-        year, day = int(found["year"]), int(found["day"] or found["day_before"])
-    else:
-        parts = [int(found[part]) for part in ("first", "middle", "last")]
-        if (clock == ISO) != (len(found["first"]) == 4):
-            raise ValueError
-        year, month, day = (
-            parts[place] for place in {ISO: (0, 1, 2), DAY_FIRST: (2, 1, 0), MONTH_FIRST: (2, 0, 1)}[clock]
-        )
-    return date(year + 2000 if year < 100 else year, month, day).toordinal() - EPOCH_DAY
-
-
-def _of_day(found: re.Match[str]) -> float:
-    hour, half = int(found["hour"]), found["half"]
-    if half:
-        if not 1 <= hour <= 12:
-            raise ValueError
-        hour = hour % 12 + (12 if half[0] in "pP" else 0)
-    fraction = float(f"0.{found['fraction'] or 0}")
-    if hour > 23 or int(found["minute"]) > 59:
-        raise ValueError
-    zone_s = 0.0
-    if (zone := found["zone"]) not in (None, "Z", "UTC"):
-        zone_s = (-1.0 if zone[0] == "-" else 1.0) * (int(zone[1:3]) * 3600 + int(zone[-2:]) * 60)
-    return hour * 3600 + int(found["minute"]) * 60 + int(found["second"] or 0) + fraction - zone_s
+        return date(1970, 1, 1)
+    if clock == NAMED:
+        name = (found["name"] or found["name_after"]).lower()
+        month = MONTHS.get(name[:4], MONTHS.get(name[:3], 0))
+        return date(int(found["year"]), month, int(found["day"] or found["day_before"]))
+    order = "ymd" if clock == ISO else clock
+    parts = dict(zip(order, (int(found[part]) for part in ("first", "middle", "last")), strict=True))
+    return date(parts["y"] + (2000 if parts["y"] < 100 else 0), parts["m"], parts["d"])
 
 
 TIME, FORCE, TORQUE = "time", "force", "torque"
@@ -176,17 +160,16 @@ def _of_labview(path: Path, lines: Sequence[str]) -> Table:
     ends = [index for index, line in enumerate(lines) if line.strip().strip(",") == LABVIEW_END]
     if not ends:
         raise RecordingError(f"{path}: a LabVIEW measurement file without {LABVIEW_END}")
+    if len(ends) > 2:
+        raise RecordingError(
+            f"{path}:{ends[2] + 1}: a second segment (Multi_Headings); export each to a file of its own"
+        )
     stated = next(
-        (line.removeprefix("Separator").strip() for line in lines[: ends[0]] if line.startswith("Separator")), "Tab"
+        (line[len("Separator") :].strip() for line in lines[: ends[0]] if line.startswith("Separator")), "Tab"
     )
     separator = LABVIEW_SEPARATORS.get(stated.strip(",").lower())
     if separator is None:
         raise RecordingError(f"{path}: Separator: {stated!r} is not read; export the file with Tab or Comma")
-    if len(ends) > 2:
-        raise RecordingError(
-            f"{path}:{ends[2] + 1}: a second segment (Multi_Headings): its times begin anew; export each segment as a "
-            "file of its own"
-        )
     head, top = _entries(lines[: ends[0]], separator), ends[-1] + 1
     segment = _entries(lines[ends[0] + 1 : ends[1]], separator) if ends[1:] else {}
     columns = head.get("X_Columns", ("One",))[0]

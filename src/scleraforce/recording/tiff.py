@@ -5,10 +5,11 @@ import lzma
 import re
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from io import BytesIO
-from math import isclose, isfinite
+from math import inf, isclose
 from pathlib import Path
 from struct import unpack
 from typing import TYPE_CHECKING, Any
@@ -17,22 +18,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Floats
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
-from scleraforce.recording.pixels import (
-    METRES,
-    SECONDS,
-    PixelSize,
-    Scan,
-    Times,
-    as_shown,
-    check_size,
-    inverted,
-    one_grey,
-    rising,
-    unpacked_bytes,
-)
+from scleraforce.recording.pixels import METRES, SECONDS, PixelSize, Scan, Times, inverted, one_grey, rising
 
 if TYPE_CHECKING:
     from tifffile import TiffFile, TiffPage, TiffPageSeries
@@ -56,25 +44,22 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         frames = [page for page in pages if not _is_copy(page, pages[0])]
         for page in pages:
             _check_page(file, page)
-        first = file.series[0].keyframe
-        count, rows, columns = _sizes([each for each in file.series if not _is_copy(each.keyframe, first)])
+        count, rows, columns = _sizes([each for each in file.series if not _is_copy(each.keyframe, pages[0])])
         scans.check_bytes(sum(each.nbytes for each in file.series))
         _check_pages(file, pages, len(frames), count)
         orientation = _orientation(frames)
         notes: list[str] = []
         sizes = [*_ome_sizes(file, notes), *(_resolution(file, page, notes) for page in frames)]
         depth, lateral, scale_fault = scans.one_size([*sizes, _json_size(frames[0], rows, columns)])
-        notes = list(dict.fromkeys(notes))
         times = _times(file, count, notes)
-        kinds = {page.photometric for page in frames}
-        if len(frames) < len(pages) or any(page.subifds for page in frames):
-            notes.append("smaller copies of the frames in the file were not read")
-        if WHITE_IS_ZERO in kinds:
-            notes.append("PhotometricInterpretation is WhiteIsZero: dark and bright were exchanged")
-        if kinds & {RGB, PALETTE}:
-            notes.append("colour became grey")
-        if orientation != ORIENTATIONS[0]:
-            notes.append(f"Orientation {orientation}: the frames were turned as it states")
+        kinds, copies = {page.photometric for page in frames}, any(page.subifds for page in frames)
+        for note, holds in (
+            ("smaller copies of the frames in the file were not read", copies or len(frames) < len(pages)),
+            ("PhotometricInterpretation is WhiteIsZero: dark and bright were exchanged", WHITE_IS_ZERO in kinds),
+            ("colour became grey", kinds & {RGB, PALETTE}),
+            (f"Orientation {orientation}: the frames were turned as it states", orientation != ORIENTATIONS[0]),
+        ):
+            notes += [note] if holds else []
         scan = Scan(
             names=scans.frame_names(path, count),
             rows=rows,
@@ -84,12 +69,12 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             depth_pixel_m=depth,
             lateral_pixel_m=lateral,
             times=times,
-            notes=tuple(notes),
+            notes=tuple(dict.fromkeys(notes)),
             scale_fault=scale_fault,
         ).of_file(path)
     # From the fifth orientation on, rows and columns change places, with their sizes.
     shown = scan.turned() if orientation in ORIENTATIONS[4:] else scan
-    return replace(shown, pictures=lambda: (as_shown(picture, orientation) for picture in scan.pictures()))
+    return replace(shown, pictures=lambda: (scans.as_shown(picture, orientation) for picture in scan.pictures()))
 
 
 @contextmanager
@@ -116,12 +101,12 @@ def _check_page(file: "TiffFile", page: "TiffPage") -> None:
     kind = getattr(page.photometric, "name", page.photometric)
     if page.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE):
         raise FrameError(f"a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
-    check_size(page.imagelength, page.imagewidth, page.samplesperpixel)
+    scans.check_size(page.imagelength, page.imagewidth, page.samplesperpixel)
     if page.photometric != RGB and page.samplesperpixel > 1:
         found = f"SamplesPerPixel {page.samplesperpixel}, PhotometricInterpretation {kind}"
         raise FrameError(f"{found}: several channels; save the one with the frames")
     _check_compression(page)
-    check_size(max(2, page.tilelength), max(2, page.tilewidth))
+    scans.check_size(max(2, page.tilelength), max(2, page.tilewidth))
     if page.imagedepth != 1 or page.bitspersample > 64:
         raise FrameError(f"a TIFF of {page.imagedepth} layers of {page.bitspersample} bits; give one frame")
     largest = int(np.prod(page.chunks)) * 8
@@ -140,10 +125,8 @@ def _check_compression(page: "TiffPage") -> None:
         try:
             kinds[kind]
         except KeyError as fault:
-            raise FrameError(
-                f"{words} {getattr(kind, 'name', kind)}; save it without {option}, or as ZIP (deflate), or install "
-                "what reads it: pip install imagecodecs"
-            ) from fault
+            found = f"{words} {getattr(kind, 'name', kind)}"
+            raise FrameError(f"{found}; save it without {option}, as ZIP, or pip install imagecodecs") from fault
 
 
 def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
@@ -151,7 +134,7 @@ def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
         return len(zlib.decompressobj().decompress(packed, largest + 1)) > largest
     if compression == LZMA:
         return len(lzma.LZMADecompressor().decompress(packed, largest + 1)) > largest
-    return compression == PACKBITS and unpacked_bytes(packed, largest) > largest
+    return compression == PACKBITS and scans.unpacked_bytes(packed, largest) > largest
 
 
 def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
@@ -190,13 +173,12 @@ def _check_pages(file: "TiffFile", pages: "Sequence[TiffPage]", there: int, coun
 
 
 def _orientation(pages: "Sequence[TiffPage]") -> int:
-    found = [int(page.tags.valueof("Orientation", default=0)) or ORIENTATIONS[0] for page in pages]
-    other = next((each for each in found if each != found[0]), found[0])
-    if other != found[0]:
-        raise FrameError(f"Orientation {found[0]} and {other} in one file; save all frames with one")
-    if other not in ORIENTATIONS:
-        raise FrameError(f"Orientation {other}; TIFF has 1 to 8")
-    return other
+    found = sorted({int(page.tags.valueof("Orientation", default=0)) or ORIENTATIONS[0] for page in pages})
+    if len(found) > 1:
+        raise FrameError(f"Orientation {found[0]} and {found[1]} in one file; save all frames with one")
+    if found[0] not in ORIENTATIONS:
+        raise FrameError(f"Orientation {found[0]}; TIFF has 1 to 8")
+    return found[0]
 
 
 def _pictures(path: Path, data: bytes | None, shape: tuple[int, int, int]) -> scans.PictureStream:
@@ -232,16 +214,13 @@ def _ome_sizes(file: "TiffFile", notes: list[str]) -> list[PixelSize]:
     """Return the physical sizes of a pixel that OME-XML states; their unit is the micrometre where it names none."""
     found = []
     for stated in _of_ome(file, "Pixels"):
-        units = {stated.get(f"PhysicalSize{axis}Unit", "µm") for axis in "XY"} - set(METRES)
-        notes += [f"OME's unit {unit!r} is not known: the scale is not either" for unit in sorted(units)]
-        found.append(PixelSize("OME", depth_m=_ome_size(stated, "Y"), lateral_m=_ome_size(stated, "X")))
+        sizes_m: list[float | None] = []
+        for axis in "YX":
+            unit, size = stated.get(f"PhysicalSize{axis}Unit", "µm"), float(stated.get(f"PhysicalSize{axis}", "nan"))
+            notes += [] if unit in METRES else [f"OME's unit {unit!r} is not known: the scale is not either"]
+            sizes_m.append(size * METRES[unit] if unit in METRES and 0.0 < size < inf else None)
+        found.append(PixelSize("OME", depth_m=sizes_m[0], lateral_m=sizes_m[1]))
     return found
-
-
-def _ome_size(stated: dict[str, str], axis: str) -> float | None:
-    unit_m = METRES.get(stated.get(f"PhysicalSize{axis}Unit", "µm"))
-    size = float(stated.get(f"PhysicalSize{axis}", "nan"))
-    return size * unit_m if unit_m and isfinite(size) and size > 0.0 else None
 
 
 def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSize:
@@ -252,23 +231,20 @@ def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSi
     """
     kind = int(page.resolutionunit)
     tag_m = {INCH: 25.4e-3, CENTIMETRE: 1e-2}.get(kind)
-    names = [str((file.imagej_metadata or {}).get(name, "")).strip() for name in ("yunit", "unit")]
-    units = [names[0] or names[1], names[1]]
-    source, units_m = "ImageJ's unit", [_metres(unit) for unit in units]
-    if names[1] and names[1] not in NO_UNITS and units_m[1] is None:
-        notes.append(f"ImageJ's unit {names[1]!r} is not known: the scale is not either")
-    if not names[1]:
+    deep, unit = (str((file.imagej_metadata or {}).get(name, "")).strip() for name in ("yunit", "unit"))
+    source, units_m = "ImageJ's unit", [_metres(deep or unit), _metres(unit)]
+    if unit and unit not in NO_UNITS and units_m[1] is None:
+        notes.append(f"ImageJ's unit {unit!r} is not known: the scale is not either")
+    if not unit:
         source, units_m = "XResolution, YResolution", [tag_m, tag_m]
         if tag_m and "ResolutionUnit" not in page.tags and "XResolution" in page.tags:
             notes.append("no ResolutionUnit: by the standard of TIFF it is the inch")
     elif "ResolutionUnit" in page.tags and tag_m and units_m != [tag_m, tag_m]:
-        if kind == CENTIMETRE and units == ["um", "um"]:
+        if kind == CENTIMETRE and unit == "um" == (deep or unit):
             units_m = [tag_m, tag_m]
         taken = "ResolutionUnit" if units_m == [tag_m, tag_m] else "ImageJ's unit"
-        notes.append(f"ImageJ's unit is {units[1]}, ResolutionUnit {UNIT_NAMES[kind]}: {taken} counts, as in ImageJ")
-    depth_m, lateral_m = (
-        _size(page, tag, unit_m) for tag, unit_m in zip(("YResolution", "XResolution"), units_m, strict=True)
-    )
+        notes.append(f"ImageJ's unit is {unit}, ResolutionUnit {UNIT_NAMES[kind]}: {taken} counts, as in ImageJ")
+    depth_m, lateral_m = map(partial(_size, page), ("YResolution", "XResolution"), units_m)
     printed = units_m[0] in PRINTED and depth_m == lateral_m and (depth_m or 0.0) >= PRINTED_M
     return PixelSize(source, depth_m=None if printed else depth_m, lateral_m=None if printed else lateral_m)
 
@@ -287,22 +263,19 @@ def _size(page: "TiffPage", name: str, unit_m: float | None) -> float | None:
 def _json_size(page: "TiffPage", rows: int, columns: int) -> PixelSize:
     """Return the steps of axes that a JSON text in the Software tag lists value by value, as myOCT writes them."""
     depth_m, lateral_m = None, None
-    try:
+    with suppress(ValueError, TypeError, KeyError, AttributeError):
         axes = json.loads(page.tags["Software"].value)["metadata"]
         depth_m, lateral_m = _step_m(axes.get("z"), rows), _step_m(axes.get("x"), columns)
-    except (ValueError, TypeError, KeyError, AttributeError):
-        pass
     return PixelSize("JSON axes in the Software tag", depth_m=depth_m, lateral_m=lateral_m)
 
 
 def _step_m(axis: Any, size: int) -> float | None:
-    values = np.asarray(axis["values"], dtype=np.float64) if axis else np.zeros(0)
-    unit_m = METRES.get(str(axis.get("units", ""))) if axis else None
+    values, unit_m = np.asarray((axis or {}).get("values", ()), np.float64), METRES.get((axis or {}).get("units", ""))
     if values.shape != (size,) or unit_m is None:
         return None
-    steps: Floats = np.diff(values)
-    step = float(steps.mean())
-    return abs(step) * unit_m if step and np.allclose(steps, step, rtol=0.01) else None
+    steps = np.diff(values)
+    even = steps.mean() and np.allclose(steps, steps.mean(), rtol=0.01)
+    return abs(float(steps.mean())) * unit_m if even else None
 
 
 def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:

@@ -79,14 +79,9 @@ def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
         raise FrameError(f"Seq_FrameNNNN_ImageStatus = INVALID for all {count} frames; there is nothing to read")
     if len(kept) < count:
         left_out = ", ".join(str(nth) for nth in range(count) if nth not in kept)
-        note = f"ImageStatus = INVALID: frames {left_out} (from 0) are left out"
-        pictures = scan.pictures
-        scan = replace(
-            scan,
-            names=tuple(scan.names[nth] for nth in kept),
-            pictures=lambda: (picture for nth, picture in enumerate(pictures()) if nth in set(kept)),
-            notes=(*scan.notes, note),
-        )
+        notes, pictures = f"ImageStatus = INVALID: frames {left_out} (from 0) are left out", scan.pictures
+        scan = replace(scan, names=tuple(scan.names[nth] for nth in kept), notes=(*scan.notes, notes))
+        scan = replace(scan, pictures=lambda: (each for nth, each in enumerate(pictures()) if nth in set(kept)))
     if not times:
         return scan
     time_s = np.array([float(times[nth]) for nth in kept])
@@ -101,9 +96,9 @@ def _of_frames(scan: Scan, fields: Mapping[str, str], name: str) -> dict[int, st
     found = {int(match[1]): value for field, value in fields.items()
              if (match := re.fullmatch(SEQUENCE.format(name), field, re.IGNORECASE))}  # fmt: skip
     if found and sorted(found) != list(range(len(scan.names))):
+        stated = f"Seq_FrameNNNN_{name} of {len(found)} frames, {min(found)} to {max(found)}"
         raise FrameError(
-            f"Seq_FrameNNNN_{name} of {len(found)} frames, {min(found)} to {max(found)}, and {len(scan.names)} frames "
-            "along the axis named frame; write the sequence again, or name the actual axes"
+            f"{stated}, where the axis named frame has {len(scan.names)}; write it again, or correct --axes"
         )
     return found
 
@@ -238,25 +233,22 @@ def _nrrd_steps(header: Any, count: int) -> Steps:
         if np.isfinite(spacing) and np.isfinite(length) and abs(spacing - length) > SAME * length:
             raise FrameError(f"axis {axis}: spacings states {spacing:g}, and space directions {length:g}; correct one")
         if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != in_space[axis - 1]:
+            other = header.get("space units", "nothing")
             raise FrameError(
-                f"axis {axis}: units states {units[axis - 1]!r}, and space units "
-                f"{header.get('space units', 'nothing')}; correct one of them"
+                f"axis {axis}: units states {units[axis - 1]!r}, and space units {other}; correct one of them"
             )
     return _stated_steps(lengths, in_space, "NRRD's space directions")
 
 
 def _check_ends(header: Any, spacings: Sequence[float]) -> None:
     """Check that spacings are those between the first and the last sample, or between the edges of both."""
-    ends = [
-        header.get(f"axis {name}", header.get(f"axis{name}", [np.nan] * len(spacings))) for name in ("mins", "maxs")
-    ]
+    open_ends = [np.nan] * len(spacings)
+    ends = (header.get(f"axis {name}", header.get(f"axis{name}", open_ends)) for name in ("mins", "maxs"))
     for axis, (step, size, low, high) in enumerate(zip(spacings, header["sizes"], *ends, strict=True), start=1):
         fits = any(abs(abs(high - low) - step * steps) <= SAME * step * steps for steps in (size, size - 1))
         if np.isfinite([step, low, high]).all() and not fits:
-            raise FrameError(
-                f"axis {axis}: spacings states {step:g}, and {size} samples from axis mins {low:g} to maxs "
-                f"{high:g} have another; correct one of them"
-            )
+            other = f"{size} samples from axis mins {low:g} to maxs {high:g} have another"
+            raise FrameError(f"axis {axis}: spacings states {step:g}, and {other}; correct one of them")
 
 
 def _space_units(header: Any, directions: Floats) -> list[float | None]:
@@ -330,10 +322,8 @@ def _check(fields: dict[str, str]) -> None:
             continue
         lengths = np.linalg.norm(values.reshape(len(sizes), -1), axis=1)
         if not np.allclose(lengths, 1.0, atol=SAME):
-            raise FrameError(
-                f"{field} has directions of length {_listed(lengths.tolist())}, not 1, beside ElementSpacing = "
-                f"{fields.get('elementspacing', '(missing)')}; put the whole scale into ElementSpacing"
-            )
+            found = f"{field} has directions of length {_listed(lengths.tolist())}, not 1"
+            raise FrameError(f"{found}; put the whole scale into ElementSpacing")
 
 
 def _flag(fields: dict[str, str], *names: str) -> bool | None:
