@@ -26,6 +26,7 @@ from scleraforce.whole_files import KINDS, read_bytes, write_whole
 CALIBRATION_FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
 RIGIDITY_UNIT: Final = "mmhg13_per_ul"
+UNCHANGED = ("correlation", "calibrated", "rigidity_told")  # of a globe in the file
 STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
 NAMED_EYES = 8  # in a sentence
 WRITER = "give a file of `scleraforce calibrate`"
@@ -184,7 +185,7 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
     return CalibrationSummary(
         eyes={eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
         population_mean_pa=to_si(population.mean_mpa, "mpa"),
-        population_sd_pa=None if population.sd_mpa is None else to_si(population.sd_mpa, "mpa"),
+        population_sd_pa=to_si(population.sd_mpa, "mpa"),
         population_stiffening=population.stiffening,
         mechanics=content["mechanics"],
         path=name,
@@ -200,10 +201,8 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
         raise CalibrationError(f"{name}: {fault}") from fault
     if not isinstance(content, dict) or content.get("format") != CALIBRATION_FORMAT:
         found = f"found {content.get('format')!r:.40}" if isinstance(content, dict) else "found no object"
-        raise CalibrationError(
-            f"{name}: format: expected a JSON object with format {CALIBRATION_FORMAT}, {found}; "
-            f"{WRITER} of this version"
-        )
+        wanted = f"expected a JSON object with format {CALIBRATION_FORMAT}"
+        raise CalibrationError(f"{name}: format: {wanted}, {found}; {WRITER} of this version")
     if content.get("mechanics") not in MECHANICS:
         found = f"{content.get('mechanics')!r:.40}"
         raise CalibrationError(f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found}; {WRITER}")
@@ -217,17 +216,14 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
 def summary_of_eye(entry: Any, place: str) -> EyeSummary:
     """Return one entry of `eyes`; `place` is its place in messages; raises `CalibrationError`."""
     eye = converted(entry, _EyeEntry, place)
+    unchanged = ("frames", "discrepancy", "stiffening", "relaxation", "status")
     return EyeSummary(
         mean_pa=to_si(eye.mean_mpa, "mpa"),
         sd_pa=to_si(eye.sd_mpa, "mpa"),
-        frames=eye.frames,
         thickness_m=to_si(eye.thickness_um, "um"),
+        lean_rad=to_si(eye.lean_deg, "deg"),
         globe=OPEN if eye.globe is UNSET else _globe(eye.globe, f"{place}.globe"),
-        discrepancy=eye.discrepancy,
-        stiffening=eye.stiffening,
-        relaxation=eye.relaxation,
-        lean_rad=None if eye.lean_deg is None else to_si(eye.lean_deg, "deg"),
-        status=eye.status,
+        **{name: getattr(eye, name) for name in unchanged},
     )
 
 
@@ -235,28 +231,18 @@ def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
     """Return the entry of a globe in the file, with the band that holds its rigidity with 90 %."""
     values = dict(zip(("low", "high"), globe.band, strict=True))
     values |= {name: getattr(globe, name) for name in ("mean", "sd", "lowest", "highest")}
-    return {
-        "kind": globe.kind,
-        "rigidity_law": globe.law,
-        "rigidity_mmhg13_per_ul": {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()},
-        "correlation": globe.correlation,
-        "calibrated": globe.calibrated,
-        "rigidity_told": globe.rigidity_told,
-    }
+    rigidity = {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()}
+    unchanged = {name: getattr(globe, name) for name in UNCHANGED}
+    return {"kind": globe.kind, "rigidity_law": globe.law, "rigidity_mmhg13_per_ul": rigidity, **unchanged}
 
 
 def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
     rigidity = entry.rigidity_mmhg13_per_ul
     if rigidity.highest < rigidity.lowest or (rigidity.highest > 0.0 and not rigidity.sd > 0.0):
         raise CalibrationError(f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0; {WRITER}")
-    return KnownGlobe(
-        kind=entry.kind,
-        **{name: to_si(value, RIGIDITY_UNIT) for name, value in msgspec.structs.asdict(rigidity).items()},
-        law=entry.rigidity_law,
-        correlation=entry.correlation,
-        calibrated=entry.calibrated,
-        rigidity_told=entry.rigidity_told,
-    )
+    values = {name: to_si(value, RIGIDITY_UNIT) for name, value in msgspec.structs.asdict(rigidity).items()}
+    unchanged = {name: getattr(entry, name) for name in UNCHANGED}
+    return KnownGlobe(kind=entry.kind, law=entry.rigidity_law, **values, **unchanged)
 
 
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:

@@ -309,14 +309,11 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
     if image.scale_fault and info is None and None in (given.width_m, given.depth_m):
         raise FrameError(f"{image.scale_fault}; give --width-mm and --depth-mm")
     if width is None or depth is None:
-        raise FrameError(
-            f"{path}: its size is neither in the file nor in a recording.toml; give --width-mm and --depth-mm"
-        )
+        raise FrameError(f"{path}: no size in the file or in a recording.toml; give --width-mm and --depth-mm")
     for key, extent in (("width_mm", width), ("depth_mm", depth)):
         try:
             check_quantity(key, from_si(extent.value, "mm"))
         except StudyError as fault:
-            option = f"--{key.replace('_', '-')}"
-            raise FrameError(f"{path}: {fault} (stated by: {extent.source}); give {option}") from None
+            raise FrameError(f"{path}: {fault} (stated by: {extent.source}); give --{key.replace('_', '-')}") from None
     notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
     return ScaledFrame(pixels, width, depth, index or Sourced(1.0, "assumed"), info, notes)

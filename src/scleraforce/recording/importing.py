@@ -194,10 +194,8 @@ def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: 
         if name in ("width_mm", "depth_mm") and abs(known[name][0] - value) > SAME_SCALE * value
     ]
     if log is not None and (count := int(((moved.time_s < log.time_s[0]) | (moved.time_s > log.time_s[-1])).sum())):
-        doubts.append(
-            f"{count} frames were taken before or after the forces: they have no label and are not evaluated; mend the "
-            "clocks (--clock-offset-s) if they should be"
-        )
+        lost = f"{count} frames were taken before or after the forces: they have no label and are not evaluated"
+        doubts.append(f"{lost}; mend the clocks (--clock-offset-s) if they should be")
     return Import(gathered, greys, moved, log, origin_s, info, sources).with_notes(doubts)
 
 

@@ -58,10 +58,8 @@ def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float
     if recording.forces is not None and all(isinstance(label, str) for label in labels):
         raise _no_label(recording, recording.forces, str(labels[0]))
     if (fault := unit_fault(recording, labels, classes)) is not None:
-        raise RecordingError(
-            f"{recording.path / 'forces.csv'}: {fault}; the columns are in N: multiply forces in mN by 0.001, in "
-            "gram-force by 0.00981"
-        )
+        way = "the columns are in N: multiply forces in mN by 0.001, in gram-force by 0.00981"
+        raise RecordingError(f"{recording.path / 'forces.csv'}: {fault}; {way}")
     each = zip(recording.frames, labels, strict=True)
     return tuple(_trial(recording, frame, label, classes, max_force_n) for frame, label in each)
 
@@ -115,10 +113,9 @@ def _trial(
     if not isinstance(label, float):
         return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=None, target=None, excluded=excluded)
     if label < -classes.bounds_n[0] and not frame.pierced:
-        raise RecordingError(
-            f"{recording.path / 'forces.csv'}: the needle would pull with {-from_si(label, 'mn'):.1f} mN at the time "
-            f"of {frame.file}, {frame.time_s:g} s; check contact_sign, and that the log starts before the first contact"
-        )
+        found = f"would pull with {-from_si(label, 'mn'):.1f} mN at the time of {frame.file}, {frame.time_s:g} s"
+        way = "check contact_sign, and that the log starts before the first contact"
+        raise RecordingError(f"{recording.path / 'forces.csv'}: the needle {found}; {way}")
     if max_force_n is not None and label > max_force_n:
         excluded = excluded or f"above the largest force of the study, {from_si(max_force_n, 'mn'):g} mN"
     target = classes.classify(label)
@@ -239,12 +236,9 @@ def _samples_around(log: ForceLog, force_n: Floats, time_s: float, average_s: fl
     start, middle, stop = np.searchsorted(log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9])
     expected = average_s * log.sample_rate_hz
     if middle in (start, stop) or stop - start < expected / 2 - 1e-6:  # its clock is rounded
-        return (
-            f"{stop - start} force samples within {average_s / 2:g} s of its time {time_s:g} s, about "
-            f"{expected:.0f} are needed"
-        )
-    missing = int(np.isnan(force_n[start:stop]).sum())
-    if missing:
+        place = f"within {average_s / 2:g} s of its time {time_s:g} s"
+        return f"{stop - start} force samples {place}, about {expected:.0f} are needed"
+    if missing := int(np.isnan(force_n[start:stop]).sum()):
         return f"{missing} of the {stop - start} force samples around it have no force"
     return slice(int(start), int(stop))
 
@@ -288,14 +282,11 @@ def log_doubts(
         return ()
     shift_s, gain = _best_shift(means, times_s, values, classes.bounds_n[0])
     if gain > BETTER:
-        return (
-            f"the frames' times are off: the frames fit forces.csv as if they had been taken about "
-            f"{abs(shift_s):g} s {'later' if shift_s > 0 else 'earlier'} than frames.csv says; bring both to one clock",
-        )
+        taken = f"about {abs(shift_s):g} s {'later' if shift_s > 0 else 'earlier'} than frames.csv says"
+        return (f"the frames' times are off: they fit forces.csv as if taken {taken}; bring both to one clock",)
     varied = np.ptp(stated_n) > classes.bounds_n[0]
     if varied and _likelihood(stated_n, values) - _likelihood(np.zeros_like(stated_n), values) < RELATED:
-        return ("forces.csv is unrelated to the frames; check that both are of one session, and "
-                "their clocks",)  # fmt: skip
+        return ("forces.csv is unrelated to the frames; check that both are of one session, and their clocks",)
     return ()
 
 
@@ -306,10 +297,8 @@ def _size_doubt(stated_n: Floats, read_n: Floats, classes: ClassesStudy) -> str 
     ratio = float(np.median(stated_n[pushed] / np.maximum(read_n[pushed], 1e-6)))
     if 1.0 / OTHER_SIZE < ratio < OTHER_SIZE:
         return None
-    return (
-        f"forces.csv has {max(ratio, 0.0):.2g} times the force that the frames show, in the median: check its unit "
-        "(N), the [force] axis, that frames.csv and forces.csv have one clock, and what is known of the eye"
-    )
+    way = "check its unit (N), [force] axis, the clocks of frames.csv and forces.csv, and what is known of the eye"
+    return f"forces.csv has {max(ratio, 0.0):.2g} times the force that the frames show, in the median: {way}"
 
 
 def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
@@ -319,17 +308,13 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
         return None
     times_s = np.array([frame.time_s for frame in recording.frames])
     axes = [axis for axis in ("fx", "fy", "fz") if f"{axis}_n" in log.columns and np.isfinite(log.force_n(axis)).any()]
-    peaks_n = {
-        axis: float(np.nanmax(np.abs(_means(log, replace(info, axis=axis))(times_s)), initial=0.0)) for axis in axes
-    }
+    means = {axis: _means(log, replace(info, axis=axis))(times_s) for axis in axes}
+    peaks_n = {axis: float(np.nanmax(np.abs(mean_n), initial=0.0)) for axis, mean_n in means.items()}
     largest = max(axes, key=peaks_n.__getitem__)
     if peaks_n[largest] <= CROSS_FORCE * max(peaks_n[info.axis], classes.bounds_n[0]):
         return None
-    return (
-        f"forces.csv has up to {from_si(peaks_n[largest], 'mn'):.1f} mN along {largest} under the frames, but "
-        f"{from_si(peaks_n[info.axis], 'mn'):.1f} mN along {info.axis}: check [force] axis, which is that "
-        "along the needle"
-    )
+    across, along = (f"{from_si(peaks_n[axis], 'mn'):.1f} mN along {axis}" for axis in (largest, info.axis))
+    return f"forces.csv has up to {across} under the frames, but {along}: check [force] axis, that along the needle"
 
 
 def _means(log: ForceLog, info: ForceInfo) -> Callable[[Floats], Floats]:

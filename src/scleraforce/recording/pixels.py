@@ -218,10 +218,8 @@ def package_for(name: str, kind: str) -> Any:
     try:
         return import_module(name)
     except ImportError as fault:
-        package = name.partition(".")[0]
-        raise InputError(
-            f"{kind} takes the package {package}, which is not installed: pip install 'scleraforce[formats]'"
-        ) from fault
+        found = f"{kind} takes the package {name.partition('.')[0]}, which is not installed"
+        raise InputError(f"{found}: pip install 'scleraforce[formats]'") from fault
 
 
 PictureStream = Iterator[NDArray[Any]]
@@ -374,9 +372,7 @@ def _checked(scan: Scan) -> PictureStream:
     for picture in scan.pictures():
         count += 1
         if picture.shape != (scan.rows, scan.columns) or count > len(scan.names):
-            raise FrameError(
-                f"{scan.names[0]}: damaged: a frame of {picture.shape}, number {count}, that it does not state"
-            )
+            raise FrameError(f"{scan.names[0]}: damaged: a frame of {picture.shape}, number {count}, is not stated")
         yield picture
     if count < len(scan.names):
         raise FrameError(f"{scan.names[0]}: damaged: {count} of {len(scan.names)} frames can be read")

@@ -225,18 +225,14 @@ def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[T
     """Return times and log on the log's clock, `offset_s` ahead of the frames', and its new zero; both must overlap."""
     time_s = times.time_s + offset_s
     if not rising(time_s):
-        raise InputError(
-            "the frames' times do not rise from each frame to the next; give the files in the order in which they were "
-            "taken, or their times by --times or --rate-hz"
-        )
+        way = "give the files in their order, or their times by --times or --rate-hz"
+        raise InputError(f"the frames' times do not rise from each frame to the next; {way}")
     first_s = float(min([time_s[0], *([] if log is None else log.time_s[:1])]))
     origin_s = float(np.floor(first_s)) if first_s > SINCE_1970_S else 0.0
     moved = None if log is None else replace(log, time_s=log.time_s - origin_s)
     time_s = time_s - origin_s
     if moved is not None and (time_s[-1] < moved.time_s[0] or time_s[0] > moved.time_s[-1]):
         frames, forces = (f"{each[0]:.3f} to {each[-1]:.3f} s" for each in (time_s, moved.time_s))
-        raise InputError(
-            f"the clocks do not overlap: frames at {frames}, forces at {forces}; --clock-offset-s brings both to one "
-            "clock"
-        )
+        found = f"frames at {frames}, forces at {forces}"
+        raise InputError(f"the clocks do not overlap: {found}; --clock-offset-s brings both to one clock")
     return Times(time_s, times.source), moved, origin_s

@@ -158,9 +158,8 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
     index, column, field = comma
     name = table.names[column] if column < len(table.names) else f"column {column + 1}"
     why = "other numbers have decimal points" if pointed else "every comma has three digits behind it"
-    readings = (
-        f"{field.replace(',', '.', 1)} with a decimal comma, or {field.replace(',', '')} with one between thousands"
-    )
+    one, other = field.replace(",", ".", 1), field.replace(",", "")
+    readings = f"{one} with a decimal comma, or {other} with one between thousands"
     raise RecordingError(f"{place(index)}: {name}: {field!r} is {readings} ({why}); {PLAIN_NUMBERS}")
 
 
@@ -212,12 +211,10 @@ def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> Non
         pointed = [line for line, field in enumerate(texts) if "." in field]
         if len(pointed) == len(texts) or not all(POINT_GROUPED.fullmatch(texts[line]) for line in pointed):
             continue
-        field = texts[pointed[0]]
-        raise RecordingError(
-            f"{table.place(pointed[0])}: {table.names[place]}: {field!r} is {float(field):g} with a decimal point, or "
-            f"{field.replace('.', '')} with one between thousands (every point has three digits behind it, and other "
-            f"numbers have none); {PLAIN_NUMBERS}"
-        )
+        found = f"{table.place(pointed[0])}: {table.names[place]}: {(field := texts[pointed[0]])!r}"
+        readings = f"{float(field):g} with a decimal point, or {field.replace('.', '')} with one between thousands"
+        why = "every point has three digits behind it, other numbers have none"
+        raise RecordingError(f"{found} is {readings} ({why}); {PLAIN_NUMBERS}")
 
 
 def _row_numbers(
@@ -301,10 +298,8 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
         if entry.file in seen:
             raise RecordingError(f"{place}: file: {entry.file} is in line {seen[entry.file]} already")
         if entries and entry.time_s <= entries[-1].time_s:
-            raise RecordingError(
-                f"{place}: time_s: {entry.time_s:g} does not come after {entries[-1].time_s:g}; "
-                "frames are in the order of their times, with one at a time"
-            )
+            found = f"{entry.time_s:g} does not come after {entries[-1].time_s:g}"
+            raise RecordingError(f"{place}: time_s: {found}; frames are in the order of their times, one at a time")
         seen[entry.file] = line
         entries.append(entry)
     if not entries:
@@ -333,11 +328,10 @@ def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], rang
     rate_hz, notes = _checked_rate(log, path, place), list(log.notes)
     wrench_sc = _without_implausible(log, place, range_n, notes)
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
-        notes.append(
-            f"{path.name}: {rate_hz:.4g} samples a second, {GOOD_SAMPLE_RATE_HZ:g} are recommended: the noise of a "
-            f"label is {np.sqrt(GOOD_SAMPLE_RATE_HZ / rate_hz):.2g} times as large, and vibration faster than "
-            f"{rate_hz / 2:.3g} Hz is taken for force"
-        )
+        noise = f"the noise of a label is {np.sqrt(GOOD_SAMPLE_RATE_HZ / rate_hz):.2g} times as large"
+        vibration = f"vibration faster than {rate_hz / 2:.3g} Hz is taken for force"
+        said = f"{rate_hz:.4g} samples a second, {GOOD_SAMPLE_RATE_HZ:g} are recommended"
+        notes.append(f"{path.name}: {said}: {noise}, and {vibration}")
     return replace(log, wrench_sc=wrench_sc, notes=tuple(notes))
 
 
@@ -395,10 +389,8 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
         raise RecordingError(f"{place(sample)}: time_s: {found}; the clock must run forward")
     rate_hz = 1.0 / float(np.quantile(steps_s, 0.5, method="higher"))
     if rate_hz < MIN_SAMPLE_RATE_HZ * 0.999:
-        raise RecordingError(
-            f"{path}: time_s: {rate_hz:.4g} samples a second; at least {MIN_SAMPLE_RATE_HZ:g} are needed to follow a "
-            "push of 0.2 s (times are in seconds)"
-        )
+        needed = f"at least {MIN_SAMPLE_RATE_HZ:g} are needed to follow a push of 0.2 s (times are in seconds)"
+        raise RecordingError(f"{path}: time_s: {rate_hz:.4g} samples a second; {needed}")
     return rate_hz
 
 
