@@ -309,7 +309,8 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
     if image.scale_fault and info is None and None in (given.width_m, given.depth_m):
         raise FrameError(f"{image.scale_fault}; give --width-mm and --depth-mm")
     if width is None or depth is None:
-        raise FrameError(f"{path}: no size in the file or in a recording.toml; give --width-mm and --depth-mm")
+        lost = "its size is neither in the file nor in a recording.toml"
+        raise FrameError(f"{path}: {lost}; give --width-mm and --depth-mm")
     for key, extent in (("width_mm", width), ("depth_mm", depth)):
         try:
             check_quantity(key, from_si(extent.value, "mm"))
