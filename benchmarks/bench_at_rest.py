@@ -22,7 +22,7 @@ from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import load_model
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.overlay import draw_overlay
+from scleraforce.segmentation.found import draw_overlay
 from scleraforce.study import draw
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real-oct"

@@ -29,11 +29,9 @@ from scleraforce.models import SHIPPED_WALL_FINDER, folder_study, read_folder
 from scleraforce.reader.metrics import dice
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.overlay import draw_overlay
-from scleraforce.segmentation.reduced import reduced_frame
+from scleraforce.segmentation.found import Segmentation, draw_overlay
 from scleraforce.segmentation.wall import find_wall
-from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder, reduced_frame
 from scleraforce.study import ScenesStudy, Study, WallFinderStudy, draw, read_study
 
 STUDY = Study()

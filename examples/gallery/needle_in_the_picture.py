@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 import scleraforce as sf
 from scleraforce.report.files import SCAN_COLOURS, inches, styled, write_figure
-from scleraforce.segmentation.overlay import draw_overlay
+from scleraforce.segmentation.found import draw_overlay
 from scleraforce.study import fixed
 from scleraforce.study.eye import MeshStudy
 

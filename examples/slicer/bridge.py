@@ -20,7 +20,7 @@ import numpy as np
 
 from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, Transform, encode
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.overlay import draw_overlay
+from scleraforce.segmentation.found import draw_overlay
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.units import from_si
 

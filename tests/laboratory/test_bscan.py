@@ -28,7 +28,7 @@ from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.reduced import FrameWindow
+from scleraforce.segmentation.wall_finder import FrameWindow
 from scleraforce.study import OctStudy, Study, fixed
 
 # 16 bits over 120 dB: the intensity can be read back from the counts to 0.05 %.

@@ -16,7 +16,7 @@ from scleraforce.laboratory.scanner import MeasuredScanner, drawn_alike, histogr
 from scleraforce.laboratory.scanner_display import DISPLAY_KINDS, Estimate, Unmeasured, display_kind, spread_slope
 from scleraforce.laboratory.scanner_light import SurfaceLight, reflections
 from scleraforce.laboratory.scenes import draw_scene
-from scleraforce.segmentation.reduced import reduced_frame
+from scleraforce.segmentation.wall_finder import reduced_frame
 from scleraforce.study import PhantomStudy, parse_study
 
 SEEDS = range(7000, 7006)

@@ -16,7 +16,7 @@ from scleraforce.library import Library
 from scleraforce.models import network_session
 from scleraforce.reader import load_model
 from scleraforce.reader.networks import GIVEN
-from scleraforce.segmentation.reduced import FrameWindow
+from scleraforce.segmentation.wall_finder import FrameWindow
 from scleraforce.study import RawReaderStudy, ReaderStudy, Study, fixed, parse_study, study_hash
 
 TINY = Study(

@@ -34,7 +34,7 @@ from scleraforce.reader import intervals, load_model
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.kinds import SHIFTS, ForceReader, TrainedModel
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.slice import boundary_slice
+from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Range
 

@@ -20,7 +20,7 @@ from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, RecordingInfo, frame_digest, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.slice import boundary_slice
+from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 from scleraforce.study.toml import format_record

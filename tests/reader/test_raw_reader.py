@@ -22,7 +22,7 @@ from scleraforce.reader.answer import Reading
 from scleraforce.reader.intervals import IntervalFactors
 from scleraforce.reader.networks import GIVEN, ForceNetwork
 from scleraforce.reader.verdicts import WIDEST_N, judged_answer
-from scleraforce.segmentation.reduced import FrameWindow
+from scleraforce.segmentation.wall_finder import FrameWindow
 from scleraforce.study import Study
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.reduced import FrameWindow
+from scleraforce.segmentation.wall_finder import FrameWindow
 
 WINDOW = FrameWindow(rows=80, columns=144, row_m=50e-6, column_m=100e-6)
 

@@ -15,8 +15,8 @@ from scleraforce.laboratory.bscan import draw_shaft, render_bscan
 from scleraforce.laboratory.light import BscanOptics, Cover, Line, NeedleShaft, Pose, Shadow, sample_optics
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.found import draw_overlay
 from scleraforce.segmentation.needle import needle_entry
-from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Study
 

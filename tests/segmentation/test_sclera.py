@@ -12,9 +12,8 @@ from scleraforce.reader.metrics import dice
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.checked_wall import doubt
 from scleraforce.segmentation.needle import SeenNeedle
-from scleraforce.segmentation.reduced import reduced_columns
 from scleraforce.segmentation.wall import find_wall
-from scleraforce.segmentation.wall_finder import WallFinder
+from scleraforce.segmentation.wall_finder import WallFinder, reduced_columns
 from scleraforce.study import ScenesStudy
 
 HALF = STUDY.columns // 2

@@ -8,7 +8,7 @@ from scleraforce.mechanics.contact import Section, SliceWindow
 from scleraforce.mechanics.slices import fill_section
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.slice import boundary_slice, boundary_slices
+from scleraforce.segmentation.observations import boundary_slice, boundary_slices
 from scleraforce.study import SliceStudy
 
 SLICE = SliceStudy()

@@ -16,9 +16,8 @@ from scleraforce.segmentation.checked_wall import checked_by, refined_wall, shar
 from scleraforce.segmentation.found import Segmentation, without_wall
 from scleraforce.segmentation.light import without_page
 from scleraforce.segmentation.needle import SeenNeedle
-from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall import find_wall, lit_part
-from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
+from scleraforce.segmentation.wall_finder import SeenWall, WallFinder, reduced_columns, reduced_frame
 from scleraforce.study import Study
 
 STUDY_OF_FRAMES = Study()

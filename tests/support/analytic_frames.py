@@ -187,7 +187,7 @@ def imaged(counts: np.ndarray, scanner: OctStudy = SCANNER, name: str = "frame")
     scale = PixelScale.of(scanner)
     wall = find_wall(counts, scale)
     assert wall.usable, wall.reason
-    return ImagedEye(name, counts, scale, scanner.bits, wall, wall.inner_found)
+    return ImagedEye(name, counts, scale, scanner.bits, wall)
 
 
 def drawn_eyes(seeds: range, scanner: OctStudy = SCANNER, **optics: object) -> list[ImagedEye]:

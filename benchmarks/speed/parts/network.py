@@ -13,7 +13,7 @@ from scleraforce.models import NETWORK_FILE, SHIPPED_READER
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.model import slice_network
 from scleraforce.reader.networks import given_eye, given_inputs, given_modulus, histogram_reading, ratio_edges
-from scleraforce.segmentation.slice import boundary_slices
+from scleraforce.segmentation.observations import boundary_slices
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 from speed.eyes import draw_eyes, shipped_reader

@@ -157,8 +157,8 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
 def _segment_frame(
     path: Path, mask: Path | None, look: "Look", transpose: bool, overlay: bool, force: bool
 ) -> dict[str, Any]:
+    from scleraforce.segmentation.found import draw_overlay
     from scleraforce.segmentation.needle import needle_entry
-    from scleraforce.segmentation.overlay import draw_overlay
 
     frame, found = look(path)
     if mask is not None:

@@ -120,7 +120,7 @@ def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None
         raise FrameError(f"{path}: {found.reason}; nothing can be measured on it")
     if found.needle is not None:
         raise FrameError(f"{path}: a needle crosses it; give frames of an eye at rest")
-    return ImagedEye(str(path), frame.pixels, frame.scale, bits, found, found.inner_found)
+    return ImagedEye(str(path), frame.pixels, frame.scale, bits, found)
 
 
 def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, picture: Path) -> float:

@@ -16,7 +16,7 @@ from scleraforce.laboratory.bscan import DrawnShaft
 from scleraforce.laboratory.light import NO_LIGHT_DB, BscanOptics, Displayed, amplitude_sigma, transmission
 from scleraforce.library import INNER, OUTER
 from scleraforce.segmentation.grid import Float
-from scleraforce.segmentation.reduced import FrameWindow
+from scleraforce.segmentation.wall_finder import FrameWindow
 from scleraforce.study import OctStudy
 
 DB = 10.0 / log(10.0)  # of a factor e

@@ -25,8 +25,8 @@ from scleraforce.errors import FrameError
 from scleraforce.laboratory.light import Line, amplitude_sigma
 from scleraforce.library.placement import robust_spread
 from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.light import imaged_columns
-from scleraforce.segmentation.slice import BoundaryRows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,14 +78,13 @@ UNSEEN_M = 0.4e-3  # below the surface there is wall, where the inner boundary i
 
 @dataclass(frozen=True, eq=False)
 class ImagedEye:
-    """A frame, `pixels` (row, column) of `bits` bits, and its `wall`; `inner_found`: its inner boundary is seen."""
+    """A frame, `pixels` (row, column) of `bits` bits, and its `wall`."""
 
     name: str
     pixels: Pixels
     scale: PixelScale
     bits: int
-    wall: BoundaryRows
-    inner_found: bool
+    wall: Segmentation
 
     @property
     def top(self) -> int:
@@ -142,7 +141,7 @@ class ImagedEye:
     def inside(self) -> Flags:
         """The pixels in the wall, away from its boundaries, (row, column)."""
         inside: Flags = (self.below_surface_rows >= self.edge_rows) & (self.below_inner_rows < -self.edge_rows)
-        if not self.inner_found:
+        if not self.wall.inner_found:
             inside &= self.below_surface_rows * self.row_m < UNSEEN_M
         return inside & (self.pixels > 0).any(axis=0)
 

@@ -168,8 +168,8 @@ def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> tuple[Me
     columns = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < STEEPEST_RAD)
     attenuation = tissue.attenuation_per_m
     few = np.count_nonzero(columns) < LAYER_COLUMNS
-    if not eye.inner_found or few or isinstance(attenuation, Unmeasured):
-        return (Unmeasured(BLURRED if eye.inner_found else NO_INNER),) * 3
+    if not eye.wall.inner_found or few or isinstance(attenuation, Unmeasured):
+        return (Unmeasured(BLURRED if eye.wall.inner_found else NO_INNER),) * 3
     depth_m = eye.below_inner_rows * eye.row_m
     chosen = (depth_m > -ABOVE_M) & (depth_m < BELOW_M) & columns & (eye.below_surface_rows > eye.edge_rows)
     at_m, found_db, count = depth_profile(tissue.levels, depth_m, chosen, max(LAYER_BIN_M, eye.row_m))

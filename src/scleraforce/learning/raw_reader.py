@@ -37,7 +37,7 @@ from scleraforce.models import NETWORK_FILE, network_session
 from scleraforce.reader import networks
 from scleraforce.reader.intervals import Score
 from scleraforce.reader.verdicts import read_by_fit
-from scleraforce.segmentation.reduced import FrameWindow
+from scleraforce.segmentation.wall_finder import FrameWindow
 from scleraforce.study import Range, RawReaderStudy, ReaderStudy, SliceStudy, Study, draw, fixed
 
 Float = NDArray[np.float32]

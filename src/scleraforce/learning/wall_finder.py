@@ -16,7 +16,6 @@ from scleraforce.arrays import Flags, Floats
 from scleraforce.laboratory.scenes import Scene, draw_scene
 from scleraforce.learning.descent import Fitted, drawn_ahead, onnx_bytes, tensor, torch, trained
 from scleraforce.reader.metrics import dice
-from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.wall_finder import (
     BEYOND_SHARE,
     FINDER_FRAMES,
@@ -24,6 +23,8 @@ from scleraforce.segmentation.wall_finder import (
     FINDER_WALL,
     SeenWall,
     WallFinder,
+    reduced_columns,
+    reduced_frame,
     rows_about,
 )
 from scleraforce.study import ScenesStudy, WallFinderStudy

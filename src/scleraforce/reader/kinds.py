@@ -26,8 +26,7 @@ from scleraforce.reader.networks import ForceNetwork
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
-from scleraforce.segmentation.reduced import FrameWindow
-from scleraforce.segmentation.wall_finder import WallFinder
+from scleraforce.segmentation.wall_finder import FrameWindow, WallFinder
 from scleraforce.study import Range, Study
 
 INPUT, OUTPUT = "slices", "probabilities"

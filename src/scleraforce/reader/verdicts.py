@@ -16,8 +16,7 @@ from scleraforce.segmentation.conjunctiva import second_surface_m
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.light import as_logarithmic
 from scleraforce.segmentation.needle import SeenNeedle
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.slice import boundary_slices
+from scleraforce.segmentation.observations import Boundaries, boundary_slices
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Range, ReaderStudy, SliceStudy, Study

@@ -21,8 +21,7 @@ from scleraforce.recording.pixels import Pixels
 from scleraforce.report import files as style
 from scleraforce.report.frames import WIDTH, AnsweredFrame, evenly
 from scleraforce.report.recording_figures import DASHED, mark_bounds
-from scleraforce.segmentation.found import Segmentation, without_wall
-from scleraforce.segmentation.overlay import draw_overlay
+from scleraforce.segmentation.found import Segmentation, draw_overlay, without_wall
 from scleraforce.units import from_si
 
 BOTH_COLOUR = "#555555"

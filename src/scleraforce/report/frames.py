@@ -13,9 +13,8 @@ from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.report.html import Html, gallery, paragraph, section
-from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.overlay import draw_overlay
-from scleraforce.segmentation.slice import boundary_slice
+from scleraforce.segmentation.found import Segmentation, draw_overlay
+from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.study import SliceStudy
 from scleraforce.units import from_si
 

@@ -1,15 +1,27 @@
-"""The loops that are called for each frame: a look at a part of it, and single steps near a wall that is known."""
+"""The loops that are called for each frame, their tables for frames of one size, and the columns of boundaries.
+
+They look at a part of a frame, or take single steps near a wall that is known.
+"""
+
+from functools import lru_cache
+from math import ceil
+from typing import NamedTuple
 
 import numpy as np
+from numba import types
+from numba.experimental import structref
 
-from scleraforce.arrays import Counts, Flags, Floats, Integers
+from scleraforce.arrays import Counts, Flags, Floats, Indices, Integers, Places
 from scleraforce.compiled import compiled
+from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import EMPTY_SHARE, SATURATED_LEVEL, SATURATED_SHARE, UNSEEN_DEPTH_M
-from scleraforce.segmentation.grid import LEAST_SHAPE, Float
+from scleraforce.segmentation.grid import LEAST_SHAPE, Float, GridSize, grid_size
 from scleraforce.segmentation.inner import CELLS, GROUP, find_thickness, stretch, unroll
 from scleraforce.segmentation.light import brighter_columns, grid_cells, noise_floor
 from scleraforce.segmentation.loops import at_every_column, bridge, mean_of_neighbours
+from scleraforce.segmentation.needle import top_rows
 from scleraforce.segmentation.surface import (
+    ROWS,
     coarse_rows,
     fit_edges,
     opened_pairs,
@@ -20,10 +32,170 @@ from scleraforce.segmentation.surface import (
     start_rows,
     surface_score,
 )
-from scleraforce.segmentation.tables import Tables, Workplace
 
+FINE_COLUMNS = 128
+INNER_COLUMNS = 128  # at which the inner boundary is looked for
+CACHED = 64  # sizes of frames: black bands at both sides may change from frame to frame
+LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
+STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
+PATH_COLUMNS = 30  # columns at most on which the path is searched ...
+MAX_SLOPE = 2.5  # of the surface: 68 degrees
+STRIP_PIXELS, STRIP_M = 24.0, 0.15e-3  # half height of the strip in which the boundary is refined
+GAP_M = 1.5e-3  # a wall continues behind a gap that is narrower
+GAP_SHARE = 0.15  # ... and narrower than this share of the frame
 BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen: it has left the window
 FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
+
+
+@lru_cache(maxsize=CACHED)
+def fine_columns(columns: int) -> Float:
+    """Return at most 128 columns of a frame, evenly spaced from the first to the last."""
+    return np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
+
+
+@lru_cache(maxsize=CACHED)
+def nearest_point(columns: int) -> Integers:
+    """Return the nearest of `fine_columns` to each column of a frame, (column,)."""
+    fine = fine_columns(columns)
+    return np.rint(np.interp(np.arange(columns, dtype=np.float64), fine, np.arange(len(fine)))).astype(np.int64)
+
+
+@lru_cache(maxsize=CACHED)
+def continuation(columns: int, first: float, spacing: float, points: int) -> Float:
+    """Return the matrix that takes a curve at evenly spaced points to `fine_columns`, shape (fine, point).
+
+    It interpolates, and extrapolates beyond the curve's ends along their slopes (over three points: less ragged).
+    """
+    at, column = fine_columns(columns), first + spacing * np.arange(points)
+    matrix = np.array([np.interp(at, column, unit) for unit in np.eye(points)]).T
+    reach = min(3, points - 1)
+    for end, other, beyond in ((0, reach, at < column[0]), (points - 1, points - 1 - reach, at > column[-1])):
+        away = (at[beyond] - column[end]) / (column[end] - column[other])
+        matrix[beyond] = 0.0
+        matrix[beyond, end], matrix[beyond, other] = 1.0 + away, -away
+    return matrix.astype(np.float32)
+
+
+@lru_cache(maxsize=CACHED)
+def grouping(points: int) -> tuple[Places, Float]:
+    """Return INNER_COLUMNS evenly spread points, and the matrix (point, group) from means of groups to all points."""
+    chosen = np.arange(INNER_COLUMNS) * (points - 1) // (INNER_COLUMNS - 1)
+    middle = chosen.reshape(-1, GROUP).mean(axis=1)
+    matrix = np.array([np.interp(np.arange(points), middle, unit) for unit in np.eye(len(middle))]).T
+    return chosen, matrix.astype(np.float32)
+
+
+def grouped(values: Float) -> Float:
+    """Return the means over groups of points, (group,)."""
+    return values[grouping(len(values))[0]].reshape(-1, GROUP).mean(axis=1)
+
+
+class Tables(NamedTuple):
+    """Lengths in rows and columns, and constant arrays, for the imaged part of frames of one size and scale."""
+
+    width: int
+    step_rows: int
+    top_rows: int
+    line_rows: int  # of the opening that removes lines from the grid
+    judged_rows: int  # of the path's map, that a step is judged by
+    reach: int  # largest step of the path, in rows of its map, from one pair of columns to the next
+    strip_half: int  # height of the strip in which the boundary is refined
+    strip_line: int  # of the opening there
+    widest_gap: int  # in points, that the wall bridges
+    point_m: float
+    tissue_depth_m: float
+    pairs: Indices  # columns of the grid, by turns
+    downwards: Float  # a bonus of each row that is too small to outweigh anything seen
+    column: Float
+    columns: Indices  # before and after each point, (2, point)
+    across: Float
+    looked_at: Integers
+    looked_columns: Indices
+    looked_across: Float
+    place: Integers
+    weight: Float
+    group: Integers
+    group_weight: Float
+    nearest: Integers
+
+
+@structref.register
+class _WorkplaceType(types.StructRef):
+    """The type of a workplace, for Numba."""
+
+
+class Workplace(structref.StructRefProxy):
+    """Tables as one argument of a loop: passing each array would take 60 us a call.
+
+    Made by a compiled function only, whose code is cached.
+    """
+
+    tables: Tables
+
+
+structref.define_proxy(Workplace, _WorkplaceType, ["tables"])
+
+
+@compiled
+def _new_workplace(tables: Tables) -> Workplace:
+    return Workplace(tables)
+
+
+@lru_cache(maxsize=CACHED)
+def workplace_for(rows: int, width: int, lateral_m: float, depth_m: float, refractive_index: float) -> Workplace:
+    """Return the tables for the imaged part of frames: `rows` and `width` columns of one scale (`PixelScale`)."""
+    scale = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=refractive_index)
+    grid, column = grid_size(rows, width, scale), fine_columns(width)
+    first = np.arange(0, grid.columns - 1, max(2, ceil(grid.columns / PATH_COLUMNS)))  # of pairs of the grid's columns
+    middle = ((first + 1.0) * grid.step_columns - 0.5).astype(np.float32)  # of pairs, in columns of the frame
+    spacing = float(middle[1] - middle[0])
+    reach = ceil(MAX_SLOPE * (spacing / grid.step_columns * grid.scale.lateral_m) / (ROWS * grid.scale.depth_m))
+    point_m = float(column[1] - column[0]) * scale.lateral_m
+    looked_at, groups = grouping(len(column))
+    before = np.floor(column).astype(np.intp)
+    columns, across = np.minimum([before, before + 1], width - 1).astype(np.uintp), column - before.astype(np.float32)
+    place, weight = _two_of_each(continuation(width, float(middle[0]), spacing, len(middle)))
+    group, group_weight = _two_of_each(groups)
+    map_rows = grid.rows // ROWS
+    return _new_workplace(
+        Tables(
+            width=width,
+            step_rows=grid.step_rows,
+            top_rows=top_rows(grid),
+            line_rows=_rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2,  # an opening touches one row more
+            judged_rows=_rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3),
+            reach=min(max(2, reach), map_rows // 3),
+            strip_half=max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m))),
+            strip_line=max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m))),
+            widest_gap=round(min(GAP_M / point_m, GAP_SHARE * len(column))),
+            point_m=point_m,
+            tissue_depth_m=scale.depth_m / scale.refractive_index,
+            pairs=np.stack([first, first + 1], axis=1).ravel().astype(np.uintp),
+            downwards=np.linspace(0.0, 2e-3, map_rows, endpoint=False, dtype=np.float32),
+            column=column,
+            columns=columns,
+            across=across,
+            looked_at=looked_at.astype(np.int64),
+            looked_columns=np.ascontiguousarray(columns[:, looked_at]),
+            looked_across=across[looked_at],
+            place=place,
+            weight=weight,
+            group=group,
+            group_weight=group_weight,
+            nearest=nearest_point(width),
+        )
+    )
+
+
+def _rows_of(pixels: float, length_m: float, size: GridSize, least: int) -> int:
+    """Return a length in rows of a grid: pixels of the frame, at most `length_m`, at least `least` rows."""
+    return max(least, round(min(pixels / size.step_rows, length_m / size.scale.depth_m)))
+
+
+def _two_of_each(matrix: Float) -> tuple[Integers, Float]:
+    """Return the places of the (at most two) nonzero values in each row of a matrix, and these, (row, 2)."""
+    place = np.sort(np.argsort(matrix == 0.0, axis=1, kind="stable")[:, :2], axis=1).astype(np.int64)
+    return place, np.take_along_axis(matrix, place, axis=1)
 
 
 @compiled

@@ -17,12 +17,19 @@ import numpy as np
 
 from scleraforce.arrays import Flags, Floats, Places
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.boundaries import edge_near, thickness_below
+from scleraforce.segmentation.boundaries import (
+    continuation,
+    edge_near,
+    fine_columns,
+    grouped,
+    grouping,
+    nearest_point,
+    thickness_below,
+)
 from scleraforce.segmentation.found import UNSEEN_DEPTH_M, Segmentation
 from scleraforce.segmentation.grid import LEAST_SHAPE, Float
 from scleraforce.segmentation.inner import CELL_M, CELLS, stretch
 from scleraforce.segmentation.loops import at_every_column, best_path, bridge
-from scleraforce.segmentation.tables import continuation, fine_columns, grouped, grouping, nearest_point
 from scleraforce.segmentation.wall import Part, lit_part
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 

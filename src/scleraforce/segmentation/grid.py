@@ -54,11 +54,6 @@ def grid_size(rows: int, columns: int, scale: PixelScale) -> GridSize:
     return GridSize(rows, columns, step_rows, step_columns, cell)
 
 
-def rows_of(pixels: float, length_m: float, size: GridSize, least: int) -> int:
-    """Return a length in rows of the grid: pixels of the frame, at most `length_m`, at least `least` rows."""
-    return max(least, round(min(pixels / size.step_rows, length_m / size.scale.depth_m)))
-
-
 def counts_of(frame: Pixels) -> Counts:
     """Return a frame as the loops take it: one type for all, compiled once."""
     counts = np.ascontiguousarray(frame, np.uint16).view()

@@ -14,7 +14,7 @@ import numpy as np
 from scleraforce.arrays import Counts, Flags, Indices
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
-from scleraforce.segmentation.loops import find_path, mean_of_neighbours, mirrored, multiply_add, nth, sample_rows
+from scleraforce.segmentation.loops import best_path, mean_of_neighbours, mirrored, multiply_add, nth, sample_rows
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm
@@ -153,7 +153,7 @@ def find_thickness(wall: Float, seen: Float, prior: Float) -> tuple[Float, Flags
     """
     near, mean, bend, jump = _find_jumps(wall, seen)
     least = _standing_out(jump)
-    path = find_path(_score_jumps(jump, least, prior), REACH_CELLS)
+    path = best_path(_score_jumps(jump, least, prior), REACH_CELLS)
     groups, shown = len(path), 0
     testable, shows = 0, np.empty(groups, np.bool_)
     edge, weight = np.empty(groups, np.float32), np.empty(groups, np.float32)

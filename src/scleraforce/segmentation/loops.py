@@ -213,20 +213,6 @@ def straight_line(at: float, left: float, right: float, first: np.floating, last
     return slope * (np.float64(at) - np.float64(left)) + np.float64(first)
 
 
-def best_path(score_cr: Float, reach: int) -> Integers:
-    """Return the rows (column,) of the path with the largest sum of scores whose steps are at most `reach` rows.
-
-    Mostly the best rows of the columns make such a path already. If not, the part from the first step that is too large
-    to the last one is searched; if its ends fit to the rest, no path can be better, as each part is at its largest sum.
-    Otherwise all of it is searched. Give each row of the scores (column, row) its own small bonus: the path is unique
-    only if no two paths have the same sum.
-
-    >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
-    array([1, 1, 1])
-    """
-    return find_path(np.ascontiguousarray(score_cr, dtype=np.float32), reach)
-
-
 @compiled
 def best_rows(score_cr: Float) -> Integers:
     """Return the best row of each column; the first one of several."""
@@ -246,8 +232,17 @@ def is_path(path: Integers, reach: int) -> bool:
 
 
 @compiled
-def find_path(score_cr: Float, reach: int) -> Integers:
-    """Return the path of `best_path`."""
+def best_path(score_cr: Float, reach: int) -> Integers:
+    """Return the rows (column,) of the path with the largest sum of scores whose steps are at most `reach` rows.
+
+    Mostly the best rows of the columns make such a path already. If not, the part from the first step that is too large
+    to the last one is searched; if its ends fit to the rest, no path can be better, as each part is at its largest sum.
+    Otherwise all of it is searched. Give each row of the scores (column, row) its own small bonus: the path is unique
+    only if no two paths have the same sum.
+
+    >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
+    array([1, 1, 1])
+    """
     path = best_rows(score_cr)
     first, last = -1, -1
     for column in range(1, len(path)):

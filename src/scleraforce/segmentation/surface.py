@@ -10,18 +10,14 @@ Three rules, none of which knows the scale of the image:
   without a dark gap above has no visible surface and neither gains nor costs.
 """
 
-from functools import lru_cache
-from math import ceil
-
 import numpy as np
 
-from scleraforce.arrays import Counts, Flags, Indices, Integers, Places
+from scleraforce.arrays import Counts, Flags, Indices, Integers
 from scleraforce.compiled import compiled
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.grid import Float, GridSize, rows_of
+from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.loops import (
+    best_path,
     best_rows,
-    find_path,
     is_path,
     mirrored,
     nth,
@@ -30,75 +26,22 @@ from scleraforce.segmentation.loops import (
     sample_rows,
 )
 
-LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
-STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
-PATH_COLUMNS = 30  # columns at most on which the path is searched ...
 ROWS = 2  # ... and rows of the grid taken as one
-MAX_SLOPE = 2.5  # of the surface: 68 degrees
 BRIGHT_SHARE = 0.985  # of the cells are darker than bright tissue
 LEAST_STEP = 0.06  # of the bright tissue's level: less is texture
 LARGEST_LEVEL = 1.2  # times that: what is brighter counts as that
 HALF_STEP = 0.25  # a step of this size (over LEAST_STEP) earns half of the largest gain
 LEAST_EXCESS = 0.15  # of the bright tissue's level: less is haze, not tissue
 EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of full depth
-STRIP_PIXELS, STRIP_M = 24.0, 0.15e-3  # half height of the strip in which the boundary is refined
 SMOOTHED = 5  # points
 BLACK_SHARE = 0.25  # of the noise floor: darker cells are not measured
 ABSENT_SHARE = 0.3  # of the frame's own typical contrast: a column with less shows no surface
 TYPICAL = 0.75  # of the columns have less than the typical contrast
-GAP_M = 1.5e-3  # a wall continues behind a gap that is narrower
-GAP_SHARE = 0.15  # ... and narrower than this share of the frame
 FOUR = 4  # rows of the score of which the best one is searched first
 _SINGLE_LEVEL = np.float32(LARGEST_LEVEL)
 _SINGLE_STEP, _HALF_STEP = np.float32(LEAST_STEP), np.float32(HALF_STEP)
 _LEAST_EXCESS, _LARGEST_COST = np.float32(LEAST_EXCESS), np.float32(EXCESS_COST * EXCESS_CAP)
 _ZERO, _ONE_HALF, _NINTH = np.float32(0.0), np.float32(0.5), 1.0 / 9.0
-
-
-def line_rows(size: GridSize) -> int:
-    """Return the number of rows of the opening that removes lines from a grid."""
-    return rows_of(LINE_PIXELS, LINE_M, size, 1) + 2  # it touches one row more
-
-
-def step_rows(size: GridSize) -> int:
-    """Return the number of rows of the path's map over which a step is judged."""
-    return rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, size, 3)
-
-
-def path_reach(size: GridSize) -> int:
-    """Return the largest change of the path, in rows of its map, from one pair of columns to the next."""
-    column, _ = pairs_of(size.columns, size.step_columns)
-    spacing_m = float(column[1] - column[0]) / size.step_columns * size.scale.lateral_m
-    reach = ceil(MAX_SLOPE * spacing_m / (ROWS * size.scale.depth_m))
-    return min(max(2, reach), size.rows // ROWS // 3)
-
-
-def strip_rows(scale: PixelScale) -> tuple[int, int]:
-    """Return half the height of the strip in which the boundary is refined, and the opening there, rows of a frame."""
-    half = max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m)))
-    return half, max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m)))
-
-
-def widest_gap(points: int, point_m: float) -> int:
-    """Return the largest gap, in points, that the wall bridges."""
-    return round(min(GAP_M / point_m, GAP_SHARE * points))
-
-
-@lru_cache(maxsize=64)
-def pairs_of(columns: int, step: int) -> tuple[Float, Places]:
-    """Return at most PATH_COLUMNS evenly spaced pairs of neighbouring columns of a grid.
-
-    First their middles in columns of the frame, (pair,), then their columns in the grid by turns, (2 pair,).
-    """
-    first = np.arange(0, columns - 1, max(2, ceil(columns / PATH_COLUMNS)))
-    middle = ((first + 1.0) * step - 0.5).astype(np.float32)
-    return middle, np.stack([first, first + 1], axis=1).ravel()
-
-
-@lru_cache(maxsize=8)
-def downwards(rows: int) -> Float:
-    """Return a bonus of each row that is too small to outweigh anything seen."""
-    return np.linspace(0.0, 2e-3, rows, endpoint=False, dtype=np.float32)
 
 
 @compiled
@@ -211,7 +154,7 @@ def coarse_rows(score_cr: Float, reach: int) -> Integers:
             for near in range(FOUR * row + 1, FOUR * row + FOUR):
                 best = max(best, score_cr[column, near])
             four[column, row] = best
-    path = find_path(four, (reach + FOUR - 1) // FOUR)
+    path = best_path(four, (reach + FOUR - 1) // FOUR)
     for column in range(columns):
         first = FOUR * path[column]
         path[column] = first

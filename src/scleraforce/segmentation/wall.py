@@ -12,13 +12,12 @@ import numpy as np
 
 from scleraforce.arrays import Counts, Flags, Floats, Integers
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.boundaries import look
+from scleraforce.segmentation.boundaries import FINE_COLUMNS, Workplace, fine_columns, look, workplace_for
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.found import LEAST_COVER, Segmentation, blank_fault, surface_fault, without_wall
 from scleraforce.segmentation.grid import LEAST_SHAPE, Grid, counts_of, grid_size, imaged_part
 from scleraforce.segmentation.light import NOT_LOGARITHMIC, Lit, as_logarithmic, find_lit, without_page
 from scleraforce.segmentation.needle import find_needle
-from scleraforce.segmentation.tables import FINE_COLUMNS, Workplace, fine_columns, workplace_for
 
 if TYPE_CHECKING:
     from scleraforce.segmentation.wall_finder import WallFinder
