@@ -20,9 +20,8 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.globe import OPEN_GLOBE, study_globe
 from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.loads import needle_at
+from scleraforce.mechanics.loads import needle_at, study_springs
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.supports import study_springs
 from scleraforce.study import GlobeStudy, SupportsStudy
 
 WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))

@@ -26,11 +26,9 @@ from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.library.sealed import iop_ratio_under_force, pressures_at_dents, volume_paths
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
-from scleraforce.mechanics.contact import Section, SliceWindow
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.locate import MANY
 from scleraforce.mechanics.mesh import build_mesh
-from scleraforce.mechanics.slices import fill_sections
 from scleraforce.models import SHIPPED_READER
 from scleraforce.processes import available_cores
 from scleraforce.reader import ForceReader, load_force_reader
@@ -155,8 +153,6 @@ def compile_loops() -> None:
     """Compile all loops for all later processes."""
     _path()
     build_mesh(12e-3, THICKNESS_M, divisions=2).locator.locate(np.tile([0.0, 0.1, 1.0], (MANY, 1)))
-    wall = Section(np.array([[0.0, 0.0], [3.0, 0.0]]), np.array([[0.0, 2.0], [3.0, 2.0]]))
-    fill_sections([wall], [SliceWindow(left_m=0.0, top_m=0.0, columns=2, rows=2, pixel_m=1.0)])
     globe = sealed_globe(to_si(0.02, "mmhg13_per_ul")).over(MODULUS_PA)
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
     library = _reader().library

@@ -15,10 +15,9 @@ from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, WallEquili
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import gravity_load, needle_at, needle_loads, pressure_load
+from scleraforce.mechanics.loads import elastic_bed, gravity_load, needle_at, needle_loads, pressure_load, rectus_straps
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.supports import elastic_bed, rectus_straps
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 R, T, NU, E, IOP = 12e-3, 0.8e-3, 0.45, 0.3e6, 266.0

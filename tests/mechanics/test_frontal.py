@@ -7,9 +7,9 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import element_stiffness, volume_points
 from scleraforce.mechanics.frontal import FrontalFactor, dissect
 from scleraforce.mechanics.graded import graded_mesh
+from scleraforce.mechanics.loads import clamped_base
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.supports import clamped_base
 
 R, T = 12e-3, 0.8e-3
 CONTACT = Contact(polar_rad=0.5, azimuth_rad=1.0)

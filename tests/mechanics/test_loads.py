@@ -9,9 +9,16 @@ from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
 from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.loads import InnerSurface, gravity_load, needle_at, needle_loads, pressure_load, tip_at
+from scleraforce.mechanics.loads import (
+    InnerSurface,
+    clamped_base,
+    gravity_load,
+    needle_at,
+    needle_loads,
+    pressure_load,
+    tip_at,
+)
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.supports import clamped_base
 
 R, T, NEEDLE = 12e-3, 0.5e-3, 0.35e-3
 KINDS = {"8 nodes": {"order": 1}, "27 nodes": {"order": 2}}

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.mechanics.contact import Section, SliceWindow
-from scleraforce.mechanics.slices import WALL, fill_section, fill_sections, slice_window
+from scleraforce.mechanics.slices import WALL, fill_section, slice_window
 from scleraforce.study import SliceStudy
 
 PIXEL = 1e-4
@@ -109,12 +109,3 @@ def test_the_window_puts_the_unloaded_top_below_the_margin_and_framing_moves_the
     window = slice_window(study, 0.0, framing_lateral_m=4e-4, framing_depth_m=2e-4)
     rows, columns = np.nonzero(fill_section(flat, window))
     assert (columns.min(), columns.max(), rows.min(), rows.max()) == (64, 83, 5, 9)
-
-
-@settings(max_examples=100)
-@given(st.lists(st.tuples(*[st.one_of(st.floats(-20, 160), st.integers(-5, 45).map(lambda n: n + 0.5))] * 2),
-                min_size=8, max_size=8))  # fmt: skip
-def test_any_outline_is_drawn_the_same_among_many(points):
-    sections = [from_pixels(points), from_pixels(points[::-1])]
-    expected = [fill_section(section, WINDOW) for section in sections]
-    np.testing.assert_array_equal(fill_sections(sections, [WINDOW, WINDOW]), expected)

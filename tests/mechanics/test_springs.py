@@ -12,9 +12,16 @@ from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.loads import needle_at, needle_loads
+from scleraforce.mechanics.loads import (
+    INSERTIONS,
+    Springs,
+    elastic_bed,
+    needle_at,
+    needle_loads,
+    rectus_straps,
+    study_springs,
+)
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.supports import INSERTIONS, Springs, elastic_bed, rectus_straps, study_springs
 from scleraforce.study import SupportsStudy
 
 R, T, NU, E = 12e-3, 0.8e-3, 0.45, 0.3e6

@@ -17,10 +17,10 @@ from scleraforce.mechanics.finite_strain import BentEye, bend_eye
 from scleraforce.mechanics.globe import study_globe
 from scleraforce.mechanics.graded import supported_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.loads import study_springs
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.section import cut_sections
 from scleraforce.mechanics.slices import fill_section, slice_window
-from scleraforce.mechanics.supports import study_springs
 from scleraforce.study import PhantomStudy, Study, draw
 from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused

@@ -22,7 +22,7 @@ from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.section import cut_sections
-from scleraforce.mechanics.slices import fill_sections, slice_window
+from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study, format_study, parse_study
 from scleraforce.study.unused import refuse_unused
@@ -75,7 +75,7 @@ class SampleSimulator:
         tops_m = [float(section.outer[:, 1].min()) for section in resting]
         framings = plan.framing_lateral_m[samples], plan.framing_depth_m[samples]
         windows = [slice_window(self._study.slice, *placed) for placed in zip(tops_m, *framings, strict=True)]
-        return fill_sections(loaded, windows)
+        return np.stack([fill_section(*pair) for pair in zip(loaded, windows, strict=True)])
 
 
 def _plane(plan: dataset.DatasetPlan, sample: int) -> ScanPlane:

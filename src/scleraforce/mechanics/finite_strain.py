@@ -25,11 +25,19 @@ from scleraforce.mechanics.form import element_modulus, form_mesh
 from scleraforce.mechanics.frontal import FrontalFactor, dissect, one_blas_thread
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, study_globe
 from scleraforce.mechanics.graded import graded_eye
-from scleraforce.mechanics.loads import InnerSurface, Needle, gravity_load, needle_at, pressure_load
+from scleraforce.mechanics.loads import (
+    InnerSurface,
+    Needle,
+    Springs,
+    clamped_base,
+    gravity_load,
+    needle_at,
+    pressure_load,
+    study_springs,
+)
 from scleraforce.mechanics.material import burst_tension
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
-from scleraforce.mechanics.supports import Springs, clamped_base, study_springs
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 

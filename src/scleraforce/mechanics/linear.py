@@ -10,10 +10,9 @@ from scleraforce.errors import SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces, element_stiffness, volume_points
 from scleraforce.mechanics.frontal import FrontalFactor, dissect
-from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
+from scleraforce.mechanics.loads import Springs, clamped_base, gravity_load, needle_loads, pressure_load
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh, locate
-from scleraforce.mechanics.supports import Springs, clamped_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 SINGULAR = 1e12  # stiffest over softest motion; a clamped wall has 4e2 to 3e4, a free one 1e16

@@ -6,11 +6,8 @@ and supersampling only shrinks that error while it multiplies the time. So the w
 at the pixel centres, column by column, and OpenCV's `threshold` makes the picture of it.
 """
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.arrays import Bytes, Floats, Places
 from scleraforce.mechanics.contact import Section, SliceWindow
@@ -49,34 +46,17 @@ def fill_section(section: Section, window: SliceWindow) -> Bytes:
            [  0, 255, 255, 255,   0],
            [  0,   0,   0,   0,   0]], dtype=uint8)
     """
-    winding = _winding_number(_pixel_contour(section, window), window.rows, window.columns)
-    return np.asarray(cv2.threshold(winding.view(np.uint8), 0, WALL, cv2.THRESH_BINARY)[1], dtype=np.uint8)
-
-
-def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -> Bytes:
-    """Draw sections of equally many points in windows of one size as `fill_section` does, (section, rows, columns)."""
-    # Imported here: Numba takes longer than a single section does.
-    from scleraforce.mechanics.loops import draw_contours
-
-    contours = np.stack([_pixel_contour(*both) for both in zip(sections, windows, strict=True)])
-    return draw_contours(np.ascontiguousarray(contours), windows[0].rows, windows[0].columns)
-
-
-def _pixel_contour(section: Section, window: SliceWindow) -> Floats:
-    """Return the closed contour in pixels, shape (2, points): the centre of column c, row r is at (c, r)."""
+    # In pixels: the centre of column c, row r is at (c, r).
     contour = np.concatenate([section.outer, section.inner[::-1], section.outer[:1]]).T
     origin = np.array([[window.left_m], [window.top_m]])
-    return np.rint((contour - origin) * (SNAP / window.pixel_m)) / SNAP - 0.5
-
-
-def _winding_number(contour: Floats, rows: int, columns: int) -> NDArray[np.int8]:
-    """Count, at every pixel centre, the signed edges that the ray from there upwards meets, shape (rows, columns)."""
-    edge, column, sense = columns_crossed(contour[0], columns)
-    slope = np.diff(contour[1])[edge] / np.diff(contour[0])[edge]
-    row = contour[1, edge] + (column - contour[0, edge]) * slope
-    first_below = np.clip(np.ceil(row - 0.5 / SNAP), 0, rows).astype(np.intp)
-    entered = np.bincount(first_below * columns + column, sense, (rows + 1) * columns)
-    return np.cumsum(entered[: rows * columns].reshape(rows, columns), axis=0, dtype=np.int8)
+    across, down = np.rint((contour - origin) * (SNAP / window.pixel_m)) / SNAP - 0.5
+    # The winding number of a centre: the signed edges that the ray from there upwards meets.
+    edge, column, sense = columns_crossed(across, window.columns)
+    row = down[edge] + (column - across[edge]) * (np.diff(down)[edge] / np.diff(across)[edge])
+    first_below = np.clip(np.ceil(row - 0.5 / SNAP), 0, window.rows).astype(np.intp)
+    entered = np.bincount(first_below * window.columns + column, sense, (window.rows + 1) * window.columns)
+    winding = np.cumsum(entered.reshape(-1, window.columns)[:-1], axis=0, dtype=np.int8)
+    return np.asarray(cv2.threshold(winding.view(np.uint8), 0, WALL, cv2.THRESH_BINARY)[1], dtype=np.uint8)
 
 
 def columns_crossed(place: Floats, columns: int) -> tuple[Places, Places, Places]:
