@@ -57,7 +57,7 @@ NO_CONVERSIONS = {
     ("laboratory.bscan", "0.0001 * row_m.max()"): "rounding error",
     ("reader.limits", "0.0001 * max(abs(low), abs(high), 1.0)"): "the last digit that is printed",
     ("replay.faults", "place * 1e-05"): "a fault: frames 10 us apart, by their number",
-    ("report.calibration_figures", "100 * rows"): "a figure's height, mm",
+    ("report.recording_figures", "100 * rows"): "a figure's height, mm",
     ("study.fields", "1e-09 * max(abs(number), 1.0)"): "rounding error",
 }
 MODULES = sorted(path for path in ROOT.rglob("*.py"))

@@ -11,8 +11,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.report.calibration_figures import draw_modulus_over_frames
 from scleraforce.report.files import write_figure
+from scleraforce.report.recording_figures import draw_modulus_over_frames
 from scleraforce.study.eye import MeshStudy
 
 MODULUS_PA = 0.27e6

@@ -5,7 +5,7 @@ from pathlib import Path
 from small_recordings import calibration_of_a_sealed_eye
 
 import scleraforce
-from scleraforce.report.calibration_figures import draw_calibration
+from scleraforce.report.recording_figures import draw_calibration
 
 FOUND = ("thickness 651 ± 12 µm", "k 0.031 ± 0.001 mmHg^(1/3)/µl", "forces 13 ± 3 % above the library's at 60 mN")
 

@@ -1,21 +1,33 @@
-"""A reproduction's folder: finished stages are reused, foreign files left alone; and its framing."""
+"""A reproduction: finished stages are reused, foreign files left alone; its framing, readings and sections of the page."""
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from analytic_library import made_up_library
 from poses import sample_pose
+from small_recordings import frame_answer
 
+from scleraforce.calibration.calibrate import calibration_passes
 from scleraforce.errors import InputError, StudyError
+from scleraforce.learning.classifier import classes_at_modulus
+from scleraforce.mechanics.contact import Contact, ScanPlane
+from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.mesh import build_mesh
+from scleraforce.mechanics.section import cut_sections
 from scleraforce.models import SHIPPED_READER
 from scleraforce.reader import load_force_reader
-from scleraforce.reproduction import run as reproduction
-from scleraforce.reproduction.readings import run_library
-from scleraforce.reproduction.run import Progress, Run, Stage, framed_for_laboratory, open_run, run_stages
-from scleraforce.study import NetworkStudy, Study, format_study, parse_study
+from scleraforce.reader.evaluate import Evaluation
+from scleraforce.reader.metrics import ForceTrial
+from scleraforce.reproduction import run as reproduction, stages
+from scleraforce.reproduction.page import _comparison, _coverage_words, _held
+from scleraforce.reproduction.run import Progress, Run, Stage, framed_for_laboratory, open_run, run_library, run_stages
+from scleraforce.study import ClassesStudy, NetworkStudy, Study, format_study, parse_study
 
 DONE: list[str] = []
 BARS: list[tuple[str, int, int]] = []
@@ -164,3 +176,108 @@ def test_every_pose_of_the_virtual_laboratory_lies_in_the_framing_of_the_data_se
     # ... and with little to spare: a pixel on both sides
     assert depth[1] - depth[0] < max(offsets) - min(offsets) + 0.3e-3
     assert parse_study(format_study(study)) == study
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Stands for a recording: as many frames."""
+
+    frames: Sequence[int]
+
+
+def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The search of the stiffening goes through each frame several times; linear mechanics once."""
+    library, counted = made_up_library(), []
+
+    def calibrate(recordings: Sequence[Frames], *others: Any, progress: Callable[[int], None], **_: Any) -> None:
+        passes = calibration_passes(others[-1], None)
+        progress(passes * sum(len(recording.frames) for recording in recordings))
+
+    pushes = {eye.id: range(len(forces_n)) for eye, forces_n in reproduction.bent_trials(Study())}
+    monkeypatch.setattr(reproduction, "read_recording", lambda path: Frames(pushes[path.name]))
+    monkeypatch.setattr(reproduction, "calibrate_recordings", calibrate)
+    monkeypatch.setattr(reproduction, "calibration_as_json", lambda _: {})
+    monkeypatch.setattr(reproduction, "write_calibration", lambda *_: None)
+    monkeypatch.setattr(reproduction, "run_library", lambda *_: library)
+    run = open_run(tmp_path / "out", Study(), 1)
+    reproduction.calibrate_bent(run, counted.append)
+    assert len(counted) == 2
+    assert stages._bent_frames(run) == sum(counted) > sum(len(frames) for frames in pushes.values())
+
+
+def test_a_stiffer_wall_puts_the_same_slice_into_a_higher_class() -> None:
+    force_n = np.array([0.0, 0.0047, 0.0053, 0.028, 0.033])
+    assert classes_at_modulus(force_n, 1.0, ClassesStudy()).tolist() == [0, 0, 1, 1, 2]
+    assert classes_at_modulus(force_n, 1.1, ClassesStudy()).tolist() == [0, 1, 1, 2, 2]
+    assert classes_at_modulus(force_n, 0.9, ClassesStudy()).tolist() == [0, 0, 0, 1, 1]
+
+
+def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_a_pixel() -> None:
+    # Pressure and weight do not scale with the force; what they add is what the relabelling neglects.
+    mesh = build_mesh(12e-3, 0.6e-3, 8, 0, 1, 2)
+    wall = LinearWall(mesh, 0.45)
+    plane = ScanPlane(Contact(polar_rad=np.radians(35.0)), gap_m=0.5e-3)
+    modes_knc = np.stack([266.0 * wall.pressure_nc, wall.needle_cnc([plane.contact], 0.35e-3)[0]])
+    here, there = 0.25e6, 0.28e6
+    weights_fk = np.array([[1.0 / here, 0.03 / here], [1.0 / there, 0.03 / here]])
+    one, other = cut_sections(mesh, [plane], modes_knc, weights_fk[None])[0]
+    assert np.abs(one.outer - other.outer).max() < 1e-5
+    assert np.abs(one.inner - other.inner).max() < 1e-5
+
+
+def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Evaluation:
+    """Answers to two frames, the log 2 mN above the truth."""
+    frames = tuple(
+        frame_answer(
+            recording=str(folder),
+            eye="eye-1",
+            file=f"{number}.png",
+            measured_force_n=true_n + 2e-3,
+            measured_force_sd_n=0.1e-3,
+            true_force_n=true_n,
+            force_n=force_n,
+            interval_n=None if force_n is None else (force_n - 1e-3, force_n + 1e-3),
+        )
+        for number, (true_n, force_n) in enumerate(zip((10e-3, 20e-3), read_n, strict=True))
+    )
+    return Evaluation(
+        model="model", bounds_n=(5e-3, 30e-3), max_force_n=60e-3, youngs_modulus_pa=0.25e6, frames=frames, kind=kind
+    )
+
+
+def test_forces_are_compared_with_the_log_and_with_the_truth(tmp_path: Path) -> None:
+    paper = evaluation(tmp_path, "classifier", (None, None))
+    reader = evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3))
+    rows = [re.findall(r"<t[hd][^>]*>([^<]*)", row) for row in re.findall(r"<tr>.*?</tr>", _comparison(paper, reader))]
+    cells = {row[0]: row[1:] for row in rows}
+    assert cells["mean error of the force in mN"] == ["\N{EN DASH}", "2.00"]
+    assert cells["the same against the true force"] == ["\N{EN DASH}", "0.50"]
+    assert cells["labels that agree with their 90 % interval"][1].startswith("0.00")
+    assert cells["true forces within their 90 % interval"][1].startswith("1.00")
+
+
+def test_a_low_coverage_is_explained_by_the_error_of_the_log(tmp_path: Path) -> None:
+    (words,) = _coverage_words(evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3)))
+    assert "off from the true force by 2.00 mN in the mean and by 2.00 mN at most" in words
+    assert "reach 1.00 mN to either side in the median" in words
+    assert "agree with 0.00 of the labels, whose own error counts (0.10 mN" in words
+    assert "hold 1.00 of the true forces: 2 of 2 of eye-1." in words
+    assert "share the error" in words
+    assert _coverage_words(evaluation(tmp_path, "classifier", (None, None))) == ()
+
+
+def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(tmp_path: Path) -> None:
+    read = evaluation(tmp_path, "reader", (12e-3, 24e-3))
+    calibrated = frame_answer(eye="eye-1", calibration=True, measured_force_n=10.3e-3, true_force_n=10e-3)
+    (words,) = _coverage_words(replace(read, frames=(*read.frames, calibrated)))
+    assert "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of its calibration." in words
+
+
+def test_the_band_of_a_coverage_is_over_eyes() -> None:
+    """One eye holds and one does not, with two trials each: other two such eyes may hold none, half or all."""
+    held = ForceTrial(eye="eye-1", measured_n=1.0, read_n=1.0, interval_n=(0.9, 1.1))
+    missed = ForceTrial(eye="eye-2", measured_n=2.0, read_n=1.0, interval_n=(0.9, 1.1))
+    assert _held([held, held, missed, missed]) == "0.50 (0.00 to 1.00)"
+    assert _held([]) == "\N{EN DASH}"

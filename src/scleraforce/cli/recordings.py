@@ -92,8 +92,8 @@ def calibrate(
         recordings, out=out, frames=frames, wall_finder=wall_finder, note=notes, counting=count_bar, **given
     )
     if plot is not None:
-        from scleraforce.report.calibration_figures import draw_calibration
         from scleraforce.report.files import write_figure
+        from scleraforce.report.recording_figures import draw_calibration
 
         write_figure(draw_calibration(calibration), plot)
     lines = [*calibration_lines(calibration), f"wrote {out}"]

@@ -17,9 +17,8 @@ from scleraforce.models import SHIPPED_READER
 from scleraforce.reader.limits import limit_notes
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial, label_frames, label_notes
-from scleraforce.report.calibration_figures import draw_calibration
 from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled
-from scleraforce.report.recording_figures import draw_recording
+from scleraforce.report.recording_figures import draw_calibration, draw_recording
 from scleraforce.report.shown import LOG_FILES, Thing, span
 from scleraforce.service.console.board import sentence_of
 from scleraforce.service.decision_log import read_log

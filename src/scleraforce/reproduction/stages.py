@@ -18,9 +18,26 @@ from scleraforce.library.plan import plan_library
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.folder import read_recording
-from scleraforce.reproduction import readings
 from scleraforce.reproduction.page import FIGURES, write_reproduction_html
-from scleraforce.reproduction.run import Announce, Progress, Run, Stage, run_stages, seconds_so_far
+from scleraforce.reproduction.run import (
+    CALIBRATED_EYES,
+    CALIBRATION_FORCES_N,
+    Announce,
+    Progress,
+    Run,
+    Stage,
+    bend_eyes,
+    bent_trials,
+    calibrate_bent,
+    calibrate_for,
+    interval_eyes,
+    read_bent,
+    run_library,
+    run_stages,
+    seconds_so_far,
+    train_bent_model,
+    train_force_reader,
+)
 
 
 @dataclass(frozen=True)
@@ -50,33 +67,33 @@ def reproduce(
             recordings = _recordings(run, folder)
             answers.append(evaluate_recordings(model, recordings, progress=progress))
 
-    def read_bent(run: Run, progress: Progress) -> None:
-        answers.extend(readings.read_bent(run, progress))
+    def evaluate_bent(run: Run, progress: Progress) -> None:
+        answers.extend(read_bent(run, progress))
 
     def report(run: Run, progress: Progress) -> None:
         write_reproduction_html(run, answers, seconds_so_far(run), started_at, progress)
 
     epochs, study = run.study.network.epochs, run.study
-    library = Stage("library", lambda _: plan_library(study).units, readings.run_library)
-    reader_steps = study.reader.epochs + readings.interval_eyes(study)
-    reader = Stage("train reader", lambda _: reader_steps, readings.train_force_reader, lambda run: run.reader)
-    bent_answers = 2 * sum(len(forces_n) for _, forces_n in readings.bent_trials(study))
+    library = Stage("library", lambda _: plan_library(study).units, run_library)
+    reader_steps = study.reader.epochs + interval_eyes(study)
+    reader = Stage("train reader", lambda _: reader_steps, train_force_reader, lambda run: run.reader)
+    bent_answers = 2 * sum(len(forces_n) for _, forces_n in bent_trials(study))
     stages = (
         Stage("phantom", _trials, _write_eyes, lambda run: run.recordings),
         Stage("phantom to the bounds", _trials, partial(_write_eyes, to_the_bounds=True),
               lambda run: run.recordings_to_the_bounds),
-        Stage("calibrate", lambda run: _trials(run, readings.CALIBRATED_EYES), _calibrate, lambda run: run.calibration),
+        Stage("calibrate", lambda run: _trials(run, CALIBRATED_EYES), _calibrate, lambda run: run.calibration),
         Stage("generate", lambda _: sum(group.images for group in study.dataset.group), _generate,
               lambda run: run.dataset, resumes=True),
         Stage("train", lambda _: epochs, train, lambda run: run.model),
         Stage("evaluate", lambda run: 2 * _trials(run), evaluate),
-        Stage("bend", lambda _: len(readings.bent_trials(study)), readings.bend_eyes, lambda run: run.bent_recordings),
+        Stage("bend", lambda _: len(bent_trials(study)), bend_eyes, lambda run: run.bent_recordings),
         *([library] if run.train else []),
-        Stage("calibrate bent", _bent_frames, readings.calibrate_bent, lambda run: run.bent_calibrations,
+        Stage("calibrate bent", _bent_frames, calibrate_bent, lambda run: run.bent_calibrations,
               by_reader=True),
-        Stage("train bent", lambda _: epochs, readings.train_bent_model, lambda run: run.bent_model),
+        Stage("train bent", lambda _: epochs, train_bent_model, lambda run: run.bent_model),
         *([reader] if run.train else []),
-        Stage("read bent", lambda _: bent_answers, read_bent),
+        Stage("read bent", lambda _: bent_answers, evaluate_bent),
         Stage("report", lambda _: FIGURES, report),
     )  # fmt: skip
     seconds = run_stages(run, stages, announce, tell)
@@ -94,9 +111,9 @@ def _trials(run: Run, eyes: int | None = None) -> int:
 
 
 def _bent_frames(run: Run) -> int:
-    counts = [len(forces_n) for _, forces_n in readings.bent_trials(run.study)]
-    passes = calibration_passes(readings.run_library(run), None)
-    return passes * len(counts) * len(readings.CALIBRATION_FORCES_N) + sum(counts[: readings.CALIBRATED_EYES])
+    counts = [len(forces_n) for _, forces_n in bent_trials(run.study)]
+    passes = calibration_passes(run_library(run), None)
+    return passes * len(counts) * len(CALIBRATION_FORCES_N) + sum(counts[:CALIBRATED_EYES])
 
 
 def _write_eyes(run: Run, progress: Progress, *, to_the_bounds: bool = False) -> None:
@@ -108,8 +125,8 @@ def _write_eyes(run: Run, progress: Progress, *, to_the_bounds: bool = False) ->
 
 
 def _calibrate(run: Run, progress: Progress) -> None:
-    opened = [read_recording(path) for path in _recordings(run, run.recordings)[: readings.CALIBRATED_EYES]]
-    write_calibration(calibration_as_json(readings.calibrate_for(run, opened, progress, None)), run.calibration)
+    opened = [read_recording(path) for path in _recordings(run, run.recordings)[:CALIBRATED_EYES]]
+    write_calibration(calibration_as_json(calibrate_for(run, opened, progress, None)), run.calibration)
 
 
 def _generate(run: Run, progress: Progress) -> None:
