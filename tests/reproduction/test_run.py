@@ -1,4 +1,4 @@
-"""A reproduction: finished stages are reused, foreign files left alone; its framing, readings and sections of the page."""
+"""A reproduction: finished stages are reused, foreign files left alone; framing, readings, sections of the page."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence

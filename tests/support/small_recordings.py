@@ -30,7 +30,7 @@ from scleraforce.recording import folder as recorded
 from scleraforce.recording.folder import frame_digest, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.report.frames import AnsweredFrame, look_at_all
+from scleraforce.report.frame_figures import AnsweredFrame, look_at_all
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import read_study
 from scleraforce.study.toml import format_record

@@ -1,16 +1,19 @@
 """The page of an evaluation: all answers (the paper's Table 3 and Fig. 10)."""
 
+import base64
 from collections.abc import Sequence
 from datetime import datetime
 from math import isnan
 from pathlib import Path
 
+import cv2
+
 from scleraforce.known import MODULUS_SOURCES
-from scleraforce.reader.evaluate import Evaluation
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
 from scleraforce.report import html
-from scleraforce.report.frame_figures import draw_read_forces, draw_trial_forces
-from scleraforce.report.frames import AnsweredFrame, frame_pictures
+from scleraforce.report.frame_figures import WIDTH, AnsweredFrame, draw_read_forces, draw_trial_forces, evenly
+from scleraforce.segmentation.found import draw_overlay
 from scleraforce.units import from_si
 
 NAMES_REMARK = (
@@ -113,3 +116,66 @@ def _percent(value: float) -> str:
 
 def _of(hits: int, total: int) -> str:
     return f"{hits} of {total} trials"
+
+
+MOST_PICTURES = 48  # of 20 KB each: a page of 1 MB, which a mail carries
+QUALITY = 75
+DEEPEST = 2.0  # times as deep as wide, at most
+
+WALL_COLOURS = (
+    "Red: the tissue's surface. Green: the wall's inner boundary; blue where it is not seen, 1 mm below the surface. "
+    "Depth and width are to scale."
+)
+
+
+def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:
+    """Return the frames that a page pictures, in their order: misread and unusable ones, then others in even steps."""
+    first = [n for n, frame in enumerate(frames) if not frame.answer.usable or frame.misread]
+    others = sorted(set(range(len(frames))) - set(first))
+    chosen = evenly(first, MOST_PICTURES)
+    return tuple(frames[n] for n in sorted(chosen + evenly(others, MOST_PICTURES - len(chosen))))
+
+
+def frame_pictures(evaluation: Evaluation, looks: Sequence[AnsweredFrame]) -> html.Html:
+    """Return the section with the pictures of `shown_frames`, and how many frames it leaves out."""
+    several, total = len({frame.recording for frame in evaluation.frames}) > 1, len(evaluation.frames)
+    pictures = [
+        (_picture(look), f"{look.answer.eye}/{look.answer.file}" if several else look.answer.file, _words(look.answer))
+        for look in looks
+    ]
+    marked = {n for n, look in enumerate(looks) if look.answer.misread}
+    left_out = f"All {total} frames are shown."
+    if len(looks) < total:
+        left_out = (
+            f"{len(looks)} of the {total} frames are shown: first the frames that were misread or could not be read, "
+            "then others in even steps; the table below lists all."
+        )
+    words = html.paragraph(f"{WALL_COLOURS} {left_out}")
+    return html.section("The wall in the frames", words, html.gallery(pictures, marked))
+
+
+def _picture(look: AnsweredFrame) -> str:
+    """Return a frame with its wall as the `src` of an image in a page."""
+    width_m, depth_m = look.extent_m
+    rows = max(1, round(WIDTH * min(depth_m / width_m, DEEPEST)))
+    picture = draw_overlay(look.frame, look.found, (rows, WIDTH))
+    # Thin coloured lines need their colour at full resolution.
+    full_colour = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
+    content = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY, *full_colour])[1].tobytes()
+    return f"data:image/jpeg;base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _words(answer: FrameAnswer) -> str:
+    if answer.measured_force_n is None:
+        measured = "not measured"
+    else:
+        sd_n = answer.measured_force_sd_n
+        sure = "" if sd_n is None else f" ± {from_si(sd_n, 'mn'):.1f}"
+        measured = f"measured {from_si(answer.measured_force_n, 'mn'):.1f}{sure} mN (class {answer.target})"
+    if not answer.answer.usable:
+        return f"{measured}; not usable" + (f": {answer.answer.reason}" if answer.answer.reason else "")
+    if answer.answer.force_n is None or answer.answer.interval_n is None:
+        return f"{measured}; read class {answer.answer.predicted}"
+    low_mn, high_mn = (from_si(end, "mn") for end in answer.answer.interval_n)
+    read = f"{from_si(answer.answer.force_n, 'mn'):.1f} mN ({low_mn:.1f} to {high_mn:.1f}; class"
+    return f"{measured}; read {read} {answer.answer.predicted})"

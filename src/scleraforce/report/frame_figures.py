@@ -1,7 +1,8 @@
 """Figures of frames: slices and walls, read over measured forces, an evaluation in one picture, a sheet of frames."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import isnan
 from textwrap import shorten, wrap
 from typing import Any, Literal
@@ -16,18 +17,63 @@ from scleraforce.arrays import Bytes, Floats, Places
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import dice
-from scleraforce.recording.folder import ScaledFrame
-from scleraforce.recording.pixels import Pixels
+from scleraforce.recording.folder import Recording, ScaledFrame, read_recording
+from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.report import files as style
-from scleraforce.report.frames import WIDTH, AnsweredFrame, evenly
 from scleraforce.report.recording_figures import DASHED, mark_bounds
 from scleraforce.segmentation.found import Segmentation, draw_overlay, without_wall
+from scleraforce.segmentation.observations import boundary_slice
+from scleraforce.study import SliceStudy
 from scleraforce.units import from_si
 
 BOTH_COLOUR = "#555555"
 SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)  # lateral, to either side of the frame's middle
 WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = (("#56B4E9", "-"), (style.AMBER, "--"))  # bright enough on a B-scan
 SLICE: dict[str, Any] = {"vmin": 0, "vmax": 255, "interpolation": "nearest"}
+
+WIDTH = 480  # pixels of a frame in a page: 3 side by side on a wide screen, one on a telephone, both sharp
+
+
+@dataclass(frozen=True)
+class AnsweredFrame:
+    """A raw frame (row, column) with its answer and its recording."""
+
+    answer: FrameAnswer
+    recording: Recording
+    frame: Pixels
+
+    @property
+    def found(self) -> Segmentation:
+        """The wall that was read."""
+        if self.answer.answer.segmentation is None:
+            raise ValueError(f"{self.answer.recording}: {self.answer.file}: the answer has no segmentation")
+        return self.answer.answer.segmentation
+
+    @property
+    def extent_m(self) -> tuple[float, float]:
+        """Width and depth of the frame."""
+        return self.recording.info.oct.width_m, self.recording.info.oct.depth_m
+
+    def slice(self, study: SliceStudy) -> Bytes:
+        """Return the slice that a network reads."""
+        return boundary_slice(self.found, PixelScale.of(self.recording.info.oct), study)
+
+
+def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
+    """Read the pixels of answers' frames, each recording once; raises `RecordingError` or `FrameError`."""
+    opened, looks = cache(read_recording), []
+    for answer in answers:
+        recording = opened(answer.recording)
+        entry = next(entry for entry in recording.frames if entry.file == answer.file)
+        looks.append(AnsweredFrame(answer, recording, recording.frame(entry)))
+    return tuple(looks)
+
+
+def evenly(numbers: list[int], most: int) -> list[int]:
+    """Return at most `most` of some numbers, in even steps."""
+    if len(numbers) <= most:
+        return numbers
+    return [numbers[n] for n in np.linspace(0, len(numbers) - 1, most).round().astype(int)] if most else []
 
 
 @dataclass(frozen=True)

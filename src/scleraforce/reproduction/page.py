@@ -32,8 +32,7 @@ from scleraforce.recording.labels import label_frames
 from scleraforce.report import frame_figures, html
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure, read_forces_figure
 from scleraforce.report.files import write_figure
-from scleraforce.report.frame_figures import draw_computed_walls
-from scleraforce.report.frames import AnsweredFrame, look_at_all
+from scleraforce.report.frame_figures import AnsweredFrame, draw_computed_walls, look_at_all
 from scleraforce.report.model_figures import draw_curves, draw_model, draw_network, draw_simulation
 from scleraforce.report.recording_figures import draw_force_log, draw_modulus_over_frames, draw_observed_points
 from scleraforce.reproduction.run import CALIBRATED_EYES, CALIBRATION_FORCES_N, Progress, Run, bent_trials, run_library
