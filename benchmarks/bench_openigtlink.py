@@ -42,7 +42,7 @@ from scleraforce.openigtlink import (
     Transform,
     encode,
 )
-from scleraforce.openigtlink.wire import HEADER_BYTES
+from scleraforce.openigtlink.messages import HEADER_BYTES
 from scleraforce.service.scanner_image import FrameAssembler
 
 MESSAGES_A_CONNECTION = (1, 1, 1, 2, 3, 8)

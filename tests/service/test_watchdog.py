@@ -18,7 +18,7 @@ import scleraforce.service.watchdog as module
 from scleraforce.errors import MessageError
 from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Status, encode
-from scleraforce.openigtlink.wire import VERSIONS
+from scleraforce.openigtlink.messages import VERSIONS
 from scleraforce.service import watchdog
 
 

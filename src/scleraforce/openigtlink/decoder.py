@@ -15,8 +15,7 @@ from fastcrc.crc64 import ecma_182
 
 from scleraforce.arrays import Bytes
 from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink.messages import SPOKEN, Message, query_of
-from scleraforce.openigtlink.wire import HEADER_BYTES, Header, split_body, unpack_header
+from scleraforce.openigtlink.messages import HEADER_BYTES, SPOKEN, Header, Message, query_of, split_body, unpack_header
 
 MAX_BODY_BYTES = 16 * 1024 * 1024  # a 16-bit volume of 2048 x 2048 x 2
 HEADERS_BYTES = 4096  # lent at once for headers, so that one `received` stays below a millisecond

@@ -13,7 +13,7 @@ from typing import Any
 from scleraforce.errors import InputError, LinkError
 from scleraforce.monitor.events import Cause, State
 from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, Status, Text, encode
-from scleraforce.openigtlink.wire import HEADER_BYTES, unpack_header
+from scleraforce.openigtlink.messages import HEADER_BYTES, unpack_header
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels
 from scleraforce.service.messages import READING_DEVICE, STATUS_DEVICE
