@@ -18,8 +18,7 @@ from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.recordings import recording_key
 from scleraforce.recording.folder import RecordingInfo, read_info
-from scleraforce.study import ReaderStudy
-from scleraforce.study.toml import format_record
+from scleraforce.study import ReaderStudy, format_record
 from scleraforce.whole_files import write_whole
 
 

@@ -24,8 +24,7 @@ from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, plan_sect
 from scleraforce.mechanics.contact import Section
 from scleraforce.processes import work_units
 from scleraforce.recording.folder import read_info
-from scleraforce.study import Study
-from scleraforce.study.toml import format_record
+from scleraforce.study import Study, format_record
 from scleraforce.whole_files import hash_sources, renamed_when_whole, write_whole, write_whole_folder
 
 

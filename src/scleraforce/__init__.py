@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from scleraforce.notebook.virtual import phantom, simulate
     from scleraforce.recording.folder import read_recording
     from scleraforce.recording.images import read_frame
-    from scleraforce.study.records import Study
-    from scleraforce.study.toml import parse_study, read_study
+    from scleraforce.study import Study, parse_study, read_study
 
     __version__: str
 
@@ -44,8 +43,7 @@ _MODULES = {
     "notebook.virtual": ("phantom", "simulate"),
     "recording.folder": ("read_recording",),
     "recording.images": ("read_frame",),
-    "study.records": ("Study",),
-    "study.toml": ("parse_study", "read_study"),
+    "study": ("Study", "parse_study", "read_study"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -30,8 +30,7 @@ from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_info
-from scleraforce.study import Study
-from scleraforce.study.toml import format_record
+from scleraforce.study import Study, format_record
 from scleraforce.units import to_si
 
 STUDY = Study()

@@ -25,7 +25,7 @@ ELSEWHERE = {
     "eye.thickness_um", "eye.youngs_modulus_mpa", "eye.iop_mmhg", "needle.gap_mm", "needle.polar_angle_deg",
     "needle.max_force_mn", "mechanics.kind", "tissue.relaxation",
 }  # fmt: skip
-BOOKKEEPING = {"scleraforce.study.toml", "scleraforce.study.fields", "scleraforce.study.unused", "dataclasses"}
+BOOKKEEPING = {"scleraforce.study", "scleraforce.study.fields", "scleraforce.study.unused", "dataclasses"}
 
 SMALL = """
 [mesh]

@@ -14,8 +14,7 @@ from scleraforce.library.files import load_library
 from scleraforce.models import SHIPPED_LIVING, SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.reader import load_force_reader, load_model
 from scleraforce.reader.model import load_wall_finder
-from scleraforce.study import MeshStudy, Study, parse_study
-from scleraforce.study.toml import preset_toml
+from scleraforce.study import MeshStudy, Study, parse_study, preset_toml
 
 INTERVALS = {"calibrated tissue", "scores", "traits", "factors"}
 

@@ -22,8 +22,7 @@ from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import Study
-from scleraforce.study.toml import format_record
+from scleraforce.study import Study, format_record
 
 FORCES_N = (0.002, 0.010, 0.020, 0.040, 0.080, 0.050)  # classes 0 1 1 2, over the largest force, pierced
 ROWS, COLUMNS = 256, 300

@@ -24,7 +24,7 @@ from scleraforce.service.decision_log import DecisionLog, read_log
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import Alive, Decided, ForceHeard, MonitorEnds, Note, SelfReport, WithdrawalKept
 from scleraforce.service.recordings import RobotForce
-from scleraforce.study.records import ClassesStudy
+from scleraforce.study import ClassesStudy
 
 SHAPE = 24, 32
 CAUSES = {"WITHDRAW": "FORCE_BOUND"}

@@ -32,8 +32,7 @@ from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.frame_figures import AnsweredFrame, look_at_all
 from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import read_study
-from scleraforce.study.toml import format_record
+from scleraforce.study import format_record, read_study
 
 ROWS, COLUMNS = 24, 32
 

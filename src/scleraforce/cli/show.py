@@ -101,8 +101,7 @@ def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
     from scleraforce.recording.export import frame_rows, read_answers, with_answers, write_mcap, write_sequence
     from scleraforce.recording.folder import read_recording
     from scleraforce.recording.importing import clock_origin_s
-    from scleraforce.study import ClassesStudy
-    from scleraforce.study.toml import format_record
+    from scleraforce.study import ClassesStudy, format_record
 
     recording, kind = read_recording(thing), out.suffix.lower()
     if kind == ".nrrd":

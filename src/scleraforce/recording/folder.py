@@ -14,9 +14,9 @@ from scleraforce.errors import FrameError, RecordingError, StudyError
 from scleraforce.recording.images import read_frame, read_image
 from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
 from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
+from scleraforce.study import parse_record
 from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS, check_relaxation
 from scleraforce.study.fields import allowed, check_fields, check_quantity, option, quantity, required
-from scleraforce.study.toml import parse_record
 from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_bytes, read_text
 

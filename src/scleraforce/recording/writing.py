@@ -13,7 +13,7 @@ from scleraforce.arrays import Counts
 from scleraforce.errors import RecordingError
 from scleraforce.recording.folder import Recording, RecordingInfo, read_recording
 from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ, ForceLog
-from scleraforce.study.toml import format_record
+from scleraforce.study import format_record
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 

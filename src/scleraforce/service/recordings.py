@@ -313,7 +313,7 @@ def _write_forces(writing: _Writing, columns: Sequence[str], forces: Sequence[Fo
     from scleraforce.recording.folder import read_recording  # here: the monitor imports this module without SciPy
     from scleraforce.recording.labels import label_frames
     from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ
-    from scleraforce.study.records import ClassesStudy
+    from scleraforce.study import ClassesStudy
 
     partial = writing.taker.folder
     log = ForceWriter(partial, columns)

@@ -1,5 +1,22 @@
-"""The study: one typed record of everything that a run depends on, read from TOML."""
+"""The study: one typed record of everything that a run depends on, all values SI, read from TOML and written as TOML.
 
+The defaults are the paper's (`paper.toml` is the same, commented). In a file, an unknown key, a wrong type or a value
+out of bounds is an error with its line.
+"""
+
+import hashlib
+import re
+import reprlib
+import tomllib
+from collections import Counter
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from scleraforce.errors import StudyError
 from scleraforce.study.eye import (
     CorneaStudy as CorneaStudy,
     EyeStudy as EyeStudy,
@@ -13,21 +30,26 @@ from scleraforce.study.eye import (
     TissueStudy as TissueStudy,
     WaveStudy as WaveStudy,
 )
-from scleraforce.study.fields import Choice as Choice, Range as Range, Sampled as Sampled, draw as draw, fixed as fixed
+from scleraforce.study.fields import (
+    Choice as Choice,
+    Range as Range,
+    Sampled as Sampled,
+    Section,
+    allowed,
+    draw as draw,
+    field_key,
+    field_unit,
+    fixed as fixed,
+    map_numbers,
+    option,
+    quantity,
+)
 from scleraforce.study.imaging import OctStudy as OctStudy, PhantomStudy as PhantomStudy, SliceStudy as SliceStudy
 from scleraforce.study.networks import (
     NetworkStudy as NetworkStudy,
     RawReaderStudy as RawReaderStudy,
     ReaderStudy as ReaderStudy,
     WallFinderStudy as WallFinderStudy,
-)
-from scleraforce.study.records import (
-    CalibrationStudy as CalibrationStudy,
-    ClassesStudy as ClassesStudy,
-    DatasetGroup as DatasetGroup,
-    DatasetStudy as DatasetStudy,
-    LibraryStudy as LibraryStudy,
-    Study as Study,
 )
 from scleraforce.study.scenes import (
     SceneEyeStudy as SceneEyeStudy,
@@ -37,11 +59,367 @@ from scleraforce.study.scenes import (
     SceneTissueStudy as SceneTissueStudy,
     SceneWindowStudy as SceneWindowStudy,
 )
-from scleraforce.study.toml import (
-    PRESETS as PRESETS,
-    format_study as format_study,
-    parse_study as parse_study,
-    preset_toml as preset_toml,
-    read_study as read_study,
-    study_hash as study_hash,
+from scleraforce.units import to_si
+from scleraforce.whole_files import KINDS, read_text
+
+
+@dataclass(frozen=True)
+class ClassesStudy(Section):
+    """Bounds of the force classes: class k lies between bounds k-1 and k; a bound belongs to the class above 0.
+
+    A force of exactly the last bound is still the class below it (class 1: from 5 to 30 mN; class 2: above 30 mN).
+    """
+
+    bounds_n: tuple[float, ...] = quantity((5.0, 30.0), "mn", 0.0, 1000.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.bounds_n) != 2 or not self.bounds_n[0] < self.bounds_n[1]:
+            raise StudyError("bounds_mn: give two increasing forces, like [5.0, 30.0]")
+
+    def classify(self, force_n: float) -> int:
+        """Return the class of a force: 0 below the first bound, 2 above the second, else 1."""
+        low, high = self.bounds_n
+        return 0 if force_n < low else 2 if force_n > high else 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationStudy(Section):
+    """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2); `docs/calibration.md` explains each value."""
+
+    prior_mean_pa: float = quantity(0.49, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high)
+    prior_sd_pa: float = quantity(0.34, "mpa", 0.0001, 100.0)
+    points: int = quantity(10, None, 2, 200)
+    span_m: float = quantity(4.0, "mm", 0.5, 20.0)
+    sigma_points: str = option("simplex", "simplex", "canonical", "star")
+    positive: bool = True
+    iterations: int = quantity(10, None, 1, 100)
+    gate_sd: float = quantity(5.0, None, 1.0, 1e6)
+    min_force_n: float = quantity(5.0, "mn", 0.0, 1000.0)
+    shift_sd_m: float = quantity(0.2, "mm", 0.001, 10.0)
+    turn_sd_rad: float = quantity(0.3, "deg", 0.001, 45.0)
+    inner_sd_m: float = quantity(0.05, "mm", 0.0001, 1.0)
+    surface_smoothing_m: float = quantity(0.18, "mm", 0.0, 2.0)
+    model_error_fraction: float = quantity(1.0, "percent", 0.0, 100.0)
+    iop_sd_pa: float = quantity(0.5, "mmhg", 0.001, 80.0)
+    thickness_sd_m: float = quantity(25.0, "um", 0.1, 1000.0)
+    gap_sd_m: float = quantity(0.1, "mm", 0.001, 5.0)
+
+
+LEAST_STIFFENINGS = 4  # that cubic splines run through
+
+
+@dataclass(frozen=True, kw_only=True)
+class LibraryStudy(Section):
+    """Ranges of the library and the density of its grid; `docs/library.md` states the error of the interpolation.
+
+    Thicknesses, and tensions p R/(E t) at their low part, are evenly spaced in their logarithm; tensions are denser
+    towards the one at which the wall bursts (0.416 with a Poisson's ratio of 0.45), as sealed eyes rise far above their
+    pressure at rest. `max_force_ratio_m2` is the largest F/E. `elements` and `layers` divide the wall's meridian.
+    """
+
+    thickness_m: Sampled = quantity(Range(min=350.0, max=900.0), "um", 100.0, 3000.0)
+    thicknesses: int = quantity(10, None, 4, 1000)
+    tension: Sampled = quantity(Range(min=2e-4, max=0.35), None, 1e-7, 1.0)
+    tensions: int = quantity(16, None, 4, 1000)
+    max_tip_m: float = quantity(10.0, "mm", 0.1, 50.0)
+    tips: int = quantity(56, None, 4, 10_000)
+    stiffening: Sampled = quantity(Range(min=0.0, max=30.0), None, 0.0, 200.0)
+    stiffenings: int = quantity(5, None, 1, 1000)
+    max_force_ratio_m2: float = quantity(0.5, "mm2", 1e-4, 100.0)
+    elements: int = quantity(64, None, 8, 2000)
+    layers: int = quantity(1, None, 1, 20)
+
+    @property
+    def stiffening_ends(self) -> tuple[float, float]:
+        """The least and the largest stiffening that a library of it holds."""
+        low, high = self.stiffening.bounds
+        return low, high if self.stiffenings > 1 else low
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for key, bounds in (("thickness_um", self.thickness_m.bounds), ("tension", self.tension.bounds)):
+            if bounds[0] == bounds[1]:
+                raise StudyError(f"{key}: a range has to be given, like {{ min = ..., max = ... }}")
+        low, high = self.stiffening.bounds
+        if self.stiffenings > 1 and low == high:
+            raise StudyError("stiffening: a range has to be given, like { min = ..., max = ... }; or stiffenings = 1")
+        if 1 < self.stiffenings < LEAST_STIFFENINGS:
+            raise StudyError(f"stiffenings: {self.stiffenings}; give 1, or at least {LEAST_STIFFENINGS}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatasetGroup(Section):
+    """A part of the data set with one wall thickness."""
+
+    thickness_m: float = quantity(500.0, "um", 300.0, 1200.0)
+    images: int = quantity(4000, None, 1, 10_000_000)
+    max_force_n: float = quantity(60.0, "mn", 0.1, 1000.0)
+
+
+PAPER_GROUPS = (
+    DatasetGroup(thickness_m=400e-6, images=3200, max_force_n=45e-3),
+    *(DatasetGroup(thickness_m=to_si(t, "um"), images=4000, max_force_n=60e-3) for t in (500.0, 600.0, 700.0, 800.0)),
 )
+
+
+@dataclass(frozen=True)
+class DatasetStudy(Section):
+    """The simulated slices (paper sec. 2.3, 3.3). `framing_*` shifts the window, `gap` overrides the needle's."""
+
+    seed: int = quantity(0, None, 0, 2**31 - 1)
+    contacts: int = quantity(200, None, 2, 100_000)
+    validation_fraction: float = quantity(0.1, None, 0.01, 0.9)
+    framing_lateral_m: Sampled = quantity(fixed(0.0), "mm", -10.0, 10.0)
+    framing_depth_m: Sampled = quantity(fixed(0.0), "mm", -10.0, 10.0)
+    gap_m: Sampled | None = quantity(None, "mm", 0.0, 5.0)
+    tilt_rad: Sampled = quantity(fixed(0.0), "deg", -45.0, 45.0)
+    direction_rad: Sampled = quantity(fixed(0.0), "deg", -180.0, 180.0)
+    group: tuple[DatasetGroup, ...] = PAPER_GROUPS
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.group:
+            raise StudyError("group: give at least one [[dataset.group]]")
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything that a run depends on; without arguments, the paper's.
+
+    >>> import scleraforce as sf
+    >>> study = sf.Study()
+    >>> study.eye.youngs_modulus_pa, study.classes.bounds_n
+    (250000.0, (0.005, 0.03))
+    """
+
+    eye: EyeStudy = field(default_factory=EyeStudy)
+    mesh: MeshStudy = field(default_factory=MeshStudy)
+    needle: NeedleStudy = field(default_factory=NeedleStudy)
+    oct: OctStudy = field(default_factory=OctStudy)
+    slice: SliceStudy = field(default_factory=SliceStudy)
+    classes: ClassesStudy = field(default_factory=ClassesStudy)
+    calibration: CalibrationStudy = field(default_factory=CalibrationStudy)
+    dataset: DatasetStudy = field(default_factory=DatasetStudy)
+    network: NetworkStudy = field(default_factory=NetworkStudy)
+    phantom: PhantomStudy = field(default_factory=PhantomStudy)
+    library: LibraryStudy = field(default_factory=LibraryStudy)
+    reader: ReaderStudy = field(default_factory=ReaderStudy)
+    form: FormStudy = field(default_factory=FormStudy)
+    mechanics: MechanicsStudy = field(default_factory=MechanicsStudy)
+    tissue: TissueStudy = field(default_factory=TissueStudy)
+    globe: GlobeStudy = field(default_factory=GlobeStudy)
+    supports: SupportsStudy = field(default_factory=SupportsStudy)
+    scenes: ScenesStudy = field(default_factory=ScenesStudy)
+    wall_finder: WallFinderStudy = field(default_factory=WallFinderStudy)
+    raw_reader: RawReaderStudy = field(default_factory=RawReaderStudy)
+
+
+Record = TypeVar("Record")
+# Of keys and tables, by their path and the number of the table of its name of a key, 0 outside of any.
+Lines = dict[tuple[tuple[str, ...], int], int]
+
+MAX_ENTRIES = 1000  # of a list
+MAX_WHOLE = 10**15  # what a float holds exactly
+
+# Studies to begin from, by name: their files beside this one. The first is the default, the paper's.
+PRESETS = ("ex-vivo", "living")
+PRESET_FILES = dict(zip(PRESETS, ("paper.toml", "living.toml"), strict=True))
+
+
+SCENES_TABLE = "[scenes]"  # in a preset: stands for all of its keys, which are explained in `scenes`
+
+
+def preset_toml(name: str) -> str:
+    """Return the text of a preset.
+
+    >>> parse_study(preset_toml("living")).eye.youngs_modulus_pa
+    1800000.0
+    """
+    text = files("scleraforce.study").joinpath(PRESET_FILES[name]).read_text(encoding="utf-8")
+    return text.replace(SCENES_TABLE, _format_section("scenes", ScenesStudy(), noted=True))
+
+
+def read_study(path: str | PathLike[str]) -> Study:
+    """Read a study file.
+
+    Raises:
+        StudyError: the file is missing or not TOML, or a key or value in it cannot be used.
+
+    >>> import scleraforce as sf
+    >>> sf.read_study("study.toml").eye.radius_m
+    0.012
+    """
+    return parse_study(read_text(Path(path), KINDS["study"]), str(path))
+
+
+def parse_study(text: str, name: str = "study") -> Study:
+    r"""Read a study from TOML text; `name` is for messages.
+
+    >>> import scleraforce as sf
+    >>> sf.parse_study('[eye]\nradius_mm = 11.0').eye.radius_m
+    0.011
+
+    Raises:
+        StudyError: naming the file, the line and the key.
+    """
+    return parse_record(Study, text, name)
+
+
+def parse_record(kind: type[Record], text: str, name: str) -> Record:
+    """Read a record of sections from TOML; a field with a default, or that can be None, may be missing."""
+    try:
+        table = tomllib.loads(text)
+    except ValueError as fault:  # tomllib.TOMLDecodeError, and what Python says of numbers of thousands of digits
+        raise StudyError(f"{name}: not TOML: {fault}") from fault
+    except RecursionError as fault:
+        raise StudyError(f"{name}: not TOML: nested too deep") from fault
+    record = _record(kind, table, (), _lines(text), name)
+    assert isinstance(record, kind)
+    return record
+
+
+def format_study(study: Study) -> str:
+    """Write a study as TOML that `parse_study` reads back to an equal record."""
+    return format_record(study)
+
+
+def format_record(record: Any) -> str:
+    """Write a record of sections as TOML that `parse_record` reads back to an equal one; None is left out."""
+    sections = [(item.name, getattr(record, item.name)) for item in fields(record)]
+    return "\n\n".join(_format_section(name, section) for name, section in sections if section is not None) + "\n"
+
+
+def study_hash(study: Study) -> str:
+    """Return the SHA-256 of a study's canonical TOML, in hexadecimal."""
+    return hashlib.sha256(format_study(study).encode()).hexdigest()
+
+
+def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lines, name: str, nth: int = 1) -> object:
+    hints = get_type_hints(kind)
+    known = {field_key(item): item for item in fields(kind)}
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        place = f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, key))}"
+        if key not in known:
+            raise StudyError(f"{place}: unknown key; known here: {', '.join(known)}")
+        item = known[key]
+        hint = hints[item.name]
+        if isinstance(hint, UnionType) and len(kinds := [kind for kind in get_args(hint) if kind is not NoneType]) == 1:
+            hint = kinds[0]
+        if is_dataclass(hint):
+            if not isinstance(value, dict):
+                raise StudyError(f"{place}: expected a table [{key}]")
+            values[item.name] = _record(hint, value, (*path, key), lines, name)  # type: ignore[arg-type]  # a class
+        elif get_origin(hint) is tuple and is_dataclass(get_args(hint)[0]):
+            values[item.name] = _records(get_args(hint)[0], value, (*path, key), lines, name, place)
+        else:
+            values[item.name] = map_numbers(_value(hint, value, place), field_unit(item).to_si)
+    missing = [
+        key
+        for key, item in known.items()
+        if item.name not in values and item.default is MISSING and item.default_factory is MISSING
+    ]
+    if missing:
+        place = f"{name}:{_line(lines, path, nth)}" if path else name
+        raise StudyError(f"{place}: {'.'.join((*path, missing[0]))}: missing")
+    try:
+        return kind(**values)
+    except StudyError as fault:
+        key = str(fault).partition(":")[0]
+        raise StudyError(f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, ''))}{fault}") from None
+
+
+def _records(kind: Any, value: Any, path: tuple[str, ...], lines: Lines, name: str, place: str) -> tuple[object, ...]:
+    if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
+        raise StudyError(f"{place}: expected a list of tables [[{'.'.join(path)}]]")
+    _check_length(value, place)
+    return tuple(_record(kind, entry, path, lines, name, nth) for nth, entry in enumerate(value, start=1))
+
+
+def _value(hint: Any, value: Any, place: str) -> Any:
+    if isinstance(hint, UnionType) and Range in get_args(hint):
+        return _sampled(value, place)
+    if get_origin(hint) is tuple:
+        if not isinstance(value, list):
+            raise StudyError(f"{place}: expected a list")
+        _check_length(value, place)
+        return tuple(_value(get_args(hint)[0], entry, place) for entry in value)
+    return _scalar(hint, value, place)
+
+
+def _sampled(value: Any, place: str) -> Choice | Range:
+    if isinstance(value, dict):
+        if set(value) != {"min", "max"}:
+            raise StudyError(f"{place}: a range is {{ min = a, max = b }}")
+        return Range(min=_scalar(float, value["min"], place), max=_scalar(float, value["max"], place))
+    entries = value if isinstance(value, list) else [value]
+    _check_length(entries, place)
+    return Choice(tuple(_scalar(float, entry, place) for entry in entries))
+
+
+def _check_length(entries: list[Any], place: str) -> None:
+    if len(entries) > MAX_ENTRIES:
+        raise StudyError(f"{place}: {len(entries)} entries; at most {MAX_ENTRIES} are allowed")
+
+
+def _scalar(kind: type, value: Any, place: str) -> Any:
+    if isinstance(value, int) and abs(value) > MAX_WHOLE:
+        raise StudyError(f"{place}: a number of more than {len(str(MAX_WHOLE)) - 1} digits")
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        names = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
+        raise StudyError(f"{place}: expected {names.get(kind, kind.__name__)}, found {reprlib.repr(value)}")
+    return value
+
+
+def _lines(text: str) -> Lines:
+    """Return the lines of all keys and tables of TOML text, in one pass; the first of one name."""
+    table: tuple[str, ...] = ()
+    seen: Counter[tuple[str, ...]] = Counter()
+    found: Lines = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := re.match(r"\s*\[\[?\s*([\w.\- ]+?)\s*\]\]?", line):
+            table = tuple(part.strip() for part in header[1].split("."))
+            seen[table] += 1
+            found.setdefault((table, 0), number)
+        if key := re.match(r"\s*([\w.\-]+)\s*=", line):
+            found.setdefault(((*table, *key[1].split(".")), seen[table]), number)
+    return found
+
+
+def _line(lines: Lines, path: tuple[str, ...], nth: int) -> int:
+    """Return the line of a key or table, in the nth table of its name (1 if it is not known)."""
+    return min((lines[path, table] for table in (0, nth) if (path, table) in lines), default=1)
+
+
+def _format_section(name: str, record: Any, noted: bool = False) -> str:
+    lines, groups = [f"[{name}]"], []
+    for item in fields(record):
+        value = getattr(record, item.name)
+        if isinstance(value, tuple) and value and is_dataclass(value[0]):
+            groups += [_format_section(f"[{name}.{item.name}]", entry) for entry in value]
+        elif is_dataclass(value) and not isinstance(value, Choice | Range):
+            groups.append(_format_section(f"{name}.{item.name}", value, noted))
+        elif value is not None:
+            unit = field_unit(item)
+            line = f"{field_key(item)} = {_format_value(map_numbers(value, unit.from_si))}"
+            lines.append(f"{line:<51} # {unit.note}" if noted and unit.note else line)
+    return "\n".join(["\n".join(lines), *groups])
+
+
+def _format_value(value: Any) -> str:
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        case Range():
+            return f"{{ min = {value.min!r}, max = {value.max!r} }}"
+        case Choice():
+            return _format_value(value.values)
+        case tuple():
+            return "[" + ", ".join(_format_value(entry) for entry in value) + "]"
+        case _:
+            return repr(value)

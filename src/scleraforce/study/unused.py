@@ -5,8 +5,8 @@ from dataclasses import fields
 from typing import Any
 
 from scleraforce.errors import StudyError
+from scleraforce.study import Study
 from scleraforce.study.fields import field_key
-from scleraforce.study.records import Study
 
 LEAK = ("globe.leak_time_s",)  # of a globe in time
 FINITE_STRAIN_ONLY = (
