@@ -23,10 +23,9 @@ from time import perf_counter
 
 import numpy as np
 
-from scleraforce.cluster import cluster_workers
 from scleraforce.learning.dataset import create_dataset, plan_dataset
 from scleraforce.learning.generate import generate_dataset
-from scleraforce.processes import available_cores, work_units
+from scleraforce.processes import available_cores, cluster_workers, work_units
 from scleraforce.study import DatasetGroup, Study, format_study, parse_study, read_study
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)

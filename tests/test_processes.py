@@ -18,9 +18,8 @@ import workers as tasks
 from workers import NEEDS_DASK, Cluster, large, no_preparation, slowly_tripled, tripled, waits_for_ever
 
 from scleraforce import cluster as cluster_module, processes as processes_module
-from scleraforce.cluster import cluster_workers
 from scleraforce.errors import InputError, SolverError
-from scleraforce.processes import next_unit, split_runs, work_in_order, work_units
+from scleraforce.processes import cluster_workers, next_unit, split_runs, work_in_order, work_units
 
 HEAVY = partial(tripled, bytes(2**20))  # more than a pipe holds
 

@@ -14,8 +14,8 @@ from figures import recordings
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.groups import draw_eyes
-from scleraforce.cluster import cluster_workers
 from scleraforce.errors import ScleraforceError
+from scleraforce.processes import cluster_workers
 from scleraforce.study import OctStudy, Study
 
 pytestmark = [*NEEDS_DASK, pytest.mark.slow, pytest.mark.long]

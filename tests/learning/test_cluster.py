@@ -11,10 +11,10 @@ from effects import contents
 from small_models import SMALL_STUDY
 from workers import NEEDS_DASK, Cluster
 
-from scleraforce.cluster import cluster_workers
 from scleraforce.learning.classifier import CLASSIFIER_THREADS, Samples, search_sizes
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.learning.wall_finder import fit_wall_finder
+from scleraforce.processes import cluster_workers
 from scleraforce.study import DatasetGroup, MeshStudy, NetworkStudy, OctStudy, Study
 
 pytestmark = [*NEEDS_DASK, pytest.mark.slow]

@@ -18,13 +18,13 @@ from effects import contents
 from small_models import rehash_store
 from workers import Cluster
 
-from scleraforce.cluster import cluster_workers
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, cached_library, solve_path
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.store import create_library, library_store, open_library, write_library_unit
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
+from scleraforce.processes import cluster_workers
 from scleraforce.study import LibraryStudy, NeedleStudy, Study
 
 PATHS = 5 * 20  # of each stiffening

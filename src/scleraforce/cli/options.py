@@ -171,6 +171,6 @@ def chosen_workers(scheduler: str | None, workers: int | None) -> int | None:
         return workers
     if workers is not None:
         raise click.UsageError(f"--workers {workers}: --scheduler has workers of its own; give one of the two")
-    from scleraforce.cluster import cluster_workers
+    from scleraforce.processes import cluster_workers
 
     return cluster_workers(scheduler)

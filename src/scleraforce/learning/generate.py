@@ -11,7 +11,6 @@ from time import perf_counter
 import numpy as np
 
 from scleraforce.arrays import Bytes, Floats, Places
-from scleraforce.cluster import ClusterWorkers
 from scleraforce.errors import DatasetError
 from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.learning import dataset
@@ -23,7 +22,7 @@ from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.section import cut_sections
 from scleraforce.mechanics.slices import fill_section, slice_window
-from scleraforce.processes import available_cores, work_units
+from scleraforce.processes import ClusterWorkers, available_cores, work_units
 from scleraforce.study import Study, format_study, parse_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
