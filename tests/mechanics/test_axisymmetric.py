@@ -1,25 +1,34 @@
-"""The wall of revolution against exact solutions, the three-dimensional linear wall and reference problem R2."""
+"""Walls of revolution at finite strain against 3-D, closed forms and energies; their tangents; the base's motion."""
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
+from energy import NU, STEP, energy, stress
+from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline
 
-from reference_walls import DeadPressureWall, spread_needle
+from reference_walls import DeadPressureWall, cut_section, polar_path, shift_in_plane, spread_needle
 from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, SolverError
+from scleraforce.library.base import base_angle
+from scleraforce.mechanics import meridian
 from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
-from scleraforce.mechanics.contact import Contact
+from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.material import lame_constants
-from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
+from scleraforce.mechanics.loads import needle_at
+from scleraforce.mechanics.material import LARGEST_EXPONENT, lame_constants, strain_measure
+from scleraforce.mechanics.meridian import ElementTables, MeridianMesh, MeridianSize, meridian_mesh
+from scleraforce.mechanics.polar import base_shift
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 
-RADIUS, NEEDLE, NU = 12e-3, 0.35e-3, 0.45
+RADIUS, NEEDLE = 12e-3, 0.35e-3
 IOP_RATIO = 266.0 / 0.38e6
 RIGIDITY = 0.03 * SI_PER_UNIT["mmhg13_per_ul"][1]  # of enucleated human eyes (van der Werff 1981)
 RIGHT_ANGLE = 0.5 * np.pi
@@ -193,3 +202,167 @@ def test_curves_start_on_the_axis_and_end_at_the_support() -> None:
 def test_sizes_that_make_no_eye_are_refused(thickness_mm: float, needle_mm: float) -> None:
     with pytest.raises(InputError, match="must be"):
         axisymmetric_path(RADIUS, 1e-3 * thickness_mm, NU, 1e-3 * needle_mm, 0.0, max_tip_m=1e-3)
+
+
+B = 12.0
+ENTRIES = [0, 0, 1, 1, 2], [0, 1, 0, 1, 2]  # of F that are not zero
+
+
+@pytest.fixture(scope="module")
+def mesh() -> MeridianMesh:
+    return meridian_mesh(RADIUS, 1e-3, 0.35e-3, 0.5 * np.pi, MeridianSize(8, 2))
+
+
+def gradient_operator(solid: ElementTables) -> Floats:
+    """G (element, point, 5, 18) with dF = G du, F in the order rr, rz, zr, zz, tt."""
+    r, z, around = np.moveaxis(solid.shapes_epgn, 2, 0)
+    G = np.zeros((*r.shape[:2], 5, 9, 2))
+    G[:, :, 0, :, 0], G[:, :, 1, :, 0], G[:, :, 2, :, 1], G[:, :, 3, :, 1], G[:, :, 4, :, 0] = r, z, r, z, around
+    return G.reshape(*r.shape[:2], 5, 18)
+
+
+def deformation(solid: ElementTables, u: NDArray) -> NDArray:
+    """F (element, point, 3, 3)."""
+    F = np.zeros((*solid.mu_ep.shape, 3, 3), dtype=u.dtype)
+    F[(..., *ENTRIES)] = np.einsum("epkN,eN->epk", gradient_operator(solid), u[solid.unknowns_en])
+    return F + np.eye(3)
+
+
+def bent(mesh: MeridianMesh) -> Floats:
+    """Strains of some 15 % with rotation and noise on them, none of them across the axis."""
+    r, z = mesh.points_nc.T
+    noise = np.random.default_rng(1).normal(size=mesh.points_nc.shape) * 5e-6
+    return np.stack(
+        [0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0), 0.2 * r - 0.08 * z + noise[:, 1]], axis=1
+    ).ravel()
+
+
+def test_forces_and_tangent_are_the_derivatives_of_the_energy(mesh: MeridianMesh) -> None:
+    u, solid = bent(mesh), meridian.solid_of_revolution(mesh, NU, B)
+    volumes_ep, moved = solid.mu_ep / lame_constants(1.0, NU)[1], np.random.default_rng(3).normal(size=u.shape)
+    F = deformation(solid, u + 1j * STEP * moved)
+    assert np.all(np.linalg.det(F.real) > 0.1)
+    assert meridian.nodal_forces(solid, u) @ moved == pytest.approx(
+        np.sum(volumes_ep * energy(F, B).imag) / STEP, rel=1e-11
+    )
+    P = stress(F, B).imag[(..., *ENTRIES)] / STEP
+    change_eN = np.einsum("ep,epk,epkN->eN", volumes_ep, P, gradient_operator(solid))
+    tangents = meridian.element_tangents(solid, u)
+    slope_eN = np.einsum("eMN,eN->eM", tangents, moved[solid.unknowns_en])
+    np.testing.assert_allclose(slope_eN, change_eN, rtol=0.0, atol=1e-12 * np.abs(change_eN).max())
+    np.testing.assert_array_equal(tangents, tangents.transpose(0, 2, 1))
+
+
+def test_a_vanishing_stiffening_is_the_neo_hookean_solid(mesh: MeridianMesh) -> None:
+    u, (flat, faint) = bent(mesh), (meridian.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300))
+    np.testing.assert_allclose(meridian.nodal_forces(faint, u), meridian.nodal_forces(flat, u), rtol=1e-12)
+    tangents = meridian.element_tangents(flat, u)
+    np.testing.assert_allclose(meridian.element_tangents(faint, u), tangents, atol=1e-13 * np.abs(tangents).max())
+
+
+def turned_over(mesh: MeridianMesh) -> Floats:
+    """A node pushed through the inner boundary."""
+    u_nc = np.zeros((len(mesh.points_nc), 2))
+    u_nc[mesh.outer_n[4], 1] = -2e-3
+    return u_nc.ravel()
+
+
+def across_the_axis(mesh: MeridianMesh) -> Floats:
+    """All moved sideways: on its meridian the wall is unchanged, and near the axis it is on the other side."""
+    return np.tile([-1e-3, 0.0], len(mesh.points_nc))
+
+
+def mirrored(mesh: MeridianMesh) -> Floats:
+    """Its middle mirrored in the axis: two signs change there, and the product of the stretches is unchanged."""
+    away_n = mesh.points_nc[:, 0]
+    return np.stack([np.where(away_n < 3e-3, -2.0 * away_n, 0.0), np.zeros_like(away_n)], axis=1).ravel()
+
+
+@pytest.mark.parametrize("displaced", [turned_over, across_the_axis, mirrored])
+def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
+    mesh: MeridianMesh, displaced: Callable[[MeridianMesh], Floats]
+) -> None:
+    solid, u = meridian.solid_of_revolution(mesh, NU), displaced(mesh)
+    F = deformation(solid, u)
+    inverted_e = np.any((np.linalg.det(F[..., :2, :2]) <= 0.0) | (F[..., 2, 2] <= 0.0), axis=1)
+    assert 0 < np.count_nonzero(inverted_e) < len(inverted_e)
+    np.testing.assert_array_equal(np.isnan(meridian.element_tangents(solid, u)).all(axis=(1, 2)), inverted_e)
+    expected = np.isin(np.arange(len(u)), solid.unknowns_en[inverted_e])
+    np.testing.assert_array_equal(np.isnan(meridian.nodal_forces(solid, u)), expected)
+
+
+@pytest.mark.parametrize(("share", "finite"), [(0.99, True), (1.01, False), (20.0, False)])  # of the largest exponent
+def test_tissue_that_is_stretched_too_far_is_not_finite(mesh: MeridianMesh, share: float, finite: bool) -> None:
+    stretched, log_ratio = 0.5 * mesh.points_nc.ravel(), 3.0 * np.log(1.5)  # by a half in every direction
+    strain = strain_measure(np.array(3.0 * 1.5**2 - 3.0), np.array(log_ratio), NU)
+    solid = meridian.solid_of_revolution(mesh, NU, share * LARGEST_EXPONENT / float(strain))
+    for values in (meridian.nodal_forces(solid, stretched), meridian.element_tangents(solid, stretched)):
+        assert np.isfinite(values).all() if finite else np.isnan(values).all()
+
+
+GAP = 0.5e-3
+EYE = (RADIUS, 0.8e-3, NU, NEEDLE)
+
+
+@pytest.mark.parametrize("polar_deg", [10.0, 35.0, 50.0])
+def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None:
+    contact = Contact(polar_rad=np.radians(polar_deg))
+    azimuths = np.linspace(0.0, 2.0 * np.pi, 9)
+    angles = base_angle(contact.polar_rad, azimuths)
+    sideways = np.outer(np.cos(azimuths), contact.meridian) + np.outer(np.sin(azimuths), contact.parallel)
+    points = np.cos(angles)[:, None] * contact.normal + np.sin(angles)[:, None] * sideways
+    np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_on_the_pole_nothing_changes() -> None:
+    tips = np.array([0.5e-3, 2e-3])
+    beside = polar_path((*EYE, IOP_RATIO), 0.0, tips)
+    np.testing.assert_array_equal(beside.force_ratio_m2, axisymmetric_path(*EYE, IOP_RATIO, tips_m=tips).force_ratio_m2)
+    shift = base_shift(*EYE, polar_rad=0.0)
+    dent = 8.3e3  # m per F/E, the linear wall's tip
+    assert np.abs(shift.needle_mbnc).max() < 0.005 * dent  # the 3-D mesh under the needle
+
+
+@pytest.mark.slow
+def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
+    contact = Contact(polar_rad=np.radians(45.0))
+    iop_ratio, force_ratio = IOP_RATIO, 2e-9
+    wall = LinearWall(graded_mesh(RADIUS, 0.8e-3, contact), NU)
+    displacement_nc = iop_ratio * wall.pressure_nc + force_ratio * wall.needle_cnc([contact], NEEDLE)[0]
+    shift = base_shift(*EYE, polar_rad=contact.polar_rad)
+    path = axisymmetric_path(*EYE, iop_ratio, tips_m=np.array([1e-6, 2e-5]))
+    share = force_ratio / path.force_ratio_m2[-1]
+    curves = path.curves_sbnc[0] + share * (path.curves_sbnc[-1] - path.curves_sbnc[0])
+    for direction_rad in (0.0, 1.0, 2.5):
+        section = cut_section(wall.mesh, ScanPlane(contact, gap_m=GAP, direction_rad=direction_rad), displacement_nc)
+        for side in (-1.0, 1.0):
+            lateral_bn = side * np.sqrt(np.maximum(curves[..., 0] ** 2 - GAP**2, 0.0))
+            lateral, depth = np.moveaxis(
+                shift_in_plane(shift, iop_ratio, force_ratio, lateral_bn, GAP, direction_rad)[0], -1, 0
+            )
+            shown = (curves[0, :, 0] > 0.7e-3) & (curves[0, :, 0] < 6.5e-3)
+            expected = np.interp((lateral_bn[0] + lateral)[shown], *section.outer.T)
+            np.testing.assert_allclose((curves[0, :, 1] + depth)[shown], expected, atol=4e-6)
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_a_needle_near_the_base_meets_the_force_of_three_dimensions() -> None:
+    contact = Contact(polar_rad=np.radians(50.0))
+    mesh = graded_mesh(RADIUS, 0.8e-3, contact)
+    tip_m, modulus_pa = 2.5e-3, 0.38e6
+    loads = {"youngs_modulus_pa": modulus_pa, "iop_pa": 266.0, "density_kg_m3": 0.0, "max_force_n": 1.0}
+    solid = FiniteWall(mesh, NU).load_path(needle_at(mesh, contact, NEEDLE), **loads, max_tip_m=tip_m)
+    forces = [
+        polar_path((*EYE, IOP_RATIO), angle, np.array([tip_m])).force_ratio_m2[-1] for angle in (0.0, contact.polar_rad)
+    ]
+    expected = solid.forces_n[-1] / modulus_pa
+    assert forces[1] == pytest.approx(expected, rel=0.01)
+    assert abs(forces[1] - expected) < 0.5 * abs(forces[0] - expected)
+
+
+@pytest.mark.parametrize("polar_deg", [-1.0, 60.0])
+def test_polar_angles_out_of_range_are_refused(polar_deg: float) -> None:
+    with pytest.raises(InputError, match="polar angle"):
+        base_shift(*EYE, polar_rad=np.radians(polar_deg), size=MeridianSize(16))

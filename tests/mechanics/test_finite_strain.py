@@ -1,4 +1,8 @@
+"""Load paths of 3-D walls: closed forms, symmetry, sealed globes; each key of a study reaches them."""
+
+from dataclasses import asdict, replace
 from functools import cache
+from math import pi, radians
 
 import numpy as np
 import pytest
@@ -8,17 +12,19 @@ from scipy.sparse.linalg import spsolve
 
 from reference_r2 import FORCES_MN, TIPS_MM, reference_path
 from reference_walls import rest_nc, stiffness_matrix, symmetric_base
+from scleraforce import study as st
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, WallEquilibrium
+from scleraforce.mechanics.finite_strain import BentEye, FiniteWall, LoadPath, WallEquilibrium, bend_eye
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import elastic_bed, gravity_load, needle_at, needle_loads, pressure_load, rectus_straps
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.units import STANDARD_GRAVITY_M_S2
+from scleraforce.study.eye import RIGIDITY_LAWS
+from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2, to_si
 
 R, T, NU, E, IOP = 12e-3, 0.8e-3, 0.45, 0.3e6, 266.0
 CONTACT = Contact(polar_rad=np.radians(35.0))
@@ -258,3 +264,210 @@ def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:
         with pytest.raises(SolverError, match="rigid body"):
             FiniteWall(globe, NU, springs=springs)
     FiniteWall(globe, NU, springs=elastic_bed(globe, 1e6, 1e4))
+
+
+PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
+UL = 1e-9
+
+
+def test_the_cube_root_of_the_pressure_rises_by_003_a_microlitre_in_enucleated_human_eyes() -> None:
+    globe = sealed_globe(0.03 * PER_UL)  # van der Werff 1981
+    assert globe.pressure(to_si(2.0, "mmhg"), 32.0 * UL) == pytest.approx(to_si((2.0 ** (1 / 3) + 0.96) ** 3, "mmhg"))
+    # 19 Pa a microlitre at 2 mmHg, 73 at 15.
+    assert globe.stiffness(to_si(2.0, "mmhg")) * UL == pytest.approx(19.0, abs=0.1)
+    assert globe.stiffness(to_si(15.0, "mmhg")) * UL == pytest.approx(73.0, abs=0.1)
+
+
+def test_the_logarithmic_law_is_friedenwalds_and_has_the_slope_of_its_rigidity_at_15_mmhg() -> None:
+    globe = sealed_globe(0.0407 * PER_UL, "logarithmic")
+    ten_ul = globe.pressure(to_si(15.0, "mmhg"), 10.0 * UL) / to_si(15.0, "mmhg")
+    assert np.log10(ten_ul) == pytest.approx(10.0 * 0.0215, rel=2e-3)  # Friedenwald's mean
+    cube_root = sealed_globe(0.0407 * PER_UL)
+    assert globe.stiffness(to_si(15.0, "mmhg")) == pytest.approx(cube_root.stiffness(to_si(15.0, "mmhg")))
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(law: str) -> None:
+    globe = sealed_globe(0.02 * PER_UL, law)
+    resting, volumes = np.full(5, 300.0), np.linspace(0.0, 40.0, 5) * UL
+    pressures = globe.pressure(resting, volumes)
+    assert (np.diff(pressures) > 0.0).all()
+    assert pressures[0] == pytest.approx(300.0)
+    np.testing.assert_allclose(globe.displaced_m3(resting, pressures), volumes, atol=1e-20)
+    step = 1e-4 * UL
+    slopes = (globe.pressure(resting, volumes + step) - globe.pressure(resting, volumes - step)) / (2.0 * step)
+    np.testing.assert_allclose(globe.stiffness(pressures), slopes, rtol=1e-6)
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_a_pressure_over_a_modulus_follows_the_globe_over_it(law: str) -> None:
+    globe, modulus = sealed_globe(0.03 * PER_UL, law), 0.45e6
+    assert globe.over(modulus).pressure(266.0 / modulus, 2e-8) * modulus == pytest.approx(globe.pressure(266.0, 2e-8))
+
+
+def test_an_open_globe_keeps_its_pressure() -> None:
+    assert not OPEN_GLOBE.is_sealed
+    assert sealed_globe(0.0) == OPEN_GLOBE
+    assert OPEN_GLOBE.pressure(266.0, 1e-7) == pytest.approx(266.0)
+    assert OPEN_GLOBE.stiffness(266.0) == 0.0
+
+
+def test_a_dent_outwards_takes_the_pressure_to_nothing_and_not_below() -> None:
+    assert sealed_globe(0.03 * PER_UL).pressure(266.0, -1e-6) == 0.0
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_below_no_rigidity_the_law_continues_smoothly_for_a_search_that_needs_both_sides(law: str) -> None:
+    rigidities = PER_UL * np.array([-2e-4, -1e-4, 0.0, 1e-4, 2e-4])
+    pressures = sealed_globe(rigidities, law).pressure(np.full(5, 300.0), 20.0 * UL)
+    assert pressures[2] == pytest.approx(300.0)
+    assert (np.diff(pressures) > 0.0).all()
+    np.testing.assert_allclose(np.diff(pressures), np.diff(pressures).mean(), rtol=0.01)
+    assert sealed_globe(-PER_UL, law).is_sealed
+
+
+def test_no_such_law_and_no_rigidity_that_is_not_finite() -> None:
+    with pytest.raises(InputError, match="'linear' is not one of cube-root, logarithmic"):
+        Globe("linear", 1.0)
+    for rigidity in (np.inf, np.nan):
+        with pytest.raises(InputError, match=r"rigidity: (inf|nan); must be a finite number"):
+            sealed_globe(rigidity)
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_a_leaking_globe_loses_the_displaced_volume_with_its_time_constant(law: str) -> None:
+    globe, time_s = sealed_globe(0.02 * PER_UL, law), 0.5 * np.arange(200)
+    pushed = np.where(time_s < 40.0, 1.0, 0.0)
+
+    def pressed(push: float, leaked_m3: float) -> float:
+        return float(globe.pressure(300.0, 20.0 * UL * push - leaked_m3))
+
+    leaked = globe.leaked_m3(300.0, 60.0, pushed, pressed)
+    full = 1.0 - np.exp(-np.minimum(time_s, 40.0) / 30.0)
+    expected = 20.0 * full * np.exp(-np.maximum(time_s - 40.0, 0.0) / 30.0)
+    np.testing.assert_allclose(leaked / UL, expected, rtol=1e-9)
+
+
+COARSE = st.Study(mesh=st.MeshStudy(kind="graded", core=4, rings=6))
+COARSEST = st.Study(mesh=st.MeshStudy(kind="graded", core=2, rings=4), eye=st.EyeStudy(density_kg_m3=0.0))
+WEIGHTLESS = replace(COARSE, eye=st.EyeStudy(density_kg_m3=0.0))
+OBLIQUE = Contact(polar_rad=radians(35), azimuth_rad=0.4)
+FORCE_N = 0.012
+
+
+def bent(study: st.Study, contact: Contact = OBLIQUE, **given: object) -> BentEye:
+    usual = {"thickness_m": 0.8e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0, "max_force_n": FORCE_N}
+    return bend_eye(study, contact, **{**usual, **given})
+
+
+def with_form(form: st.FormStudy, study: st.Study = WEIGHTLESS) -> st.Study:
+    return replace(study, form=form)
+
+
+def test_small_forces_on_an_odd_eye_bend_it_as_linear_mechanics_does() -> None:
+    form = st.FormStudy((1.06, 1.0, 0.95), (st.WaveStudy(amplitude_fraction=0.1, degree=2, polar_rad=0.5),))
+    eye = bent(with_form(form), iop_pa=0.0, max_force_n=1e-4)
+    wall = LinearWall(eye.mesh, 0.45)
+    needle_nc = wall.needle_cnc([OBLIQUE], 0.35e-3)[0]
+    linear_m = tip_displacement(eye.mesh, OBLIQUE, needle_nc) * 2e-6 / 0.3e6
+    assert eye.path.tip_m(2e-6) == pytest.approx(linear_m, rel=5e-3)  # the needle's disc is laid on the form exactly
+
+
+@pytest.mark.slow
+def test_a_wall_that_bursts_says_at_what_pressure_one_like_it_does() -> None:
+    given = {"youngs_modulus_pa": 0.1e6, "iop_pa": 4000.0, "thickness_m": 0.5e-3}
+    with pytest.raises(SolverError, match=r"stiffer wall, or less pressure; an even sphere of it bursts at 13 mmHg"):
+        bent(COARSE, **given)
+
+
+@pytest.mark.slow
+def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
+    whole = st.RegionStudy(modulus_ratio=2.0, half_angle_rad=pi, edge_rad=radians(0.1))
+    everywhere = with_form(st.FormStudy(region=(whole,)))
+    np.testing.assert_allclose(
+        bent(everywhere, youngs_modulus_pa=0.2e6).path.displacement_nc(FORCE_N),
+        bent(WEIGHTLESS, youngs_modulus_pa=0.4e6).path.displacement_nc(FORCE_N),
+        atol=3e-8,  # other steps, between which the path interpolates
+    )
+
+
+@pytest.mark.slow
+def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> None:
+    cap, away = (
+        st.RegionStudy(modulus_ratio=1.4),
+        Contact(polar_rad=radians(80), azimuth_rad=OBLIQUE.azimuth_rad + pi),
+    )
+    plain, near, far = (
+        bent(study).path.tip_m(FORCE_N)
+        for study in (
+            WEIGHTLESS,
+            *(with_form(st.FormStudy(region=(replace(cap, **asdict(place)),))) for place in (OBLIQUE, away)),
+        )
+    )
+    assert near < 0.8 * plain
+    assert far == pytest.approx(plain, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
+    """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about (1.1)^2 as stiff."""
+    wave = st.WaveStudy(amplitude_fraction=0.1, degree=1, **asdict(OBLIQUE))
+    uneven = with_form(st.FormStudy(wave=(wave,)))
+    even, thick = bent(WEIGHTLESS).path.tip_m(FORCE_N), bent(WEIGHTLESS, thickness_m=0.88e-3).path.tip_m(FORCE_N)
+    assert bent(uneven).path.tip_m(FORCE_N) == pytest.approx(thick, rel=0.02)
+    assert thick < 0.9 * even
+
+
+def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the_other() -> None:
+    contact = replace(OBLIQUE, azimuth_rad=0.0)  # in the plane y = 0, in which the mesh is its own mirror image
+    needles = [st.NeedleStudy(tilt_rad=radians(10), tilt_direction_rad=sign * radians(90)) for sign in (1, -1)]
+    left, right = (bent(replace(COARSEST, needle=needle), contact) for needle in needles)
+    assert left.path.tip_m(FORCE_N) == pytest.approx(right.path.tip_m(FORCE_N), rel=1e-6)
+    at_contact = np.argmin(np.linalg.norm(left.mesh.points_nc - 12e-3 * contact.normal, axis=1))
+    for eye, sign in ((left, 1.0), (right, -1.0)):
+        moved = eye.path.displacement_nc(FORCE_N)[at_contact] - eye.path.displacement_nc(0.0)[at_contact]
+        assert sign * moved @ contact.parallel > 0.01e-3
+    mirrored = left.path.displacement_nc(FORCE_N) * (1.0, -1.0, 1.0)
+    nearest = np.linalg.norm(
+        (left.mesh.points_nc * (1.0, -1.0, 1.0))[:, None] - right.mesh.points_nc[None, :400], axis=2
+    ).argmin(axis=0)
+    np.testing.assert_allclose(mirrored[nearest], right.path.displacement_nc(FORCE_N)[:400], atol=1e-8)
+
+
+@pytest.mark.slow
+def test_in_a_sealed_globe_the_pressure_rises_and_a_dead_pressure_is_another() -> None:
+    kinds = {
+        "open": {},
+        "sealed": {"globe": st.GlobeStudy("sealed")},
+        "dead": {"mechanics": st.MechanicsStudy("finite-strain", follower=False)},
+    }
+    eyes = {name: bent(replace(WEIGHTLESS, **kind)) for name, kind in kinds.items()}
+    assert eyes["open"].path.pressure_pa(FORCE_N) == pytest.approx(266.0)
+    assert eyes["sealed"].path.pressure_pa(FORCE_N) > 270.0
+    tips = {name: eye.path.tip_m(FORCE_N) for name, eye in eyes.items()}
+    assert tips["sealed"] < tips["open"]
+    assert 1e-5 < abs(tips["dead"] / tips["open"] - 1.0) < 0.05
+
+
+def test_progress_ends_at_one() -> None:
+    shares: list[float] = []
+    bent(COARSEST, progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+@pytest.mark.slow
+def test_an_eye_on_a_bed_is_a_whole_globe_that_gives_way() -> None:
+    held, lying = bent(WEIGHTLESS), bent(replace(WEIGHTLESS, supports=st.SupportsStudy(kind="bed")))
+    assert lying.mesh.points_nc[:, 2].min() < -0.9 * 12e-3
+    below = lying.mesh.points_nc[:, 2] < -6e-3
+    pushed_nc = lying.path.displacement_nc(FORCE_N) - lying.path.displacement_nc(0.0)
+    # 0.44 N/mm for the whole eye along its axis.
+    assert 0.01e-3 < np.abs(pushed_nc[below]).max() < 0.1e-3
+    assert held.path.tip_m(FORCE_N) < lying.path.tip_m(FORCE_N) < 1.2 * held.path.tip_m(FORCE_N)
+
+
+def test_straps_hold_a_clamped_eye_a_little_more() -> None:
+    firm = st.SupportsStudy(kind="straps", strap_stiffness_n_per_m=2e4)
+    held, strapped = bent(COARSEST), bent(replace(COARSEST, supports=firm))
+    assert 0.9 * held.path.tip_m(FORCE_N) < strapped.path.tip_m(FORCE_N) < held.path.tip_m(FORCE_N)

@@ -1,16 +1,18 @@
+"""Eyes that are not spheres, walls that are not even, and the cornea."""
+
 from dataclasses import replace
-from math import asin, degrees, pi, radians
+from math import asin, degrees, pi, radians, sqrt
 
 import numpy as np
 import pytest
 
-from scleraforce.errors import StudyError
+from scleraforce.errors import InputError, StudyError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.form import element_modulus, form_mesh, modulus_factor, thickness_factor
+from scleraforce.mechanics.form import corneal_surface, element_modulus, form_mesh, modulus_factor, thickness_factor
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
-from scleraforce.study import FormStudy, RegionStudy, WaveStudy, parse_study
+from scleraforce.study import CorneaStudy, FormStudy, RegionStudy, WaveStudy, parse_study
 
 R, T = 12e-3, 0.6e-3
 CONTACT = Contact(polar_rad=radians(35), azimuth_rad=0.7)
@@ -135,3 +137,129 @@ def test_a_form_out_of_range_is_refused() -> None:
         FormStudy(semi_axes=(1.0, 1.0))
     with pytest.raises(StudyError, match="add up"):
         FormStudy(wave=(WaveStudy(amplitude_fraction=0.3), WaveStudy(amplitude_fraction=-0.3)))
+
+
+CORNEA = CorneaStudy()
+FLAT = CorneaStudy(radius_m=16e-3, limbus_radius_m=6e-3)
+LIMBUS_RAD, HALF_EDGE_RAD = asin(5.75 / 12), 1.0 / 12
+CENTRE_M = sqrt(12**2 - 5.75**2) * 1e-3 - sqrt(7.8**2 - 5.75**2) * 1e-3
+
+
+def meridian(angles_rad: np.ndarray) -> np.ndarray:
+    """Directions in the plane of x and z."""
+    return np.stack([np.sin(angles_rad), 0 * angles_rad, np.cos(angles_rad)], axis=-1)
+
+
+def test_the_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_globe() -> None:
+    inside = np.linspace(0.0, LIMBUS_RAD - HALF_EDGE_RAD, 9)
+    points, normals = corneal_surface(meridian(inside), CORNEA, R)
+    centre = np.array([0.0, 0.0, CENTRE_M])
+    np.testing.assert_allclose(np.linalg.norm(points - centre, axis=1), 7.8e-3, rtol=1e-12)
+    np.testing.assert_allclose(normals, (points - centre) / 7.8e-3, atol=1e-12)
+    np.testing.assert_allclose(points[0], [0.0, 0.0, CENTRE_M + 7.8e-3], atol=1e-15)  # the apex, 1.06 mm in front
+    ring = R * meridian(np.array([LIMBUS_RAD]))
+    np.testing.assert_allclose(np.linalg.norm(ring - centre, axis=1), 7.8e-3, rtol=1e-12)  # the two spheres meet here
+    outside = meridian(np.linspace(LIMBUS_RAD + HALF_EDGE_RAD, 0.5 * pi, 9))
+    points, normals = corneal_surface(outside, CORNEA, R)
+    np.testing.assert_allclose(points, R * outside, rtol=1e-12)
+    np.testing.assert_allclose(normals, outside, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cornea", [CORNEA, FLAT], ids=["steep", "flat"])
+def test_the_surface_has_no_kink_and_its_normals_are_its_own(cornea: CorneaStudy) -> None:
+    angles = np.linspace(0.0, 0.9, 40_001)
+    points, normals = corneal_surface(meridian(angles), cornea, R)
+    along = np.gradient(points, angles, axis=0)[1:-1]
+    assert np.abs(np.sum(along * normals[1:-1], axis=1)).max() < 1e-4 * R
+    turned = np.linalg.norm(np.diff(normals, axis=0), axis=1)
+    assert turned.max() < 6.0 * np.diff(angles)[0]  # the curvature is finite: a kink would turn by 0.33 rad at once
+    at_the_ends = np.array([LIMBUS_RAD - HALF_EDGE_RAD, LIMBUS_RAD + HALF_EDGE_RAD])
+    for angle in at_the_ends:
+        two = corneal_surface(meridian(angle + np.array([-1e-9, 1e-9])), CORNEA, R)
+        np.testing.assert_allclose(two[0][0], two[0][1], atol=1e-10)
+        np.testing.assert_allclose(two[1][0], two[1][1], atol=1e-7)
+
+
+def test_a_cornea_of_the_globes_own_radius_changes_nothing() -> None:
+    directions = meridian(np.linspace(0.0, 1.5, 31))
+    points, normals = corneal_surface(directions, CorneaStudy(radius_m=R), R)
+    np.testing.assert_allclose(points, R * directions, atol=1e-15)
+    np.testing.assert_allclose(normals, directions, atol=1e-12)
+
+
+def test_a_cornea_lies_about_its_own_axis() -> None:
+    axis = Contact(polar_rad=0.5, azimuth_rad=2.0)
+    aside = replace(CORNEA, polar_rad=0.5, azimuth_rad=2.0)
+    points, normals = corneal_surface(axis.normal[None], aside, R)
+    np.testing.assert_allclose(points[0], (CENTRE_M + 7.8e-3) * axis.normal, atol=1e-15)
+    np.testing.assert_allclose(normals[0], axis.normal, atol=1e-12)
+
+
+@pytest.mark.parametrize("polar_deg", [38.0, 46.0, 55.0])
+@pytest.mark.parametrize("whole", [False, True])
+def test_the_wall_behind_a_cornea_has_sound_elements_even_thickness_and_its_contact_in_place(whole, polar_deg) -> None:
+    contact = Contact(polar_rad=radians(polar_deg), azimuth_rad=0.7)
+    sphere = graded_mesh(R, T, contact, core=8, rings=20, whole=whole)
+    form = FormStudy(cornea=CORNEA)
+    mesh = form_mesh(sphere, form, contact)
+    outer, inner = mesh.points_nc[np.unique(mesh.outer_qn)], mesh.points_nc[np.unique(mesh.inner_qn)]
+    np.testing.assert_allclose(np.linalg.norm(outer - inner, axis=1), T, rtol=1e-12)
+    sizes = volume_points(mesh).volumes_ep / volume_points(sphere).volumes_ep
+    assert sizes.min() > 0.5  # every Jacobian is positive, and far from 0
+    assert sizes.max() < 2.0
+    up = sphere.points_nc[:, 2] / np.linalg.norm(sphere.points_nc, axis=1)
+    behind = np.arccos(up) > LIMBUS_RAD + HALF_EDGE_RAD  # the contact is there, too
+    np.testing.assert_allclose(mesh.points_nc[behind], sphere.points_nc[behind], atol=1e-15)
+
+
+def test_the_volume_of_the_wall_is_that_of_the_surface() -> None:
+    """Of a surface of revolution: by a fine sum of area, thickness and curvatures along the meridian."""
+    contact = Contact(polar_rad=radians(45))
+    mesh = form_mesh(graded_mesh(R, T, contact, core=8, rings=28), FormStudy(cornea=CORNEA), contact)
+    angles = np.linspace(0.0, 0.5 * pi, 100_001)
+    points, normals = corneal_surface(meridian(angles), CORNEA, R)
+    step = np.diff(points, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    middle, across = 0.5 * (points[1:] + points[:-1]), 0.5 * (normals[1:] + normals[:-1])
+    along = np.sum(np.diff(normals, axis=0) * step, axis=1) / length**2  # principal curvatures
+    around = across[:, 0] / middle[:, 0]
+    thick = T - 0.5 * (along + around) * T**2 + along * around * T**3 / 3
+    exact = 2 * pi * np.sum(middle[:, 0] * length * thick)
+    assert volume_points(mesh).volumes_ep.sum() == pytest.approx(exact, rel=1e-3)
+
+
+def test_semi_axes_stretch_the_cornea_too_and_waves_act_on_its_wall() -> None:
+    contact = Contact(polar_rad=radians(45), azimuth_rad=0.3)
+    wave = WaveStudy(amplitude_fraction=0.1, degree=1)
+    plain = graded_mesh(R, T, contact)
+    both = form_mesh(plain, FormStudy((1.05, 1.0, 0.97), (wave,), cornea=CORNEA), contact)
+    outer, inner = both.points_nc[np.unique(both.outer_qn)], both.points_nc[np.unique(both.inner_qn)]
+    up = plain.points_nc[np.unique(plain.outer_qn), 2] / R
+    np.testing.assert_allclose(np.linalg.norm(outer - inner, axis=1), T * (1.0 + 0.1 * up), rtol=1e-12)
+    stretched = form_mesh(plain, FormStudy(cornea=CORNEA), contact).points_nc[np.unique(plain.outer_qn)]
+    stretched = stretched * (1.05, 1.0, 0.97)
+    between = np.linalg.norm(stretched[::50, None] - stretched[None, ::50], axis=-1)  # the rest is a rigid motion
+    np.testing.assert_allclose(np.linalg.norm(outer[::50, None] - outer[None, ::50], axis=-1), between, atol=1e-12)
+
+
+def test_a_cornea_that_does_not_fit_the_globe_is_refused() -> None:
+    directions = meridian(np.array([0.1]))
+    wide = CorneaStudy(radius_m=14e-3, limbus_radius_m=13e-3)
+    with pytest.raises(InputError, match=r"^form\.cornea: limbus_radius_mm: 13 mm; must be below .*, 12 mm$"):
+        corneal_surface(directions, wide, R)
+    with pytest.raises(InputError, match=r"^form\.cornea: edge_mm: 3 mm; must be narrower than the cornea is wide$"):
+        corneal_surface(directions, CorneaStudy(limbus_radius_m=1e-3, edge_m=3e-3), R)
+    with pytest.raises(InputError, match=r"^form\.cornea: .*polar_deg: 60; the limbus must lie above the base plane$"):
+        corneal_surface(directions, CorneaStudy(polar_rad=radians(60)), R)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("radius_mm = 1.0", r"^study:2: form\.cornea\.radius_mm: 1 is below"),
+        ("radius_mm = 5.0", r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; must be below .* radius_mm, 5$"),
+    ],
+)
+def test_a_cornea_that_is_too_small_is_refused(text: str, message: str) -> None:
+    with pytest.raises(StudyError, match=message):
+        parse_study(f"[form.cornea]\n{text}\n")

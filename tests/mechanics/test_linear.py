@@ -1,4 +1,7 @@
+"""Linear walls: exact solutions, convergence, CalculiX, and the frontal factor."""
+
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +11,14 @@ from reference_walls import stiffness_matrix, symmetric_base, wall_mesh
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import element_stiffness, volume_points
+from scleraforce.mechanics.frontal import FrontalFactor, dissect
+from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
+from scleraforce.mechanics.loads import clamped_base, gravity_load, needle_loads, pressure_load
 from scleraforce.mechanics.material import lame_constants
-from scleraforce.mechanics.mesh import build_mesh
+from scleraforce.mechanics.mesh import HexMesh, build_mesh
+from scleraforce.units import STANDARD_GRAVITY_M_S2
+from speed.solvers.calculix import MM_PER_M, calculate, force_cards, input_deck, is_installed
 
 R, NU, E = 12e-3, 0.45, 0.25e6
 NEEDLE = 0.35e-3
@@ -153,3 +160,127 @@ def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:
     held[:, :2] = False  # free to slide in the plane of the base
     with pytest.raises(SolverError, match="supports"):
         LinearWall(mesh, NU, held)
+
+
+T = 0.8e-3
+IOP_PA, DENSITY_KG_M3, FORCE_N = 266.0, 1100.0, 0.03
+TURNED = Contact(polar_rad=np.radians(35.0), azimuth_rad=0.4)
+
+
+def needle_cards(mesh: HexMesh) -> str:
+    """Concentrated loads: what CalculiX solves must be the same; its own disc load does not exist."""
+    return force_cards(FORCE_N * needle_loads(mesh, [TURNED], NEEDLE)[0])
+
+
+def iop_cards(mesh: HexMesh) -> str:
+    """CalculiX's own pressure on face 1 (nodes 1-2-3-4: the inner side of the innermost elements)."""
+    inner = set(mesh.inner_qn[:, :4].ravel().tolist())
+    elements = [e + 1 for e, cell in enumerate(mesh.cells_en) if set(cell[:4].tolist()) <= inner]
+    return "*DLOAD\n" + "\n".join(f"{e}, P1, {IOP_PA * 1e-6:.11e}" for e in elements)
+
+
+def gravity_cards(mesh: HexMesh) -> str:  # noqa: ARG001 - one of three makers of cards
+    return f"*DLOAD\nWALL, GRAV, {STANDARD_GRAVITY_M_S2 * MM_PER_M}, 0., 0., -1."
+
+
+@pytest.mark.skipif(not is_installed(), reason="CalculiX (ccx) is not installed")
+@pytest.mark.parametrize(
+    ("element", "kind"), [("C3D20", {"twenty_nodes": True, "divisions": 6}), ("C3D8", {"order": 1, "divisions": 10})]
+)
+@pytest.mark.parametrize("load", ["iop", "gravity", "needle"])
+def test_displacements_agree_with_calculix(tmp_path: Path, element: str, kind: dict, load: str) -> None:
+    mesh = wall_mesh(R, T, level=0, layers=2, **kind)
+    wall = LinearWall(mesh, NU)
+    cards = {"iop": iop_cards, "gravity": gravity_cards, "needle": needle_cards}[load](mesh)
+    deck = input_deck(mesh, element, cards, youngs_modulus_pa=E, poisson_ratio=NU, density_kg_m3=DENSITY_KG_M3)
+    theirs = calculate(tmp_path, deck, len(mesh.points_nc)).displacement_nc
+    ours = {
+        "iop": lambda: IOP_PA * wall.pressure_nc,
+        "gravity": lambda: DENSITY_KG_M3 * STANDARD_GRAVITY_M_S2 * wall.gravity_nc,
+        "needle": lambda: FORCE_N * wall.needle_cnc([TURNED], NEEDLE)[0],
+    }[load]() / E
+    assert np.abs(theirs).max() > 1e-6
+    assert np.abs(ours - theirs).max() < 1e-4 * np.abs(theirs).max()
+
+
+FARTHER = Contact(polar_rad=0.5, azimuth_rad=1.0)
+MESHES = {
+    "one element a front": build_mesh(R, T, divisions=2, level=0, order=1),
+    "8 nodes, two layers": build_mesh(R, T, divisions=6, level=0, layers=2, order=1),
+    "27 nodes": build_mesh(R, T, divisions=4, level=0),
+    "graded": graded_mesh(R, T, FARTHER, core=2, rings=5),
+    "globe": graded_mesh(R, T, FARTHER, core=2, rings=4, whole=True),
+}
+
+
+def held(mesh: HexMesh) -> np.ndarray:
+    """The base, or a patch of nodes, and single components here and there."""
+    held_nc = clamped_base(mesh)
+    held_nc[mesh.points_nc[:, 2] < mesh.points_nc[:, 2].min() + 0.2 * R] |= len(mesh.base_nodes) == 0
+    return held_nc | (np.random.default_rng(0).uniform(size=held_nc.shape) < 0.02)
+
+
+def elements_of(mesh: HexMesh, shift: float = 0.0) -> np.ndarray:
+    """Element matrices; shifted by their largest value times `shift`, they are not definite."""
+    elements = element_stiffness(volume_points(mesh), *lame_constants(1.0, 0.45))
+    size = elements.shape[1] * elements.shape[2]
+    return elements - shift * elements.max() * np.eye(size).reshape(elements.shape[1:])
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.02])
+@pytest.mark.parametrize("kind", MESHES)
+def test_answers_agree_with_the_full_matrix(kind: str, shift: float) -> None:
+    mesh = MESHES[kind]
+    held_nc, elements = held(mesh), elements_of(mesh, shift)
+    free = np.flatnonzero(~held_nc.ravel())
+    K = stiffness_matrix(mesh, elements).toarray()[np.ix_(free, free)]
+    assert (np.linalg.eigvalsh(K)[0] < 0.0) == (shift > 0.0)
+    loads = np.random.default_rng(1).normal(size=(len(free), 3))
+    loads[10:, 2] = 0.0  # fronts without a load are left out
+    factor = FrontalFactor(dissect(mesh, held_nc), elements)
+    expected = np.linalg.solve(K, loads)
+    tolerance = 1e-11 * np.linalg.cond(K, 1) ** 0.5
+    np.testing.assert_allclose(factor.solve(loads), expected, atol=tolerance * np.abs(expected).max())
+    for column in range(3):
+        one, atol = expected[:, column], tolerance * np.abs(expected[:, column]).max()
+        np.testing.assert_allclose(factor.solve(loads[:, column]), one, atol=atol)
+        np.testing.assert_allclose(factor.solve(loads[:, column, None])[:, 0], one, atol=atol)
+
+
+def test_single_precision_is_exact_to_its_rounding() -> None:
+    mesh = MESHES["27 nodes"]
+    held_nc, elements = held(mesh), elements_of(mesh)
+    load = np.random.default_rng(1).normal(size=np.count_nonzero(~held_nc))
+    exact, single = (FrontalFactor(dissect(mesh, held_nc), values) for values in (elements, elements.astype("f4")))
+    expected = exact.solve(load)
+    error = np.abs(single.solve(load) - expected).max() / np.abs(expected).max()
+    assert 1e-8 < error < 1e-3
+
+
+@pytest.mark.parametrize("fault", [0.0, np.nan])
+def test_a_matrix_without_a_factor_is_refused(fault: float) -> None:
+    mesh = MESHES["8 nodes, two layers"]
+    with pytest.raises(SolverError, match="singular"):
+        FrontalFactor(dissect(mesh, held(mesh)), fault * elements_of(mesh))
+
+
+@pytest.mark.parametrize("kind", MESHES)
+def test_every_free_unknown_is_eliminated_once_and_before_what_it_is_shared_with(kind: str) -> None:
+    mesh = MESHES[kind]
+    fronts, number_u = dissect(mesh, held(mesh))
+    assert sorted(number_u) == list(range(len(number_u)))
+    assert [front.own.start for front in fronts[1:]] == [front.own.stop for front in fronts[:-1]]
+    assert not len(fronts[-1].shared)
+    for front in fronts:
+        assert np.all(front.shared >= front.own.stop)
+        assert np.all(np.diff(front.shared) > 0)
+    elements = np.concatenate([front.elements for front in fronts])
+    assert sorted(elements) == list(range(len(mesh.cells_en)))
+
+
+def test_a_graded_wall_of_13185_unknowns_has_fronts_of_at_most_960() -> None:
+    """The cost of a factor grows with the third power of the largest front."""
+    mesh = graded_mesh(R, T, FARTHER)
+    fronts, _ = dissect(mesh, clamped_base(mesh))
+    assert fronts[-1].own.stop == 13_185
+    assert max(front.own.stop - front.own.start + len(front.shared) for front in fronts) <= 960

@@ -1,12 +1,56 @@
+"""Meshes: shape functions, subdivision, grading, and directions that are located in them."""
+
+from dataclasses import replace
 from itertools import product
+from math import pi, radians
 
 import numpy as np
 import pytest
 
-from scleraforce.errors import InputError
+from scleraforce.errors import InputError, StudyError
+from scleraforce.mechanics import locate as locate_module
+from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.mesh import QuadSurface, build_mesh, catmull_clark, half_cube, project_on_sphere
-from scleraforce.mechanics.shapes import node_positions, shape_values
+from scleraforce.mechanics.graded import graded_mesh, study_mesh, supported_mesh
+from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.mesh import HexMesh, QuadSurface, build_mesh, catmull_clark, half_cube, project_on_sphere
+from scleraforce.mechanics.shapes import node_positions, shape_gradients, shape_values
+from scleraforce.study import MeshStudy, Study, SupportsStudy
+
+ELEMENTS = [(2, 4), (2, 8), (2, 9), (3, 8), (3, 20), (3, 27)]
+
+
+@pytest.mark.parametrize(("dimension", "nodes"), ELEMENTS)
+def test_each_shape_function_is_one_at_its_node_and_zero_at_the_others(dimension: int, nodes: int) -> None:
+    np.testing.assert_array_equal(shape_values(node_positions(dimension, nodes), nodes), np.eye(nodes))
+
+
+@pytest.mark.parametrize(("dimension", "nodes"), ELEMENTS)
+def test_shape_functions_reproduce_the_polynomials_of_their_order(dimension: int, nodes: int) -> None:
+    order = 1 if nodes == 2**dimension else 2
+    points = np.random.default_rng(0).uniform(-1, 1, (50, dimension))
+    slope = np.arange(1.0, dimension + 1)
+
+    def field(x: np.ndarray) -> np.ndarray:
+        return (0.3 + x @ slope) ** order
+
+    interpolated = shape_values(points, nodes) @ field(node_positions(dimension, nodes))
+    np.testing.assert_allclose(interpolated, field(points), atol=1e-13)
+
+
+@pytest.mark.parametrize(("dimension", "nodes"), ELEMENTS)
+def test_gradients_are_the_slopes_of_the_values(dimension: int, nodes: int) -> None:
+    points = np.random.default_rng(1).uniform(-1, 1, (20, dimension))
+    for axis in range(dimension):
+        step = 1e-3 * np.eye(dimension)[axis]  # central differences are exact for quadratics
+        slopes = (shape_values(points + step, nodes) - shape_values(points - step, nodes)) / 2e-3
+        np.testing.assert_allclose(shape_gradients(points, nodes)[..., axis], slopes, atol=1e-11)
+
+
+def test_an_unknown_element_is_refused() -> None:
+    with pytest.raises(ValueError, match="7 nodes"):
+        shape_values(np.zeros((1, 3)), 7)
+
 
 R = 12e-3
 HEX_FACES = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]  # outward
@@ -139,3 +183,231 @@ def test_projected_quads_stay_nearly_alike() -> None:
     assert areas.max() / areas.min() < 2.0
     sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     assert np.max(sides.max(axis=1) / sides.min(axis=1)) < 1.4
+
+
+T = 0.5e-3
+NEEDLE_RADIUS = 0.35e-3
+CONTACTS = [
+    Contact(polar_rad=0.0),
+    Contact(polar_rad=radians(25), azimuth_rad=0.3),
+    Contact(polar_rad=radians(50), azimuth_rad=4.0),
+    Contact(polar_rad=radians(60), azimuth_rad=-1.0),
+]
+
+
+def tip_of(mesh: HexMesh, contact: Contact) -> float:
+    wall = LinearWall(mesh, 0.45)
+    return tip_displacement(mesh, contact, wall.needle_cnc([contact], NEEDLE_RADIUS)[0])
+
+
+def directions(count: int, whole: bool) -> np.ndarray:
+    rays = np.random.default_rng(0).normal(size=(count, 3))
+    if not whole:
+        rays[:, 2] = np.abs(rays[:, 2])
+    return rays
+
+
+@pytest.mark.parametrize("contact", CONTACTS[:3], ids=str)
+@pytest.mark.parametrize("kind", KINDS)
+def test_elements_are_positive_and_fill_the_shell(kind: str, contact: Contact) -> None:
+    tolerance = {"8 nodes": 8e-2, "27 nodes": 5e-4}[kind]  # far elements are large
+    half = 2.0 / 3.0 * pi * (R**3 - (R - T) ** 3)
+    for mesh, volume in ((graded_mesh(R, T, contact, **KINDS[kind]), half),
+                         (graded_mesh(R, T, contact, **KINDS[kind], whole=True), 2.0 * half)):  # fmt: skip
+        volumes = volume_points(mesh).volumes_ep  # raises where a Jacobian is not positive
+        assert volumes.sum() == pytest.approx(volume, rel=tolerance)
+        assert len(np.unique(mesh.cells_en)) == len(mesh.points_nc)
+        assert len(np.unique(np.round(mesh.points_nc / R, 9), axis=0)) == len(mesh.points_nc)
+
+
+def test_the_grading_follows_the_contact_and_turns_with_its_azimuth() -> None:
+    contact = Contact(polar_rad=radians(35), azimuth_rad=1.0)
+    mesh = graded_mesh(R, T, contact)
+    sizes = np.sqrt(volume_points(mesh).volumes_ep.sum(axis=1) / T)
+    middles = mesh.points_nc[mesh.cells_en].mean(axis=1)
+    distance = np.linalg.norm(middles - R * contact.normal, axis=1)
+    assert sizes[distance < 1e-3].max() < 0.4e-3
+    assert sizes[distance > 8e-3].min() > 0.7e-3
+    straight = graded_mesh(R, T, Contact(polar_rad=contact.polar_rad))
+    s, c = np.sin(1.0), np.cos(1.0)
+    turned = straight.points_nc @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(mesh.points_nc, turned, atol=1e-15)
+
+
+@pytest.mark.parametrize("contact", CONTACTS, ids=str)
+@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize("grid", [{"core": 4, "rings": 8}, {}, {"core": 8, "rings": 30}], ids=str)
+def test_directions_are_found_inside_their_quads(whole: bool, contact: Contact, grid: dict) -> None:
+    mesh = graded_mesh(R, T, contact, **grid, whole=whole)
+    rays = directions(5_000, whole)
+    rays = np.concatenate([rays, mesh.points_nc[np.unique(mesh.outer_qn)]])  # nodes: where quads meet
+    quads, local = mesh.locator.locate(rays)
+    assert np.abs(local).max() <= 1.0
+    for surface_qn in (mesh.outer_qn, mesh.inner_qn):
+        points = np.einsum("pn,pnc->pc", shape_values(local, surface_qn.shape[1]), mesh.points_nc[surface_qn[quads]])
+        assert np.all(np.sum(points * rays, axis=1) > 0)
+        off_ray = np.linalg.norm(np.cross(points, rays), axis=1) / np.linalg.norm(rays, axis=1)
+        assert off_ray.max() < 1e-12 * R
+
+
+def test_a_globe_has_no_base_and_is_closed() -> None:
+    mesh = graded_mesh(R, T, CONTACTS[1], whole=True)
+    assert len(mesh.base_nodes) == 0
+    sides = np.sort(np.stack([mesh.outer_qn[:, :4], np.roll(mesh.outer_qn[:, :4], -1, axis=1)], axis=-1), axis=-1)
+    _, count = np.unique(sides.reshape(-1, 2), axis=0, return_counts=True)
+    assert np.all(count == 2)
+    upper = graded_mesh(R, T, CONTACTS[1])
+    assert len(upper.cells_en) < len(mesh.cells_en) < 2 * len(upper.cells_en)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("thickness_m", [0.4e-3, 0.8e-3])
+@pytest.mark.parametrize("polar_deg", [0.0, 50.0])
+def test_the_linear_tip_is_within_half_a_percent_of_a_fine_mesh(thickness_m: float, polar_deg: float) -> None:
+    contact = Contact(polar_rad=radians(polar_deg), azimuth_rad=0.3)
+    fine = tip_of(graded_mesh(R, thickness_m, contact, core=10, rings=24), contact)
+    assert tip_of(graded_mesh(R, thickness_m, contact), contact) == pytest.approx(fine, rel=5e-3)
+
+
+def test_a_study_chooses_the_graded_mesh() -> None:
+    study = Study(mesh=MeshStudy(kind="graded", core=4, rings=8))
+    mesh = study_mesh(study, T, CONTACTS[1])
+    np.testing.assert_array_equal(mesh.points_nc, graded_mesh(R, T, CONTACTS[1], core=4, rings=8).points_nc)
+    with pytest.raises(InputError, match="several"):
+        study_mesh(study, T)
+    with pytest.raises(StudyError, match="core: 5 is odd"):
+        MeshStudy(core=5)
+
+
+def test_a_graded_mesh_that_does_not_exist_is_an_input_error() -> None:
+    for name, value, message in (("contact", Contact(polar_rad=radians(65)), "polar angle: 65 deg"),
+                                 ("core", 3, "core 3"), ("rings", 0, "rings 0"),
+                                 ("thickness_m", 7e-3, "thickness"), ("layers", 0, "layers 0")):  # fmt: skip
+        with pytest.raises(InputError, match=message):
+            graded_mesh(**{"radius_m": R, "thickness_m": T, "contact": CONTACTS[0], name: value})
+
+
+CONTACT = Contact(polar_rad=0.6)
+GRADED = MeshStudy(kind="graded", core=2, rings=4)
+
+
+@pytest.mark.parametrize("kind", ["bed", "bed-and-straps"])
+def test_a_bed_carries_a_whole_globe(kind: str) -> None:
+    mesh = supported_mesh(Study(mesh=GRADED, supports=SupportsStudy(kind=kind)), 0.5e-3, CONTACT)
+    assert mesh.points_nc[:, 2].min() == pytest.approx(-12e-3, rel=1e-2)
+    assert len(mesh.base_nodes) == 0
+
+
+@pytest.mark.parametrize("kind", ["clamped", "straps"])
+def test_any_other_support_leaves_the_studys_mesh(kind: str) -> None:
+    study = Study(mesh=GRADED, supports=SupportsStudy(kind=kind))
+    expected = study_mesh(study, 0.5e-3, CONTACT)
+    np.testing.assert_array_equal(supported_mesh(study, 0.5e-3, CONTACT).points_nc, expected.points_nc)
+
+
+def test_a_bed_needs_a_graded_mesh() -> None:
+    with pytest.raises(InputError, match="whole globe"):
+        supported_mesh(Study(mesh=MeshStudy(kind="hexahedra"), supports=SupportsStudy(kind="bed")), 0.5e-3, CONTACT)
+
+
+def same_mesh(study: Study, other: MeshStudy, contact: Contact, *, alone: bool) -> bool:
+    mesh = supported_mesh(study, T, contact, alone=alone)
+    return np.array_equal(mesh.points_nc, supported_mesh(replace(study, mesh=other), T, contact).points_nc)
+
+
+def test_an_automatic_mesh_is_graded_for_one_contact_alone_or_a_bed() -> None:
+    graded, even = MeshStudy(kind="graded"), MeshStudy(kind="hexahedra")
+    assert same_mesh(Study(), graded, CONTACT, alone=True)
+    assert same_mesh(Study(supports=SupportsStudy(kind="bed")), graded, CONTACT, alone=False)
+    assert same_mesh(Study(), even, CONTACT, alone=False)
+    assert same_mesh(Study(), even, Contact(polar_rad=radians(65.0)), alone=True)  # a graded mesh does not reach there
+    for stated in (even, MeshStudy(divisions=8), MeshStudy(level=0)):  # their study decides
+        assert same_mesh(Study(mesh=stated), replace(stated, kind="hexahedra"), CONTACT, alone=True)
+
+
+QUAD_KINDS = {"4 nodes": {"order": 1}, "9 nodes": {"order": 2}}
+
+
+def upward(count: int, seed: int = 0) -> np.ndarray:
+    normal = np.random.default_rng(seed).normal(size=(count, 3))
+    normal[:, 2] = np.abs(normal[:, 2])
+    return normal  # of any length: locate normalises
+
+
+def pierced(mesh: HexMesh, quads_qn: np.ndarray, quads: np.ndarray, local: np.ndarray) -> np.ndarray:
+    return np.einsum("pn,pnc->pc", shape_values(local, quads_qn.shape[1]), mesh.points_nc[quads_qn[quads]])
+
+
+@pytest.mark.parametrize("kind", QUAD_KINDS)
+@pytest.mark.parametrize("grid", [{"divisions": 2, "level": 0}, {"divisions": 10, "level": 1}])
+def test_the_point_found_lies_on_the_ray_inside_its_quad(kind: str, grid: dict) -> None:
+    mesh = build_mesh(R, T, **grid, **QUAD_KINDS[kind])
+    rays = upward(20_000)
+    quads, local = mesh.locator.locate(rays)
+    assert np.abs(local).max() <= 1.0
+    for surface_qn in (mesh.outer_qn, mesh.inner_qn):  # local coordinates found on the outer surface serve the inner
+        points = pierced(mesh, surface_qn, quads, local)
+        assert np.all(np.sum(points * rays, axis=1) > 0)
+        off_ray = np.linalg.norm(np.cross(points, rays), axis=1) / np.linalg.norm(rays, axis=1)
+        assert off_ray.max() < 1e-13 * R
+
+
+@pytest.mark.parametrize("kind", QUAD_KINDS)
+def test_nodes_are_found_at_themselves(kind: str) -> None:
+    """Nodes lie on edges and corners, where quads meet, at the base and at the cube's corners of valence 3."""
+    mesh = build_mesh(R, T, divisions=6, level=1, **QUAD_KINDS[kind])
+    nodes = np.unique(mesh.outer_qn)
+    quads, local = mesh.locator.locate(mesh.points_nc[nodes])
+    points = pierced(mesh, mesh.outer_qn, quads, local)
+    np.testing.assert_allclose(points, mesh.points_nc[nodes], atol=1e-13 * R)
+
+
+def test_a_direction_that_rounding_put_below_the_base_is_found_at_the_base() -> None:
+    mesh = build_mesh(R, T)
+    azimuth = np.linspace(-np.pi, np.pi, 997)
+    rays = np.stack([np.cos(azimuth), np.sin(azimuth), np.full_like(azimuth, -5e-10)], axis=1)
+    quads, local = mesh.locator.locate(rays)
+    np.testing.assert_allclose(pierced(mesh, mesh.outer_qn, quads, local) / R, rays, atol=2e-5)
+
+
+def test_the_quad_is_the_one_that_a_search_over_all_quads_finds() -> None:
+    mesh = build_mesh(R, T, divisions=4, level=1, order=1)
+    rays = upward(300, seed=1)
+    corners = mesh.points_nc[mesh.outer_qn]
+    # Inside the spherical polygon: on the inner side of the plane through the centre and each edge.
+    planes = np.cross(corners, np.roll(corners, -1, axis=1))
+    inside = np.all(np.einsum("qec,dc->dqe", planes, rays) >= 0, axis=2)
+    assert np.all(inside.sum(axis=1) == 1)
+    np.testing.assert_array_equal(mesh.locator.locate(rays)[0], np.argmax(inside, axis=1))
+
+
+def test_answers_do_not_depend_on_what_else_is_asked_for() -> None:
+    mesh = build_mesh(R, T)
+    rays = upward(40_000)
+    quads, local = mesh.locator.locate(rays)
+    for pick in (slice(0, 1), slice(16_380, 16_390), slice(39_999, None)):
+        alone = mesh.locator.locate(rays[pick])
+        np.testing.assert_array_equal(alone[0], quads[pick])
+        np.testing.assert_allclose(alone[1], local[pick], atol=1e-13)
+    assert mesh.locator.locate(rays[:0])[0].shape == (0,)
+
+
+@pytest.mark.parametrize("ray", [[0.0, 0.0, -1.0], [1.0, 0.0, -1e-6], [0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]])
+def test_a_direction_that_misses_the_half_sphere_is_an_input_error(ray: list[float]) -> None:
+    mesh = build_mesh(R, T, divisions=2, level=0)
+    with pytest.raises(InputError, match="direction"):
+        mesh.locator.locate(np.array([[0.0, 0.0, 1.0], ray]))
+
+
+@pytest.mark.parametrize("kind", QUAD_KINDS)
+def test_compiled_loops_find_the_same_to_the_last_bit(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few directions and many give the same recordings and data sets."""
+    rays = upward(20_000)
+    rays[:50, 2] = 0.0
+    found = []
+    for many in (10**9, 1):
+        monkeypatch.setattr(locate_module, "MANY", many)
+        found.append(build_mesh(R, T, divisions=4, level=1, **QUAD_KINDS[kind]).locator.locate(rays))
+    (quads, local), (quads_compiled, local_compiled) = found
+    np.testing.assert_array_equal(quads_compiled, quads)
+    np.testing.assert_array_equal(local_compiled, local)

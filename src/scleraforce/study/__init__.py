@@ -4,12 +4,13 @@ The defaults are the paper's (`paper.toml` is the same, commented). In a file, a
 out of bounds is an error with its line.
 """
 
+import dataclasses  # whose `fields` would be hidden by the module of that name here
 import hashlib
 import re
 import reprlib
 import tomllib
 from collections import Counter
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, is_dataclass
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
@@ -286,7 +287,7 @@ def format_study(study: Study) -> str:
 
 def format_record(record: Any) -> str:
     """Write a record of sections as TOML that `parse_record` reads back to an equal one; None is left out."""
-    sections = [(item.name, getattr(record, item.name)) for item in fields(record)]
+    sections = [(item.name, getattr(record, item.name)) for item in dataclasses.fields(record)]
     return "\n\n".join(_format_section(name, section) for name, section in sections if section is not None) + "\n"
 
 
@@ -297,7 +298,7 @@ def study_hash(study: Study) -> str:
 
 def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lines, name: str, nth: int = 1) -> object:
     hints = get_type_hints(kind)
-    known = {field_key(item): item for item in fields(kind)}
+    known = {field_key(item): item for item in dataclasses.fields(kind)}
     values: dict[str, Any] = {}
     for key, value in table.items():
         place = f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, key))}"
@@ -396,7 +397,7 @@ def _line(lines: Lines, path: tuple[str, ...], nth: int) -> int:
 
 def _format_section(name: str, record: Any, noted: bool = False) -> str:
     lines, groups = [f"[{name}]"], []
-    for item in fields(record):
+    for item in dataclasses.fields(record):
         value = getattr(record, item.name)
         if isinstance(value, tuple) and value and is_dataclass(value[0]):
             groups += [_format_section(f"[{name}.{item.name}]", entry) for entry in value]
