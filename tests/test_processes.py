@@ -17,7 +17,7 @@ import pytest
 import workers as tasks
 from workers import NEEDS_DASK, Cluster, large, no_preparation, slowly_tripled, tripled, waits_for_ever
 
-from scleraforce import cluster as cluster_module, processes as processes_module
+from scleraforce import processes as processes_module
 from scleraforce.errors import InputError, SolverError
 from scleraforce.processes import cluster_workers, next_unit, split_runs, work_in_order, work_units
 
@@ -233,6 +233,6 @@ def test_a_scheduler_that_ends_is_one_clear_error(mortal: Cluster) -> None:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 def test_no_scheduler_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster_module, "CONNECT_S", 0.5)
+    monkeypatch.setattr(processes_module, "CONNECT_S", 0.5)
     with pytest.raises(InputError, match=re.escape("no Dask scheduler answers at tcp://127.0.0.1:9")):
         cluster_workers("tcp://127.0.0.1:9")
