@@ -68,25 +68,21 @@ def test_palettes_and_colours_become_grey(tmp_path: Path) -> None:
 RLE_BOMB = np.array([1, 64, *[0] * 14], "<u4").tobytes() + bytes([129, 0]) * 400_000
 
 
-def rle_bomb(path: Path) -> None:
-    write_dicom(path, BYTES, TransferSyntaxUID=uid.RLELossless, PixelData=encapsulate([RLE_BOMB]))
-
-
-def large_jpeg(path: Path) -> None:
-    stream = cv2.imencode(".jpg", np.zeros((400, 600), np.uint8))[1].tobytes()
-    write_dicom(path, BYTES, TransferSyntaxUID=uid.JPEGBaseline8Bit, PixelData=encapsulate([stream]))
+def packed(syntax: str, *streams: bytes, **tags: object) -> dict[str, object]:
+    return {"TransferSyntaxUID": syntax, "PixelData": encapsulate([*streams]), **tags}
 
 
 def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
-    for write, message in [
-        (lambda path: write_dicom(path, RAMP, Rows=60_000, Columns=60_000), "a frame may have 64 million"),
-        (lambda path: write_dicom(path, RAMP, NumberOfFrames=2_000_000), "is 2000000, PixelData has 4,800 bytes"),
-        (lambda path: write_dicom(path, RAMP, SamplesPerPixel=5000), "with 5000 samples each"),
-        (rle_bomb, "more is packed in it than"),
-        (large_jpeg, r"of \(400, 600\) pixels, the header says \(40, 60\)"),
-        (lambda path: write_dicom(path, RAMP, TransferSyntaxUID=uid.DeflatedExplicitVRLittleEndian), "deflated DICOM"),
+    large = cv2.imencode(".jpg", np.zeros((400, 600), np.uint8))[1].tobytes()
+    for pixels, tags, message in [
+        (RAMP, {"Rows": 60_000, "Columns": 60_000}, "a frame may have 64 million"),
+        (RAMP, {"NumberOfFrames": 2_000_000}, "is 2000000, PixelData has 4,800 bytes"),
+        (RAMP, {"SamplesPerPixel": 5000}, "with 5000 samples each"),
+        (BYTES, packed(uid.RLELossless, RLE_BOMB), "more is packed in it than"),
+        (BYTES, packed(uid.JPEGBaseline8Bit, large), r"of \(400, 600\) pixels, the header says \(40, 60\)"),
+        (RAMP, {"TransferSyntaxUID": uid.DeflatedExplicitVRLittleEndian}, "deflated DICOM"),
     ]:
-        write(tmp_path / "a.dcm")
+        write_dicom(tmp_path / "a.dcm", pixels, **tags)
         content = (tmp_path / "a.dcm").read_bytes()
         with less_than(10e6), pytest.raises(FrameError, match=message):
             read_dicom(tmp_path / "a.dcm", content)
@@ -137,7 +133,7 @@ def test_an_overlay_in_the_bits_of_pixels_is_left_out(tmp_path: Path) -> None:
     dataset.save_as(tmp_path / "a.dcm")
     pixels, scan = read_image(tmp_path / "a.dcm")
     np.testing.assert_array_equal(pixels, RAMP)
-    assert any("OverlayBitPosition 15" in note for note in scan.notes)
+    assert "OverlayBitPosition 15" in scan.notes[0]
 
 
 def test_bright_tissue_stays_bright(tmp_path: Path) -> None:
@@ -232,8 +228,7 @@ def test_two_scales_in_one_file_are_named_and_give_none_and_one_that_is_stated_t
     ]:
         scan = scan_of(tmp_path, RAMP, **tags)
         assert sizes_of(scan) == (None, None)
-        assert "0.004 x 0.0125 mm" in scan.scale_fault
-        assert found in scan.scale_fault
+        assert {"0.004 x 0.0125 mm" in scan.scale_fault, found in scan.scale_fault} == {True}
     for tags, size in [
         (one | groups("Shared", [0.004, 0.0125]) | groups("PerFrame", [0.004, 0.0125], [0.004, 0.0125]), SIZE),
         (one | {"PixelAspectRatio": [8, 25]}, SIZE),
@@ -245,25 +240,21 @@ def test_two_scales_in_one_file_are_named_and_give_none_and_one_that_is_stated_t
         assert (scan.times, scan.scale_fault, sizes_of(scan)) == (None, None, size)
 
 
-def jpeg(pixels: np.ndarray, kind: str = "JPEG", **options: object) -> bytes:
-    held = BytesIO()
-    pytest.importorskip("PIL.Image").fromarray(pixels).save(held, format=kind, **options)
-    return held.getvalue()
-
-
 def test_compressed_images_of_another_type_than_the_header_are_refused_by_field(tmp_path: Path) -> None:
-    options = {"kind": "JPEG2000", "irreversible": False, "no_jp2": True}
-    stream, bright, dim = (jpeg(each, **options) for each in (RAMP, RAMP + 2000, BYTES))
+    streams = [BytesIO() for _ in range(4)]
+    for held, pixels in zip(streams, (RAMP, RAMP + 2000, BYTES, BYTES), strict=True):
+        j2k = {"format": "JPEG2000", "irreversible": False, "no_jp2": True}
+        options = j2k if held is not streams[3] else {"format": "JPEG", "quality": 100}
+        pytest.importorskip("PIL.Image").fromarray(pixels).save(held, **options)
+    stream, bright, dim, small = (held.getvalue() for held in streams)
     for tags in ({}, TWELVE):
-        tags = {"TransferSyntaxUID": uid.JPEG2000Lossless, "PixelData": encapsulate([stream])} | tags
-        np.testing.assert_array_equal(frame_of(tmp_path, RAMP, **tags)[0], RAMP)
-    small = jpeg(BYTES, quality=100)
+        np.testing.assert_array_equal(frame_of(tmp_path, RAMP, **packed(uid.JPEG2000Lossless, stream), **tags)[0], RAMP)
     extended = {"TransferSyntaxUID": uid.JPEGExtended12Bit}
-    pixels, _ = frame_of(tmp_path, BYTES, PixelData=encapsulate([small]), **extended)
+    pixels, _ = frame_of(tmp_path, BYTES, **packed(uid.JPEGExtended12Bit, small))
     assert np.abs(pixels.astype(int) - BYTES).max() <= 2
     at = small.index(b"\xff\xc0")
     twelve = small[: at + 1] + b"\xc1" + small[at + 2 : at + 4] + bytes([12]) + small[at + 5 :]
-    for packed, pixels, tags, found in [
+    for sent, pixels, tags, found in [
         ([stream], RAMP, {"PixelRepresentation": 1}, r"is 1 \(signed\), its JPEG 2000 image has unsigned pixels"),
         ([bright], RAMP, TWELVE, "BitsStored is 12, HighBit 11, but a pixel is 0x"),
         ([dim], RAMP, {}, "BitsStored is 16, its JPEG 2000 image has 8 bits"),
@@ -271,9 +262,8 @@ def test_compressed_images_of_another_type_than_the_header_are_refused_by_field(
         ([twelve], RAMP, TWELVE | extended, r"JPEG Extended .*1\.2\.840\.10008\.1\.2\.4\.51.* 12 bits .*uncompressed"),
         ([small] * 3, BYTES, {"TransferSyntaxUID": uid.JPEGBaseline8Bit}, "is 1, PixelData has 3 compressed images"),
     ]:  # fmt: skip
-        tags = {"TransferSyntaxUID": uid.JPEG2000Lossless, "PixelData": encapsulate(packed)} | tags
         with pytest.raises(FrameError, match=found):
-            frame_of(tmp_path, pixels, **tags)
+            frame_of(tmp_path, pixels, **packed(uid.JPEG2000Lossless, *sent) | tags)
 
 
 def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path) -> None:
@@ -297,7 +287,7 @@ def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path) -> None:
         np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "b.dcm")), frames)
 
 
-def test_ophthalmic_tomography_has_frames_scale_and_the_time_of_each_in_its_zone(tmp_path: Path) -> None:
+def test_ophthalmic_tomography_has_upright_frames_scale_and_the_time_of_each_in_its_zone(tmp_path: Path) -> None:
     moments = ["20260102030405.000", "20260102030405.250", "20260102030405.500", "20260102030406", "20260102030407.5"]
     frames = [item(FrameContentSequence=item(FrameReferenceDateTime=moment)) for moment in moments]
     scan = scan_of(
@@ -305,10 +295,13 @@ def test_ophthalmic_tomography_has_frames_scale_and_the_time_of_each_in_its_zone
         PerFrameFunctionalGroupsSequence=each_frame(*frames), **groups("Shared", [0.004, 0.015]),
     )  # fmt: skip
     np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert scan.bits == 13
-    assert sizes_of(scan) == pytest.approx((4e-6, 15e-6))
+    assert (scan.bits, sizes_of(scan)) == (13, pytest.approx((4e-6, 15e-6)))
     np.testing.assert_allclose(scan.times.time_s - scan.times.time_s[0], [0.0, 0.25, 0.5, 1.0, 2.5], atol=1e-6)
     assert scan.times.time_s[0] == 1767323045.0  # 2026-01-02 03:04:05 UTC
+    maker = {"Manufacturer": "Carl Zeiss Meditec", "ManufacturerModelName": "1000", "PixelSpacing": [0.015, 0.004]}
+    turned = scan_of(tmp_path, FRAMES.swapaxes(1, 2).copy(), **maker)  # it writes A-scans along the rows
+    np.testing.assert_array_equal(pictures_of(turned), FRAMES)
+    assert sizes_of(turned) == sizes_of(scan)
     for stated, zone, shift_s in [("", "", 0), ("", "+0100", -3600), ("", "-0530", 19800), ("+0100", "-0500", -3600)]:
         tags = {"TimezoneOffsetFromUTC": zone} if zone else {}
         scan = scan_of(tmp_path, RAMP, AcquisitionDateTime=f"20260102030405.5{stated}", **tags)
@@ -340,18 +333,11 @@ def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Pa
     dataset.compress(uid.RLELossless)
     dataset.save_as(tmp_path / "a.dcm")
     np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "a.dcm")), FRAMES)
-    fitting = next(generate_frames(dataset.PixelData, number_of_frames=COUNT))
-    dataset.PixelData = encapsulate([fitting, RLE_BOMB, *[fitting] * (COUNT - 2)])
+    first, _, *others = generate_frames(dataset.PixelData, number_of_frames=COUNT)
+    dataset.PixelData = encapsulate([first, RLE_BOMB, *others])
     dataset.save_as(tmp_path / "a.dcm")
     with pytest.raises(FrameError, match="damaged: more is packed in it"):
         read_dicom(tmp_path / "a.dcm")
-
-
-def test_a_scanner_that_writes_a_scans_along_rows_is_turned(tmp_path: Path) -> None:
-    maker = {"Manufacturer": "Carl Zeiss Meditec", "ManufacturerModelName": "1000", "PixelSpacing": [0.015, 0.004]}
-    scan = scan_of(tmp_path, FRAMES.swapaxes(1, 2).copy(), **maker)
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert sizes_of(scan) == pytest.approx((4e-6, 15e-6))
 
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "dicom" / "anterior-segment.dcm"

@@ -1,4 +1,4 @@
-"""PNG, JPEG and NumPy files."""
+"""PNG, JPEG and NumPy files; films as OpenCV writes them."""
 
 import struct
 import zlib
@@ -14,25 +14,20 @@ import tifffile
 from foreign_files import FRAMES, STORED, pictures_of, write_dicom
 
 from scleraforce.errors import FrameError
-from scleraforce.recording.images import read_frame, read_image, read_numpy
+from scleraforce.recording.images import read_film, read_frame, read_image, read_numpy
 from scleraforce.recording.pixels import AXES, UnansweredError
 
-REAL = Path(__file__).parents[3] / "shared" / "real-oct"
+SHARED = Path(__file__).parents[3] / "shared"
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
 BYTES = RAMP.astype(np.uint8)
 
 
 def test_pictures_are_read_unchanged(tmp_path: Path) -> None:
-    for pixels in (BYTES, RAMP):
-        cv2.imwrite(str(tmp_path / "a.png"), pixels)
-        read = read_frame(tmp_path / "a.png")
-        assert read.dtype == pixels.dtype
-        np.testing.assert_array_equal(read, pixels)
-    data, chunks = cv2.imencode(".png", RAMP)[1].tobytes(), b""
-    for chunk in (b"sRGB\0", b"gAMA" + (45455).to_bytes(4, "big")):  # profiles do not change counts
-        chunks += png_chunk(chunk)
-    (tmp_path / "a.png").write_bytes(data[:33] + chunks + data[33:])
-    np.testing.assert_array_equal(read_frame(tmp_path / "a.png"), RAMP)
+    profiles = png_chunk(b"sRGB\0") + png_chunk(b"gAMA" + (45455).to_bytes(4, "big"))  # they do not change counts
+    for pixels, more in ((BYTES, b""), (RAMP, b""), (RAMP, profiles)):
+        data = cv2.imencode(".png", pixels)[1].tobytes()
+        (tmp_path / "a.png").write_bytes(data[:33] + more + data[33:])
+        np.testing.assert_array_equal(read_frame(tmp_path / "a.png"), pixels, strict=True)
 
 
 def test_colour_becomes_grey_alike_in_all_formats(tmp_path: Path) -> None:
@@ -117,33 +112,17 @@ def test_what_is_not_a_frame_is_named(tmp_path: Path) -> None:
         assert str(caught.value).startswith(f"{path}: ")
 
 
-def encoded(name: str, folder: Path) -> bytes:
-    if name.endswith("dcm"):
-        write_dicom(folder / name, RAMP)
-    elif name.endswith("tif"):
-        tifffile.imwrite(folder / name, RAMP)
-    else:
-        cv2.imwrite(str(folder / name), RAMP if name.endswith("png") else BYTES)
-    return (folder / name).read_bytes()
-
-
-def test_a_truncated_file_is_an_error(tmp_path: Path) -> None:
-    for name, share in product(["a.png", "a.jpg", "a.tif", "a.dcm"], [0.3, 0.7, 0.97]):
-        data = encoded(name, tmp_path)
-        (tmp_path / "cut").write_bytes(data[: int(len(data) * share)])
-        with pytest.raises(FrameError, match="cut: "):
-            read_frame(tmp_path / "cut")
-
-
-def test_every_flipped_bit_of_a_png_is_an_error(tmp_path: Path) -> None:
-    data = bytearray(encoded("a.png", tmp_path))
-    path = tmp_path / "flipped.png"
-    for at in range(8, len(data), 7):
-        data[at] ^= 16
-        path.write_bytes(data)
-        with pytest.raises(FrameError, match=r"flipped\.png: "):
-            read_frame(path)
-        data[at] ^= 16
+def test_a_truncated_file_and_a_flipped_bit_of_a_png_are_errors(tmp_path: Path) -> None:
+    png, jpg = (cv2.imencode(ending, pixels)[1].tobytes() for ending, pixels in ((".png", RAMP), (".jpg", BYTES)))
+    write_dicom(tmp_path / "a.dcm", RAMP)
+    tifffile.imwrite(tmp_path / "a.tif", RAMP)
+    whole = [png, jpg, *((tmp_path / name).read_bytes() for name in ("a.dcm", "a.tif"))]
+    cut = [data[: int(len(data) * share)] for data, share in product(whole, (0.3, 0.7, 0.97))]
+    flipped = [png[:at] + bytes([png[at] ^ 16]) + png[at + 1 :] for at in range(8, len(png), 7)]
+    for data in (*cut, *flipped):
+        (tmp_path / "bad").write_bytes(data)
+        with pytest.raises(FrameError, match="bad: "):
+            read_frame(tmp_path / "bad")
 
 
 def test_arrays_of_either_byte_order_and_any_number_come_back(tmp_path: Path) -> None:
@@ -169,17 +148,114 @@ def test_arrays_that_are_not_grey_or_not_whole_are_refused(tmp_path: Path) -> No
         np.save(path, np.zeros((5, 24, 40), kind))
         with pytest.raises(FrameError, match=r"a\.npy: pixels of type .*; give whole numbers or floats"):
             read_numpy(path, None, None)  # before the axes are asked for
-    np.save(path, FRAMES)
-    path.write_bytes(path.read_bytes()[:-10])
-    with pytest.raises(FrameError, match=r"a\.npy: damaged or an unknown kind of NumPy file"):
-        read_numpy(path, AXES, None)
-    np.save(path, np.array([{"a": 1}], dtype=object))  # pickled objects are never opened
-    with pytest.raises(FrameError, match=r"a\.npy: damaged or an unknown kind of NumPy file"):
-        read_numpy(path, AXES, None)
+    for array, lost in ((FRAMES, 10), (np.array([{"a": 1}], dtype=object), 0)):  # pickled objects are never opened
+        np.save(path, array)
+        path.write_bytes(path.read_bytes()[: path.stat().st_size - lost])
+        with pytest.raises(FrameError, match=r"a\.npy: damaged or an unknown kind of NumPy file"):
+            read_numpy(path, AXES, None)
+
+
+LEVELS = (20, 60, 100, 140, 180, 220)
+
+
+SHADES = np.repeat(np.array(LEVELS, np.uint8), 64 * 96 * 3).reshape(-1, 64, 96, 3).copy()
+SHADES[:, :, :32] -= 15  # each frame is of one grey, its left third darker
+
+
+def film(path: Path, code: str, pictures: np.ndarray = SHADES, options: list[int] | None = None) -> Path:
+    kind = (cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*code), 12.5, (96, 64))
+    writer = cv2.VideoWriter(str(path), *kind, options or [])
+    if not writer.isOpened():
+        pytest.skip(f"OpenCV cannot write {code} here")
+    for picture in pictures:
+        writer.write(picture)
+    writer.release()
+    return path
+
+
+def test_a_film_gives_its_frames_and_the_times_at_which_they_play(tmp_path: Path) -> None:
+    for name, code in [("a.avi", "MJPG"), ("a.mp4", "mp4v"), ("a.mkv", "MJPG")]:
+        scan = read_film(film(tmp_path / name, code))
+        found = pictures_of(scan)
+        assert (found.shape, scan.bits) == ((len(LEVELS), 64, 96), 8)
+        np.testing.assert_allclose(found[:, 32, [80, 10]], SHADES[:, 32, [80, 10], 0], atol=4)
+        np.testing.assert_allclose(scan.times.time_s, np.arange(len(LEVELS)) / 12.5, atol=2e-3)
+        (note,) = scan.notes
+        assert "--rate-hz" in note
+
+
+def matroska(path: Path, times_ms: list[int], sound_ms: int = 0, raw: bytes = b"") -> Path:
+    """A Matroska film of MJPEG, a cluster for each frame; it states how long it lasts from 0 on, sound included.
+
+    `raw`: FFmpeg's tag of a pixel format of two bytes, in which it is not compressed.
+    """
+
+    def element(name: str, content: bytes) -> bytes:
+        return bytes.fromhex(name) + (len(content) | 1 << 56).to_bytes(8, "big") + content
+
+    def number(name: str, value: int) -> bytes:
+        return element(name, value.to_bytes(4, "big"))
+
+    duration = np.array(max(times_ms[-1] + 100, sound_ms), ">f8").tobytes()
+    info = element("1549a966", number("2ad7b1", 1_000_000) + element("4489", duration))
+    video = element("e0", number("b0", 96) + number("ba", 64) + (element("2eb524", raw) if raw else b""))
+    codec = element("86", b"V_UNCOMPRESSED" if raw else b"V_MJPEG")
+    track = number("d7", 1) + number("73c5", 1) + number("83", 1) + codec
+    tracks = element("1654ae6b", element("ae", track + number("23e383", 100_000_000) + video))
+    clusters = b""
+    for time_ms, level in zip(times_ms, LEVELS, strict=True):
+        picture = np.full((64, 96), level, np.uint16 if raw else np.uint8)
+        data = picture.tobytes() if raw else cv2.imencode(".jpg", picture)[1].tobytes()
+        clusters += element("1f43b675", number("e7", time_ms) + element("a3", b"\x81\0\0\x80" + data))
+    path.write_bytes(element("1a45dfa3", element("4282", b"matroska")) + element("18538067", info + tracks + clusters))
+    return path
+
+
+def test_a_complete_film_that_starts_late_or_has_uneven_times_is_not_called_cut_off(tmp_path: Path) -> None:
+    for times_ms, sound_ms in [
+        ([0, 100, 200, 300, 400, 500], 0),
+        ([5000, 5100, 5200, 5300, 5400, 5500], 0),
+        ([0, 100, 200, 2300, 2400, 7500], 0),
+        ([0, 100, 200, 300, 400, 500], 9000),
+    ]:
+        scan = read_film(matroska(tmp_path / "a.mkv", times_ms, sound_ms))
+        np.testing.assert_allclose(pictures_of(scan)[:, 9, 9], LEVELS, atol=2)
+        np.testing.assert_allclose(scan.times.time_s, (np.array(times_ms) - times_ms[0]) / 1e3, atol=1e-6)
+        assert len(scan.notes) == 1
+        assert ("time stamps" in scan.times.source) == (times_ms[-1] == 7500)
+
+
+def test_a_film_that_was_cut_off_is_noted(tmp_path: Path) -> None:
+    late_ms = [5000, 5100, 5200, 5300, 8400, 9500]
+    for path, lost, states in [
+        (film(tmp_path / "a.avi", "MJPG"), 0.15, f"states {len(LEVELS)} frames, of which "),
+        (matroska(tmp_path / "a.mkv", [0, 100, 200, 300, 400, 500]), 0.1, ""),
+        (matroska(tmp_path / "b.mkv", late_ms), 0.1, ""),
+    ]:
+        path.write_bytes(path.read_bytes()[: int((1.0 - lost) * path.stat().st_size)])
+        scan = read_film(path)
+        assert 0 < len(pictures_of(scan)) < len(LEVELS)
+        assert f"{states}{len(scan.names)} can be decoded: it was cut off" in scan.notes[1]
+
+
+def test_sixteen_bits_of_grey_stay_and_a_depth_that_opencv_would_cut_to_8_is_refused(tmp_path: Path) -> None:
+    deep = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0, cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_16U]
+    pictures = np.random.default_rng(0).integers(0, 2**16, (3, 64, 96)).astype(np.uint16)
+    for ending in ["avi", "mkv"]:
+        scan = read_film(film(tmp_path / f"a.{ending}", "FFV1", pictures, deep))
+        np.testing.assert_array_equal(pictures_of(scan), pictures)
+        assert scan.bits is None
+    for bits in [10, 12, 14]:
+        path = matroska(tmp_path / "a.mkv", [0, 1, 2, 3, 4, 5], raw=b"Y1\0" + bytes([bits]))
+        with pytest.raises(FrameError, match=rf"a\.mkv: pixels of {bits} bits .*-pix_fmt gray16le"):
+            read_film(path)
 
 
 @pytest.mark.real
-@pytest.mark.skipif(not REAL.exists(), reason="no ../shared/real-oct")
-def test_a_real_volume_is_frames_along_its_last_axis() -> None:
-    scan = read_numpy(sorted((REAL / "needle-volumes").glob("*.npz"))[0], ("depth", "lateral", "frame"), None)
+@pytest.mark.skipif(not SHARED.exists(), reason="no ../shared")
+def test_real_volumes_have_their_frames_along_the_last_axis_and_complete_films_are_not_called_cut_off() -> None:
+    volume = sorted((SHARED / "real-oct" / "needle-volumes").glob("*.npz"))[0]
+    scan = read_numpy(volume, ("depth", "lateral", "frame"), None)
     assert (len(scan.names), scan.rows, scan.columns) == (64, 512, 64)
+    for name in ["a_start.mkv", "a_vfr.mkv"]:
+        assert len(read_film(SHARED / "cases" / "import" / "15-film-frames-missing" / name).notes) == 1
