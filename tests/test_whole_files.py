@@ -3,13 +3,23 @@
 import codecs
 import os
 import re
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from scleraforce.errors import InputError, StudyError
-from scleraforce.whole_files import KINDS, MIB, read_bytes, read_text, renamed_when_whole, write_whole
+from scleraforce.whole_files import (
+    KINDS,
+    MIB,
+    folder_when_whole,
+    read_bytes,
+    read_text,
+    renamed_when_whole,
+    write_whole,
+)
 
 STUDY = KINDS["study"]
 DOCS = Path(__file__).parents[1] / "docs"
@@ -55,13 +65,14 @@ def test_what_is_interrupted_leaves_nothing_and_the_old_file_stays(tmp_path: Pat
     path = tmp_path / "a.txt"
     write_whole("old", path)
 
-    def interrupted() -> None:
-        with renamed_when_whole(path) as part:
-            part.write_text("half")
+    def interrupted(whole: Callable[[Path], AbstractContextManager[Path]]) -> None:
+        with whole(path) as part:
+            part.write_text("half") if part.exists() else (part / "half").mkdir(parents=True)
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
+    for whole in (renamed_when_whole, folder_when_whole):
+        with pytest.raises(KeyboardInterrupt):
+            interrupted(whole)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 

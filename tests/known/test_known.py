@@ -189,8 +189,8 @@ def test_the_most_correlated_eye_has_a_prior_to_draw_from() -> None:
 
 def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone() -> None:
     stated, number = known_globe("sealed", 0.02 * PER_UL, "logarithmic"), known_globe("sealed", 0.03 * PER_UL)
-    assert completed(Known(globe=known_globe("sealed")), Known(globe=stated)).globe == stated
-    assert completed(Known(globe=number), Known(globe=stated)).globe == replace(number, law="logarithmic")
-    assert completed(Known(globe=OPEN), Known(globe=stated)).globe is OPEN
-    assert completed(Known(), Known(globe=stated)).globe is stated
-    assert completed(Known(globe=OPEN), Known()).globe is OPEN
+    for given, said, globe in [
+        (SEALED, stated, stated), (number, stated, replace(number, law="logarithmic")), (OPEN, stated, OPEN),
+        (None, stated, stated), (OPEN, None, OPEN),
+    ]:  # fmt: skip
+        assert completed(Known(globe=given), Known(globe=said)).globe == globe

@@ -1,5 +1,6 @@
 """Labels of frames, and logs that contradict their frames."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,15 +14,7 @@ from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.laboratory.pushes import sense
 from scleraforce.laboratory.virtual_eye import paper_eyes
 from scleraforce.recording.folder import ForceInfo, Recording, read_recording
-from scleraforce.recording.labels import (
-    contact_force,
-    first_contact,
-    label_frames,
-    label_notes,
-    log_doubts,
-    low_pass,
-    smoothed,
-)
+from scleraforce.recording.labels import first_contact, label_frames, label_notes, log_doubts, low_pass
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry, read_force_log
 from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
 
@@ -49,29 +42,13 @@ def sensed(force_n, rng, noise_n=4e-3, offset_n=0.0, step_n=5e-3):
     return np.rint((force_n + offset_n + rng.normal(0, noise_n, len(force_n))) / step_n) * step_n
 
 
-def test_filter_has_zero_phase_and_passes_half_at_its_cut_off():
-    time_s, middle = np.arange(8000) / 200.0, slice(2000, 6000)
-    pulse = np.exp(-(((time_s - 20.0) / 0.3) ** 2))
-    smooth = low_pass(pulse, time_s)
-    assert (smooth * time_s).sum() / smooth.sum() == pytest.approx(20.0, abs=1e-6)
-    assert smooth[1:] == pytest.approx(smooth[:0:-1], abs=1e-6)  # as symmetric as the pulse
-    for frequency_hz, share in ((0.5, 1.0), (5.0, 0.5), (20.0, 1 / 257)):
-        wave = np.sin(2 * np.pi * frequency_hz * time_s)
-        smooth = low_pass(wave, time_s)[middle]
-        assert smooth @ wave[middle] / (wave[middle] @ wave[middle]) == pytest.approx(share, abs=0.012)
-    smooth = low_pass((time_s >= 20.0).astype(float), time_s)
-    assert smooth.max() == pytest.approx(1.04, abs=0.01)  # the overshoot after a step
-    assert np.abs(smooth[time_s < 19.8]).max() < 0.01
-    assert np.ptp(time_s[(smooth > 0.1) & (smooth < 0.9)]) < 0.1
-
-
 def test_an_even_clock_is_filtered_as_by_scipy():
-    for count, rate_hz in ((400, 200.0), (5000, 21.0)):
+    """SciPy's filter has no delay and passes half at its cut-off; its step overshoots by 4 %."""
+    for count, rate_hz in ((400, 200.0), (5000, 100.0)):
         values = np.cumsum(np.random.default_rng(count).standard_normal(count)) + 3.0
-        expected = signal.sosfiltfilt(
-            signal.butter(2, 5.0, fs=rate_hz, output="sos"), values, padtype="even", padlen=count - 1
-        )
-        assert smoothed(values, 5.0 / rate_hz) == pytest.approx(expected, abs=1e-8)
+        sections = signal.butter(2, 5.0, fs=rate_hz, output="sos")
+        expected = signal.sosfiltfilt(sections, values, padtype="even", padlen=count - 1)
+        assert low_pass(values, np.arange(count) / rate_hz) == pytest.approx(expected, abs=1e-8)
 
 
 def test_jittering_and_bursting_clocks_give_the_force_of_an_even_one():
@@ -95,16 +72,6 @@ def test_first_contact_is_found_in_noise_and_steps_and_noise_gives_none():
         assert first_contact(raw_n, 200.0) is None
     (trial,) = label_frames(recording_of(log_of(raw_n), 10.0), CLASSES)
     assert (trial.measured_force_n, trial.target) == (pytest.approx(0.0, abs=0.5e-3), 0)
-
-
-def test_tare_is_right_to_a_third_of_a_millinewton():
-    errors = []
-    for seed in range(100):
-        rng = np.random.default_rng(seed)
-        force_n = step_and_hold(rng.uniform(5e-3, 60e-3), quiet_s=rng.uniform(2.0, 4.0))
-        log = log_of(sensed(-force_n, rng, offset_n=rng.uniform(-0.05, 0.05)))
-        errors.append((contact_force(log, LOGGED_INFO.force) - force_n)[50:300].mean())
-    assert np.sqrt(np.mean(np.square(errors))) < 0.3e-3
 
 
 def test_label_is_the_mean_of_the_window_centred_on_the_frame():
@@ -137,8 +104,7 @@ def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_o
     for recording, lost in ((recording_of(gap, 2.0, 15.0), 1), (recording_of(log, 2.0, 10.4), 1),
                             (recording_of(log, -0.5, 2.0), 0)):  # fmt: skip
         trials = label_frames(recording, CLASSES)
-        assert trials[1 - lost].measured_force_n == 0.0
-        assert trials[1 - lost].excluded is None
+        assert (trials[1 - lost].measured_force_n, trials[1 - lost].excluded) == (0.0, None)
         assert (trials[lost].measured_force_n, trials[lost].target) == (None, None)
         assert "force samples within 1 s of its time" in trials[lost].excluded
         (note,) = label_notes(recording, trials)
@@ -170,12 +136,10 @@ def test_a_slow_log_and_one_with_a_gap_give_the_labels_of_a_fast_one_to_its_end(
 def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
     """One sample of the first eleven is missing; steps a little below 10 ms make the window expect a little over 20."""
     time_s = np.arange(400) * 0.01 * (1 - 1e-12)
-    logs = [
-        ForceLog(np.delete(time_s, gaps), np.zeros((400 - len(gaps), 6)), FORCE_COLUMNS[1:]) for gaps in ([3], [3, 5])
-    ]
-    assert label_frames(recording_of(logs[0], 0.005, average_s=0.2), CLASSES)[0].measured_force_n == 0.0
+    one, two = (replace(log_of(np.zeros(400 - len(gaps))), time_s=np.delete(time_s, gaps)) for gaps in ([3], [3, 5]))
+    assert label_frames(recording_of(one, 0.005, average_s=0.2), CLASSES)[0].measured_force_n == 0.0
     with pytest.raises(RecordingError, match=r"no frame has a label; 0.png: 9 force samples"):
-        label_frames(recording_of(logs[1], 0.005, average_s=0.2), CLASSES)
+        label_frames(recording_of(two, 0.005, average_s=0.2), CLASSES)
 
 
 def test_pierced_trials_and_those_above_the_largest_force_are_kept_with_the_reason():
@@ -201,9 +165,7 @@ def test_labels_of_virtual_recordings_meet_the_truth():
     # With the default ranges, drift included: 0.5 mN (standard deviation), 2 mN at most, and every class is right.
     pairs = [pair for seed in range(6) for pair in labels_of_the_paper_eyes(Study(), seed)]
     errors = np.array([trial.measured_force_n - frame.push.force_n for frame, trial in pairs])
-    assert abs(errors.mean()) < 0.25e-3
-    assert errors.std() < 0.7e-3
-    assert np.abs(errors).max() < 2e-3
+    assert (np.abs([errors.mean(), errors.std(), *errors]) < [0.25e-3, 0.7e-3, *[2e-3] * len(errors)]).all()
     assert all(trial.target == CLASSES.classify(frame.push.force_n) for frame, trial in pairs)
     none = fixed(0.0)  # of a perfect sensor
     quiet = PhantomStudy(force_noise_n=none, force_drift_n_per_s=none, force_step_n=0.0)
@@ -313,8 +275,7 @@ def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_round
         rng = np.random.default_rng(1)
         doubted, shown = recording(rng, later_s), np.array(seen(rng))
         (doubt,) = log_doubts(doubted, CLASSES, shown.tolist())
-        assert "the frames' times are off" in doubt
-        assert f" s {words} than frames.csv says" in doubt
+        assert re.search(f"the frames' times are off: .* s {words} than frames.csv says", doubt)
         assert not any("times are off" in doubt for doubt in log_doubts(doubted, CLASSES, (1e-12 * shown).tolist()))
     (doubt,) = log_doubts(recording(rng), CLASSES, [1.0, 9.0, 4.0, 6.0, 2.0, 3.0, 9.0, 5.0, 8.0, 2.0])
     assert "forces.csv is unrelated to the frames" in doubt
@@ -325,8 +286,7 @@ def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
     wrong = replace(good, info=replace(LOGGED_INFO, force=ForceInfo("fx", -1)))
     assert log_doubts(good, CLASSES, unknown) == ()
     (doubt,) = log_doubts(wrong, CLASSES, unknown)
-    assert "mN along fz under the frames, but " in doubt
-    assert "mN along fx: check [force] axis" in doubt
+    assert re.search(r"mN along fz under the frames, but .* mN along fx: check \[force\] axis", doubt)
 
 
 def test_forces_of_another_size_than_the_read_ones_are_doubted() -> None:

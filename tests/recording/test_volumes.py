@@ -90,11 +90,9 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_ar
 
 def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
     for place in ["/etc/passwd", "../b.raw"]:
-        mha = f"ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_UCHAR\nElementDataFile = {place}\n"
-        (tmp_path / "a.mhd").write_text(mha)
-        (tmp_path / "a.nhdr").write_text(
-            f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 40 24 5\nencoding: raw\ndata file: {place}\n"
-        )
+        header = mha(tmp_path / "a.mhd").read_bytes().replace(b"LOCAL", place.encode())
+        (tmp_path / "a.mhd").write_bytes(header)
+        nhdr(tmp_path / "a.nhdr", f"data file: {place}", pixels=b"")
         for read, name in ((read_metaimage, "a.mhd"), (read_nrrd, "a.nhdr")):
             with pytest.raises(FrameError, match=f"{name}: its pixels are said to be in '{place}'"):
                 read(tmp_path / name, IJK)
@@ -140,8 +138,9 @@ def test_an_nrrd_has_a_spacing_where_its_unit_is_known(tmp_path: Path) -> None:
         scan = read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
         assert sizes_of(scan) == sizes
-    scan = read_nrrd(nhdr(tmp_path / "b.nrrd", 'labels: "lateral" "depth" "frame"'), None)  # named by the file
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+        if sizes == SIZE:  # axes named by the file
+            scan = read_nrrd(nhdr(tmp_path / "b.nrrd", *lines, 'labels: "lateral" "depth" "frame"'), None)
+            np.testing.assert_array_equal(pictures_of(scan), FRAMES)
 
 
 def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(tmp_path: Path) -> None:

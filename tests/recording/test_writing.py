@@ -23,7 +23,6 @@ from scleraforce.recording.images import read_frame
 from scleraforce.recording.tables import read_force_log
 from scleraforce.recording.volumes import read_nrrd
 from scleraforce.recording.writing import ForceWriter, PngBuffer, RecordingWriter
-from scleraforce.whole_files import folder_when_whole
 
 INFO = replace(LOGGED_INFO, oct=replace(LOGGED_INFO.oct, columns=20, bits=16), force=ForceInfo("fz", -1, 0.2))
 RNG = np.random.default_rng(0)
@@ -129,17 +128,6 @@ def test_opencv_and_pillow_read_back_every_pixel_of_frame_after_frame(tmp_path):
             buffer.encode(np.zeros((1, shape[1]), dtype=np.uint16))
 
 
-def test_a_fault_leaves_nothing(tmp_path):
-    def half():
-        with folder_when_whole(tmp_path / "out") as part:
-            (part / "half").mkdir(parents=True)
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        half()
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(tmp_path: Path) -> None:
     rows = [{"file": f"{n}.png", "time_s": float(n), "target": 1} for n in range(3)]
     answers = [
@@ -164,11 +152,10 @@ def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
         {"file": "c.png", "usable": False, "interval_mn": None, "reason": "dark", "needle": None},
     ]
     found = list(csv.DictReader(StringIO(export.csv_text(rows))))
-    assert found[0] | {"file": "a, b.png"} == {
-        "file": "a, b.png", "usable": "1", "interval_low_mn": "1.5", "interval_high_mn": "", "needle_tip_x": "1",
-        "reason": "",
-    }  # fmt: skip
-    assert (found[1]["usable"], found[1]["reason"], found[1]["needle_tip_x"]) == ("0", "dark", "")
+    assert list(found[0]) == ["file", "usable", "interval_low_mn", "interval_high_mn", "needle_tip_x", "reason"]
+    assert [list(row.values()) for row in found] == [
+        ["a, b.png", "1", "1.5", "", "1", ""], ["c.png", "0", "", "", "", "dark"],
+    ]  # fmt: skip
 
 
 def test_a_file_without_answers_is_refused(tmp_path: Path) -> None:
@@ -204,16 +191,14 @@ def test_a_sequence_is_what_slicer_reads_and_can_be_imported_again(tmp_path: Pat
     recording = read_recording(write_small_recording(tmp_path / "r", frames=4))
     export.write_sequence(recording, tmp_path / "a.seq.nrrd")
     array, header = nrrd.read(str(tmp_path / "a.seq.nrrd"), index_order="F")
-    assert array.shape == (COLUMNS, ROWS, 1, 4)
-    assert list(header["kinds"]) == ["domain", "domain", "domain", "list"]
+    assert (array.shape, *header["kinds"]) == ((COLUMNS, ROWS, 1, 4), "domain", "domain", "domain", "list")
     assert header["axis 3 index type"] == "numeric"
-    assert header["axis 3 index values"] == "1.000000 1.010000 1.020000 1.030000"
-    np.testing.assert_allclose(header["space directions"][:3], np.diag([8.0 / COLUMNS, 3.0 / ROWS, 0.1]))
-    assert np.isnan(header["space directions"][3]).all()
+    nowhere = [np.nan] * 3  # of the axis of frames
+    directions = [*np.diag([8.0 / COLUMNS, 3.0 / ROWS, 0.1]), nowhere]
+    np.testing.assert_allclose(header["space directions"], directions)
     text = (tmp_path / "a.seq.nrrd").read_bytes().partition(b"\n\n")[0].decode()
-    assert "axis 3 index values:=1.0" in text
+    assert "axis 3 index values:=1.000000 1.010000 1.020000 1.030000" in text
     assert "none" in text
-    np.testing.assert_array_equal(array[:, :, 0, 2].T, recording.frame(recording.frames[2]))
     for number in [1, 4]:  # frames, which can be imported again
         one = replace(recording, frames=recording.frames[:number])
         export.write_sequence(one, tmp_path / "a.nrrd")
