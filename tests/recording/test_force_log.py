@@ -1,5 +1,6 @@
 """Force logs of any program."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -52,12 +53,14 @@ def semicolons(header: str, *rows: str) -> str:
 def test_an_ati_log_is_divided_by_its_counts_per_unit_and_counts_by_its_sample_rate(tmp_path: Path) -> None:
     log, columns = log_of(tmp_path, ATI)
     np.testing.assert_allclose(log.time_s - log.time_s[0], [0.0, 0.002, 0.006, 0.008])
-    assert log.columns == ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
     np.testing.assert_allclose(log.wrench_sc[0], [1.5e-3, -2.25e-3, -0.04, 0.25e-3, 0.125e-3, -0.5e-3])
-    answers = [column.answer() for column in columns]
-    assert (answers[0], answers[3]) == ("time=RDT Sequence:500Hz", "fz=Fz:1000/mN")
-    assert answers[-1] == "status=Status (hex):ati"
-    assert [parse_column(answer) for answer in answers] == list(columns)
+    time, *forces, status = (column.answer() for column in columns)
+    assert (time, forces[2], status) == ("time=RDT Sequence:500Hz", "fz=Fz:1000/mN", "status=Status (hex):ati")
+    assert [parse_column(answer) for answer in (time, *forces, status)] == list(columns)
+    assert np.isnan(log.wrench_sc).all(axis=1).tolist() == [False, False, True, False]  # saturated
+    (note,) = log.notes
+    assert note.startswith("1 of 4 samples are flagged by the sensor and have no force; the first is ")
+    assert note.endswith("log.csv:11: Status (hex): '0x80020000'")
 
 
 def test_settings_above_the_header_are_read_whole(tmp_path: Path) -> None:
@@ -70,14 +73,6 @@ def test_settings_above_the_header_are_read_whole(tmp_path: Path) -> None:
                 log_of(tmp_path, ATI.replace(old, f"{old.partition(':')[0]}: {count}"))
     with pytest.raises(UnansweredError):
         log_of(tmp_path, ATI.replace("Force: 1000.0", "Force: 0"))
-
-
-def test_samples_that_an_ati_sensor_flags_as_saturated_have_no_force(tmp_path: Path) -> None:
-    log, _ = log_of(tmp_path, ATI)
-    assert np.isnan(log.wrench_sc).all(axis=1).tolist() == [False, False, True, False]
-    (note,) = log.notes
-    assert note.startswith("1 of 4 samples are flagged by the sensor and have no force; the first is ")
-    assert note.endswith("log.csv:11: Status (hex): '0x80020000'")
 
 
 def test_numbers_other_than_counts_under_a_header_with_counts_are_asked_about(tmp_path: Path) -> None:
@@ -144,37 +139,30 @@ def test_a_column_that_flags_every_sample_is_refused_unless_it_is_not_the_status
     assert "not taken for the sensor's status" in log.notes[0]
 
 
-def burst_log(count: int = 1000, first: int = 400, last: int = 500, burst_n: float = 213.0) -> str:
-    rng = np.random.default_rng(1)
-    force_n = rng.normal(0.0, 3e-3, count) - 0.02 * (np.arange(count) > 600)
-    force_n[first:last] = burst_n
-    return "time_s,fx_n,fz_n\n" + "".join(f"{k / 100:.2f},0,{force:.4f}\n" for k, force in enumerate(force_n))
+def even_log(*forces_n: float) -> str:
+    return "time_s,fx_n,fz_n\n" + "".join(f"{k / 100:.2f},0,{force:.6f}\n" for k, force in enumerate(forces_n))
 
 
-def test_a_burst_of_213_n_is_not_a_force_and_its_line_is_named(tmp_path: Path) -> None:
-    log, _ = log_of(tmp_path, burst_log())
-    assert np.flatnonzero(np.isnan(log.wrench_sc).all(axis=1)).tolist() == list(range(400, 500))
-    (note,) = log.notes
-    assert note.startswith("100 of 1000 samples are implausible and have no force; the first is ")
-    assert "log.csv:402: fz_n: 213 N" in note
+def test_missing_and_implausible_forces_are_gaps_and_the_first_line_is_named(tmp_path: Path) -> None:
+    noise_n = np.random.default_rng(1).normal(0.0, 1.0, 1000)
+    burst_n, quiet_n = 3e-3 * noise_n - 0.02 * (np.arange(1000) > 600), 0.05e-3 * noise_n
+    burst_n[400:500] = 213.0
+    quiet_n[800:900] += 0.06  # a push
+    quiet_n[950] += 2.0  # a knock
+    for text, gaps, note in [
+        (even_log(*burst_n), range(400, 500), "100 of 1000 samples are implausible .*log.csv:402: fz_n: 213 N"),
+        (even_log(*quiet_n), [], "^$"),
+        ("time_s,fz_n,n\n0.00,1,1\n0.01,,2\n0.02,nan,3\n0.03,1,4\n", [1, 2],
+         r"^log.csv: 2 of 4 samples have no force \(nan\)$"),
+        ("Measuring range: 2 N\n" + even_log(0.1, 2.5, 0.1, -1.9), [1],
+         r"log.csv:4: fz_n: 2.5 N \(the sensor's range is 2 N\)"),
+    ]:  # fmt: skip
+        log, _ = log_of(tmp_path, text)
+        assert np.flatnonzero(np.isnan(log.wrench_sc).all(axis=1)).tolist() == list(gaps)
+        assert re.search(note, " ".join(log.notes))
+    burst_n[300:700] = 213.0  # more than a third
     with pytest.raises(RecordingError, match=r"log\.csv:302: fz_n: 213 N .* 400 of 1000 samples are implausible"):
-        log_of(tmp_path, burst_log(first=300, last=700))  # more than a third
-
-
-def test_a_push_on_a_quiet_log_is_a_force(tmp_path: Path) -> None:
-    force_n = np.random.default_rng(2).normal(0.0, 0.05e-3, 1000)
-    force_n[800:900] += 0.06
-    force_n[950] += 2.0  # a knock
-    rows = "".join(f"{k / 100:.2f},{force:.6f}\n" for k, force in enumerate(force_n))
-    log, _ = log_of(tmp_path, "time_s,fz_n\n" + rows)
-    np.testing.assert_allclose(log.force_n("fz"), force_n, atol=1e-6)
-    assert log.notes == ()
-
-
-def test_forces_beyond_the_range_that_the_log_states_are_gaps(tmp_path: Path) -> None:
-    log, _ = log_of(tmp_path, "Measuring range: 2 N\ntime_s,fz_n\n0.00,0.1\n0.01,2.5\n0.02,0.1\n0.03,-1.9\n")
-    assert np.isnan(log.force_n("fz")).tolist() == [False, True, False, False]
-    assert "log.csv:4: fz_n: 2.5 N (the sensor's range is 2 N)" in log.notes[0]
+        log_of(tmp_path, even_log(*burst_n))
 
 
 LVM = """LabVIEW Measurement\t
@@ -304,12 +292,6 @@ def test_the_order_of_day_and_month_is_asked_unless_a_value_above_12_decides(tmp
     night = "Time;fz_n\n12/6/2026 23:59:59.990;1\n13/6/2026 00:00:00.000;2\n"
     _, columns = log_of(tmp_path, night)
     assert columns[0].answer() == "time=Time:dmy"
-
-
-def test_samples_without_a_number_are_gaps_and_counted(tmp_path: Path) -> None:
-    log, _ = log_of(tmp_path, "time_s,fz_n,n\n0.00,1,1\n0.01,,2\n0.02,nan,3\n0.03,1,4\n")
-    assert np.isnan(log.force_n("fz")).tolist() == [False, True, True, False]
-    assert log.notes == ("log.csv: 2 of 4 samples have no force (nan)",)
 
 
 def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:

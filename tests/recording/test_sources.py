@@ -37,7 +37,7 @@ nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
 metaimageio = pytest.importorskip("metaimageio")
 
 
-def write_thorlabs(path: Path) -> None:
+def write_oct(path: Path) -> None:
     with ZipFile(path, "w") as archive:
         sizes = 'SizeZ="24" SizeX="40" SizeY="5" RangeZ="1" RangeX="2"'
         archive.writestr("Header.xml", f"<O><DataFile {sizes}>data\\Intensity.data</DataFile></O>")
@@ -71,7 +71,7 @@ WRITERS = {
     "a.bag": lambda path: write_bag(path, "ros1"),
     "a.db3": write_lone_bag,
     "a.mcap": write_lone_bag,
-    "a.oct": write_thorlabs,
+    "a.oct": write_oct,
     "log.csv": write_log,
 }
 
@@ -95,18 +95,7 @@ def test_each_kind_is_recognised(tmp_path: Path) -> None:
     assert source_kind(tmp_path) == "bag"
 
 
-def test_a_file_of_no_kind_that_is_read_is_refused(tmp_path: Path) -> None:
-    for name, content in [("a.bin", b"hello"), ("a.csv", b""), ("a.nii", b"")]:
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(InputError, match=f"{name}: .*; give PNG, JPEG, TIFF, DICOM"):
-            source_kind(tmp_path / name)
-    os.mkfifo(tmp_path / "pipe")
-    for name, message in [("pipe", "pipe: a named pipe"), ("gone", "gone: No such file")]:
-        with pytest.raises(InputError, match=message):
-            source_kind(tmp_path / name)
-
-
-def test_a_file_that_is_known_and_not_read_is_named_with_a_remedy(tmp_path: Path) -> None:
+def test_a_file_that_is_not_read_is_named_with_a_remedy_or_the_kinds_that_are(tmp_path: Path) -> None:
     for name, content, what, way in [
         ("a.hdr", (348).to_bytes(4, "little") + bytes(344), "Analyze 7.5", "NIfTI"),
         ("a.hdr", (348).to_bytes(4, "big") + bytes(344), "Analyze 7.5", "NIfTI"),
@@ -126,12 +115,18 @@ def test_a_file_that_is_known_and_not_read_is_named_with_a_remedy(tmp_path: Path
         ("a.csv", b"PK\x03\x04" + bytes(100), "zip archive", "unpack"),
         ("a.txt", b"\xd0\xcf\x11\xe0" + bytes(100), ".xls", ".csv"),
         ("a.gif", b"GIF89a" + bytes(100), "GIF", "PNG or TIFF"),
-    ]:
+        *((name, content, "", "give PNG, JPEG, TIFF, DICOM")
+          for name, content in (("a.bin", b"hello"), ("a.csv", b""), ("a.nii", b""))),
+    ]:  # fmt: skip
         place = Path(mkdtemp(dir=tmp_path))
         (place / name).write_bytes(content)
         with pytest.raises(InputError, match=f"{name}: .*{what}.*; .*{way}") as caught:
             source_kind(place / name)
         assert "\n" not in str(caught.value)
+    os.mkfifo(tmp_path / "pipe")
+    for name, message in [("pipe", "pipe: a named pipe"), ("gone", "gone: No such file")]:
+        with pytest.raises(InputError, match=message):
+            source_kind(tmp_path / name)
 
 
 def test_pixels_beside_their_header_are_read_once(tmp_path: Path) -> None:
@@ -149,17 +144,14 @@ def test_pixels_beside_their_header_are_read_once(tmp_path: Path) -> None:
 
 def test_pictures_are_turned_where_their_columns_are_depth(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
-    scan = read_scan(tmp_path / "a.png", "picture", ("frame", "lateral", "depth"))
-    np.testing.assert_array_equal(pictures_of(scan)[0], FRAMES[0].T)
-    upright = read_scan(tmp_path / "a.png", "picture", ("depth", "lateral"))
-    np.testing.assert_array_equal(pictures_of(upright)[0], FRAMES[0])
+    for axes, expected in ((("frame", "lateral", "depth"), FRAMES[0].T), (("depth", "lateral"), FRAMES[0])):
+        scan = read_scan(tmp_path / "a.png", "picture", axes)
+        np.testing.assert_array_equal(pictures_of(scan)[0], expected)
     with pytest.raises(InputError, match="begin with frame"):
         read_scan(tmp_path / "a.png", "picture", ("lateral", "frame", "depth"))
 
 
 def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no files"):
-        files_of([tmp_path])
     for nth, frame in enumerate(FRAMES):
         cv2.imwrite(str(tmp_path / f"f{8 + nth}.png"), frame)
     given = sorted(tmp_path.iterdir())
@@ -171,17 +163,18 @@ def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(tmp_pat
     assert gather(given, ImportOptions()).notes == (note,)
 
 
-def test_sources_without_frames_or_with_two_logs_are_refused(tmp_path: Path) -> None:
+def test_sources_without_frames_with_two_logs_or_a_clock_that_stands_are_refused(tmp_path: Path) -> None:
     write_log(tmp_path / "a.csv")
     write_log(tmp_path / "b.csv")
     tifffile.imwrite(tmp_path / "a.tif", FRAMES)
-    with pytest.raises(InputError, match=r"a\.csv: no frames in the sources"):
-        gather([tmp_path / "a.csv"], ImportOptions())
-    with pytest.raises(InputError, match=r"b\.csv: a second force log beside .*a\.csv"):
-        gather([tmp_path / name for name in ("a.tif", "a.csv", "b.csv")], ImportOptions())
-
-
-def test_times_that_do_not_rise_are_refused() -> None:
+    (tmp_path / "empty").mkdir()
+    for names, message in [
+        (("a.csv",), r"a\.csv: no frames in the sources"),
+        (("a.tif", "a.csv", "b.csv"), r"b\.csv: a second force log beside .*a\.csv"),
+        (("empty",), "empty: no files in this folder"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            gather([tmp_path / name for name in names], ImportOptions())
     with pytest.raises(InputError, match="do not rise"):
         on_one_clock(Times(np.array([0.0, 0.0]), "tag"), None, 0.0)
 
@@ -193,40 +186,30 @@ def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_
     found = answers_like(folder)
     assert (found["axes"], found["columns"]) == ("frame,depth,lateral", ["fz=F:N"])
     assert not {"rate_hz", "clock_offset_s", "axis"} & set(found)
-
-
-def test_a_file_that_import_did_not_write_is_refused(tmp_path: Path) -> None:
-    folder = write_small_recording(tmp_path / "r")
     for text in ["", "[]", '{"answers": NaN}', '{"answers": 7}']:
         (folder / "import.json").write_text(text)
         with pytest.raises(RecordingError, match=r"import\.json: "):
             answers_like(folder)
 
 
-SCAN = Scan(names=("x/b.png", "x/a.png"), rows=2, columns=2, pictures=lambda: iter(()))
-
-
-def times(folder: Path, text: str) -> list[float]:
-    (folder / "times.csv").write_text(text)
-    return given_times(SCAN, folder / "times.csv", None).time_s.tolist()
-
-
-def test_a_table_goes_by_the_names_of_frames_or_else_by_their_order(tmp_path: Path) -> None:
-    assert times(tmp_path, "file,time_s\na.png,7\nb.png,5\nother.png,9\n") == [5.0, 7.0]
-    assert times(tmp_path, "Time (ms)\n250\n500\n") == [0.25, 0.5]
-    assert times(tmp_path, "file,time_s\nc.png,1\nd.png,2\n") == [1.0, 2.0]
-
-
-def test_a_table_that_does_not_go_with_the_frames_is_refused(tmp_path: Path) -> None:
-    for text, message in [
-        ("time_s\n1\n2\n3\n", "3 times for 2 frames"),
-        ("frame,when\na.png,1\n", "no column of times with its unit.*'frame', 'when'"),
-        ("time_s\n1\nx\n", r"times\.csv:3: time_s: 'x' is not a number"),
+def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(tmp_path: Path) -> None:
+    table, scan = tmp_path / "times.csv", Scan(("x/b.png", "x/a.png"), 2, 2, lambda: iter(()))
+    for text, time_s in [
+        ("file,time_s\na.png,7\nb.png,5\nother.png,9\n", [5.0, 7.0]),
+        ("Time (ms)\n250\n500\n", [0.25, 0.5]),
+        ("file,time_s\nc.png,1\nd.png,2\n", [1.0, 2.0]),
     ]:
+        table.write_text(text)
+        assert given_times(scan, table, None).time_s.tolist() == time_s
+    for text, rate_hz, message in [
+        ("time_s\n1\n2\n3\n", None, "3 times for 2 frames"),
+        ("frame,when\na.png,1\n", None, "no column of times with its unit.*'frame', 'when'"),
+        ("time_s\n1\nx\n", None, r"times\.csv:3: time_s: 'x' is not a number"),
+        ("time_s\n1\n2\n", 4.0, "--rate-hz"),
+    ]:
+        table.write_text(text)
         with pytest.raises(InputError, match=message):
-            times(tmp_path, text)
-    with pytest.raises(InputError, match="--rate-hz"):
-        given_times(SCAN, Path("a.csv"), 4.0)
+            given_times(scan, table, rate_hz)
 
 
 VOLUMES = ImportOptions(axes="lateral,depth,frame")
@@ -352,9 +335,9 @@ def test_pixels_of_any_type_become_counts_by_one_map_of_all_frames() -> None:
 
 
 def test_a_range_or_pixels_without_a_difference_are_refused() -> None:
-    for given in [(5.0, 5.0), (6.0, 5.0), (np.nan, 5.0)]:
-        with pytest.raises(InputError, match="--grey-range"):
-            find_greys([RAMP], given, "a")
-    for picture in [np.full((2, 2), 0.5), np.full((2, 2), np.nan), np.ones((2, 2), complex)]:
-        with pytest.raises(FrameError, match=r"scan\.tif: "):
-            find_greys([picture], None, "scan.tif")
+    for picture, given, message in [
+        *((RAMP, given, "--grey-range") for given in ((5.0, 5.0), (6.0, 5.0), (np.nan, 5.0))),
+        *((np.full((2, 2), value), None, r"scan\.tif: ") for value in (0.5, np.nan, 1j)),
+    ]:
+        with pytest.raises(InputError, match=message):
+            find_greys([picture], given, "scan.tif")
