@@ -1,4 +1,5 @@
 import hashlib
+import re
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
@@ -24,14 +25,11 @@ def read(folder: Path, mean_mpa: float = 0.27, eyes: dict[str, Any] | None = Non
 
 def test_eyes_population_and_provenance_are_read(tmp_path: Path) -> None:
     found, file = read(tmp_path, eyes=EYES), tmp_path / "calibration.json"
+    eye, diverged = found.eyes["a"], found.eyes["b"]
     assert (found.population_mean_pa, found.population_sd_pa) == pytest.approx((0.27e6, 0.03e6))
-    assert found.eyes["a"].mean_pa == pytest.approx(0.31e6)
-    assert found.eyes["a"].sd_pa == pytest.approx(5e3)
-    assert found.eyes["a"].thickness_m == pytest.approx(0.7e-3)
-    assert [eye.usable for eye in found.eyes.values()] == [True, False]
-    assert found.digests == {"1f", "2f", "3f"}
-    assert found.eyes["b"].frames[0].file == "1.png"
-    assert (found.mechanics, found.path) == ("finite-strain", str(file))
+    assert (eye.mean_pa, eye.sd_pa, eye.thickness_m) == pytest.approx((0.31e6, 5e3, 0.7e-3))
+    assert (eye.usable, diverged.usable, diverged.frames[0].file) == (True, False, "1.png")
+    assert (found.digests, found.mechanics, found.path) == ({"1f", "2f", "3f"}, "finite-strain", str(file))
     assert found.sha256 == hashlib.sha256(file.read_bytes()).hexdigest()
 
 
@@ -79,6 +77,13 @@ def test_a_key_that_is_missing_or_cannot_be_is_refused_by_its_place(tmp_path: Pa
         ({"discrepancy": 3}, "discrepancy"), ({"globe": None}, "globe"), ({"globe": []}, "globe"),
     ):  # fmt: skip
         assert refusal(broken, calibration_text(0.2, {"x": entry})).startswith(f"eyes.x.{key}")
+    for key, value in (
+        ("growth", "steep"), ("growth", 3.0), ("level", None), ("level_sd", -0.1), ("growth_sd", 2.1),
+        ("correlation", 1.0), ("largest_n", 31.0), ("widest_gap", 1.5), ("level_by", [0.1]), ("level_by", None),
+        ("growth_by", [3.0, 0.0]), ("scatter", -0.1), ("scatter", "x"),
+    ):  # fmt: skip
+        text = calibration_text(0.27, {"x": {"discrepancy": {**DISCREPANCY, key: value}}})
+        assert refusal(broken, text).startswith(f"eyes.x.discrepancy.{key}")
     for value in (-0.1, 200.1, "stiff", True, None, [1.0]):
         assert refusal(broken, calibration_text(0.27, {"x": {"stiffening": value}})).startswith("eyes.x.stiffening: ")
         population = {"mean_mpa": 0.27, "sd_mpa": 0.03, "stiffening": value}
@@ -87,9 +92,7 @@ def test_a_key_that_is_missing_or_cannot_be_is_refused_by_its_place(tmp_path: Pa
 
 def test_a_refusal_names_the_value_and_the_unit_that_may_be_meant(tmp_path: Path) -> None:
     said = refusal(tmp_path / "c.json", calibration_text(270.0))
-    assert "found 270.0" in said
-    assert "did you mean 0.27 MPa" in said
-    assert "scleraforce calibrate" in said
+    assert re.search("found 270.0.*did you mean 0.27 MPa.*scleraforce calibrate", said)
     with pytest.raises(CalibrationError, match=r"nothing\.json: No such file"):
         read_calibration(tmp_path / "nothing.json")
 
@@ -159,13 +162,3 @@ def test_stiffening_and_discrepancy_go_with_the_modulus_that_an_eye_has(tmp_path
     known = {eye: known_of_eye(Known(), summary, eye) for eye in (*"abc", "stranger")}
     assert [one.stiffening for one in known.values()] == [12.5, 0.0, None, 6.0]
     assert [one.discrepancy for one in known.values()] == [ForceDiscrepancy(**found), None, None, None]
-
-
-def test_a_discrepancy_that_cannot_be_is_refused_with_its_key(tmp_path: Path) -> None:
-    for key, value in (
-        ("growth", "steep"), ("growth", 3.0), ("level", None), ("level_sd", -0.1), ("growth_sd", 2.1),
-        ("correlation", 1.0), ("largest_n", 31.0), ("widest_gap", 1.5), ("level_by", [0.1]), ("level_by", None),
-        ("growth_by", [3.0, 0.0]), ("scatter", -0.1), ("scatter", "x"),
-    ):  # fmt: skip
-        text = calibration_text(0.27, {"a": {"discrepancy": {**DISCREPANCY, key: value}}})
-        assert refusal(tmp_path / "c.json", text).startswith(f"eyes.a.discrepancy.{key}")

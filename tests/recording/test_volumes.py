@@ -79,13 +79,16 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_ar
         read_nifti(patched(nifti(tmp_path / "a.nii"), 123, b"\5"), IJK)
     fewer = patched(nifti(tmp_path / "a.nii"), 46, (COUNT - 1).to_bytes(2, "little"))  # dim[3]
     (tmp_path / "a.nii.gz").write_bytes(gzip.compress(fewer.read_bytes()))
-    for name in ["a.nii", "a.nii.gz"]:
-        with pytest.raises(FrameError, match=r"dim states 40 x 24 x 4 pixels, and more follow"):
-            read_nifti(tmp_path / name, IJK)
-    for kind in [[("R", "u1"), ("G", "u1"), ("B", "u1")], np.complex64]:
-        nibabel.save(nibabel.Nifti1Image(np.zeros((40, 24, 5), kind), np.eye(4)), tmp_path / "a.nii")
-        with pytest.raises(FrameError, match=r"a\.nii: pixels of type .*give whole numbers or floats"):
-            read_nifti(tmp_path / "a.nii", None)
+    for nth, kind in enumerate(([("R", "u1"), ("G", "u1"), ("B", "u1")], np.complex64)):
+        nibabel.save(nibabel.Nifti1Image(np.zeros((40, 24, 5), kind), np.eye(4)), tmp_path / f"{nth}.nii")
+    for name, found in [
+        ("a.nii", "dim states 40 x 24 x 4 pixels, and more follow"),
+        ("a.nii.gz", "dim states 40 x 24 x 4 pixels, and more follow"),
+        ("0.nii", r"0\.nii: pixels of type .*give whole numbers or floats"),
+        ("1.nii", r"1\.nii: pixels of type .*give whole numbers or floats"),
+    ]:
+        with pytest.raises(FrameError, match=found):
+            read_nifti(tmp_path / name, IJK if name.startswith("a") else None)
 
 
 def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
