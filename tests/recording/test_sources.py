@@ -163,7 +163,7 @@ def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(tmp_pat
     assert gather(given, ImportOptions()).notes == (note,)
 
 
-def test_sources_without_frames_with_two_logs_or_a_clock_that_stands_are_refused(tmp_path: Path) -> None:
+def test_sources_without_frames_with_two_logs_or_a_stopped_clock_are_refused(tmp_path: Path) -> None:
     write_log(tmp_path / "a.csv")
     write_log(tmp_path / "b.csv")
     tifffile.imwrite(tmp_path / "a.tif", FRAMES)
