@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic_frames import moving
-from sealed_walls import iop_ratio_at_dent
 
 from calibration_eyes import stated
 from ideal_boundaries import ideal_boundaries
@@ -24,7 +23,7 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.build import cached_library
-from scleraforce.library.sealed import iop_ratio_under_force
+from scleraforce.library.sealed import iop_ratio_at_dent, iop_ratio_under_force
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import read_recording
 from scleraforce.segmentation.observations import Boundaries

@@ -48,6 +48,17 @@ def test_files_are_written_and_named(study: Path, tmp_path: Path, shell) -> None
     assert "exists already" in shell.refused(*command, "--plot", plot)
 
 
+def test_the_force_of_a_displacement_is_found(study: Path, shell) -> None:
+    wall = ("simulate", "--study", study, "--thickness-um", 600)
+    pushed = shell.json(*wall, "--force-mn", 12.5)
+    found = shell.json(*wall, "--displacement-mm", pushed["tip_displacement_mm"])
+    assert found["force_mn"] == pytest.approx(12.5)
+    assert found["tip_displacement_mm"] == pytest.approx(pushed["tip_displacement_mm"])
+    for both in ((), ("--force-mn", 10, "--displacement-mm", 1)):
+        assert "give either --force-mn or --displacement-mm" in shell.refused(*wall, *both)
+    assert "'--displacement-mm': 11 is above the largest" in shell.refused(*wall, "--displacement-mm", 11)
+
+
 def test_bad_input_is_one_line_that_names_it(study: Path, shell) -> None:
     for option, value, named in (
         ("--thickness-um", 200, "thickness_um: 200 is below"),
@@ -93,3 +104,6 @@ def test_a_sealed_eye_gives_way_less_and_its_pressure_rises(tmp_path: Path, shel
     assert sealed["pressure_mmhg"] > 3.0
     assert sealed["tip_displacement_mm"] < sealed["dent_mm"] < opened["dent_mm"]
     assert "the pressure rises from 2 to " in shell.text(*wall, "--globe", "sealed")
+    again = shell.json(*wall[:5], *wall[7:], "--globe", "sealed", "--displacement-mm", sealed["tip_displacement_mm"])
+    for name in ("force_mn", "dent_mm", "pressure_mmhg", "tip_displacement_mm"):
+        assert again[name] == pytest.approx(sealed[name], rel=1e-3)

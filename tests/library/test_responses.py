@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_library import analytic_library, curves, displaced_m3, draw_walls, force_ratio
-from sealed_walls import iop_ratio_at_dent
 
 from scleraforce.errors import InputError
+from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
@@ -118,3 +118,36 @@ def test_an_open_globe_keeps_its_pressure_and_so_does_one_without_a_dent(library
     assert iop_ratio_at_dent(library, t, p, np.zeros(20), Globe(rate=1e6)) == pytest.approx(p, rel=1e-4)
     with pytest.raises(InputError, match=r"tip: 8 mm is outside"):
         iop_ratio_at_dent(library, t, p, np.full(20, 8e-3), OPEN_GLOBE)
+
+
+@pytest.mark.parametrize("rigidity", [0.0, 3e8])
+def test_an_eye_answers_with_the_force_of_a_dent_and_the_dent_of_a_force(library, rigidity):
+    wall = {"thickness_m": 0.6e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 300.0}
+    eye = library.eye(**wall, rigidity_pa13_per_m3=rigidity, polar_angle_rad=0.0)
+    forces_n = np.linspace(0.0, eye.max_force_n, 40).reshape(5, 8)
+    dents_m = eye.dent_m(forces_n)
+    assert dents_m.shape == (5, 8)
+    assert (np.diff(dents_m.ravel()) > 0.0).all()
+    assert eye.force_n(dents_m) == pytest.approx(forces_n, rel=1e-3)
+    assert eye.dent_m(float(forces_n[2, 3])) == pytest.approx(dents_m[2, 3])
+    ratio = eye.pressure_pa(dents_m) / 0.3e6
+    assert eye.force_n(dents_m) == pytest.approx(0.3e6 * force_ratio(0.6e-3, ratio, dents_m), rel=5e-3, abs=1e-6)
+    rise_pa13 = rigidity * displaced_m3(0.6e-3, ratio, dents_m)
+    assert np.cbrt(eye.pressure_pa(dents_m)) == pytest.approx(np.cbrt(300.0) + rise_pa13, rel=1e-3)
+    for answer, value in ((eye.force_n, 7.6e-3), (eye.dent_m, 1.01 * eye.max_force_n), (eye.dent_m, -1e-3)):
+        with pytest.raises(InputError, match="is outside this eye's range, 0 to "):
+            answer(value)
+
+
+def test_an_eye_outside_the_library_is_refused(library):
+    wall = {"thickness_m": 0.6e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 300.0}
+    for other, said in (
+        ({"thickness_m": 0.2e-3}, "thickness: 200 µm"),
+        ({"iop_pa": 9e4}, "IOP/E: 0.3 is"),
+        ({"polar_angle_rad": 1.0}, "polar angle: 57.3 deg is outside the library's range, 0 to 50"),
+        ({"stiffening": 3.0}, "stiffening"),
+    ):
+        with pytest.raises(InputError, match=said):
+            library.eye(**wall | other)
+    at_pole, beside = (library.eye(**wall, polar_angle_rad=polar).force_n(1e-3) for polar in (0.0, 0.8))
+    assert beside > at_pole

@@ -3,19 +3,20 @@
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
-from sealed_walls import iop_ratio_at_dent
 
+from scleraforce.errors import InputError
 from scleraforce.library import Library
 from scleraforce.library.build import build_library
 from scleraforce.library.store import open_library
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.globe import Globe, sealed_globe
+from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import needle_at
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import LibraryStudy, Range, Study
+from scleraforce.study.eye import RIGIDITY_LAWS as LAWS
 from scleraforce.units import SI_PER_UNIT
 
 pytestmark = pytest.mark.slow
@@ -41,24 +42,17 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
     return open_library(path)
 
 
-def sealed_pressures(
-    library: Library, thickness_m: float, modulus_pa: float, iop_pa: float, globe: Globe, dents_m: np.ndarray
-) -> np.ndarray:
-    """Pressures in Pa under dents of a sealed eye; NaN where it runs away."""
-    thickness, resting = np.full(len(dents_m), thickness_m), np.full(len(dents_m), iop_pa / modulus_pa)
-    return iop_ratio_at_dent(library, thickness, resting, dents_m, globe.over(modulus_pa)) * modulus_pa
-
-
-def sealed_states(
-    library: Library, thickness_m: float, modulus_pa: float, iop_pa: float, globe: Globe, dents_m: np.ndarray = DENTS_M
+def loaded(
+    library: Library, dents_m: np.ndarray, eye: tuple[float, float, float], polar_rad: float, rigidity: float, law: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pressures in Pa and forces in N under dents of a sealed eye."""
-    pressures_pa = sealed_pressures(library, thickness_m, modulus_pa, iop_pa, globe, dents_m)
-    forces = library.forces(np.full(len(dents_m), thickness_m), pressures_pa / modulus_pa, dents_m)
-    return pressures_pa, forces * modulus_pa
+    """Pressures in Pa and forces in N under dents of a sealed eye: thickness, modulus, IOP."""
+    names = dict(zip(("thickness_m", "youngs_modulus_pa", "iop_pa"), eye, strict=True))
+    sealed = {"rigidity_pa13_per_m3": rigidity * PER_UL, "rigidity_law": law}
+    found = library.eye(**names, **sealed, polar_angle_rad=polar_rad)
+    return found.pressure_pa(dents_m), found.force_n(dents_m)
 
 
-@pytest.mark.parametrize("law", ["cube-root", "logarithmic"])
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
     ("thickness_m", "modulus_pa", "iop_pa", "rigidity"),
     [(0.55e-3, 0.4e6, 266.0, 0.03), (0.7e-3, 0.6e6, 530.0, 0.02), (0.85e-3, 0.25e6, 200.0, 0.01)],
@@ -74,8 +68,8 @@ def test_a_sealed_eye_is_that_of_a_path_with_its_own_volumes(
         globe=globe.over(modulus_pa),
         size=MeridianSize(96),
     )
-    pole = library.for_contact(0.0)  # the path knows no base beside the pole
-    pressures_pa, forces_n = sealed_states(pole, thickness_m, modulus_pa, iop_pa, globe, dents_m)
+    eye = thickness_m, modulus_pa, iop_pa
+    pressures_pa, forces_n = loaded(library, dents_m, eye, 0.0, rigidity, law)  # the path knows no base beside the pole
     np.testing.assert_allclose(pressures_pa, path.iop_ratio[1:] * modulus_pa, rtol=2e-3)
     np.testing.assert_allclose(forces_n, path.force_ratio_m2[1:] * modulus_pa, rtol=2e-3)
 
@@ -110,13 +104,17 @@ def test_a_sealed_eye_is_that_of_three_dimensions(
         max_tip_m=float(dents_m[-1]),
         globe=globe,
     )
-    beside = library.for_contact(polar_rad)
-    pressures_pa, forces_n = sealed_states(beside, thickness_m, modulus_pa, iop_pa, globe, dents_m)
+    pressures_pa, forces_n = loaded(library, dents_m, (thickness_m, modulus_pa, iop_pa), polar_rad, rigidity, LAWS[0])
     np.testing.assert_allclose(forces_n, CubicSpline(path.tips_m, path.forces_n)(dents_m), rtol=0.02)
     np.testing.assert_allclose(pressures_pa, CubicSpline(path.tips_m, path.pressures_pa)(dents_m), rtol=0.02)
 
 
-def test_a_pressure_that_runs_away_has_no_state(library: Library) -> None:
-    dents_m = 1e-3 * np.array([1.5, 2.1, 2.4, 3.0])
-    pressures_pa = sealed_pressures(library, 0.5e-3, 0.38e6, 266.0, sealed_globe(0.03 * PER_UL), dents_m)
-    assert np.isfinite(pressures_pa).tolist() == [True, True, False, False]  # the path ends at 2.2 mm
+def test_a_pressure_that_runs_away_ends_the_range(library: Library) -> None:
+    wall = {"thickness_m": 0.5e-3, "youngs_modulus_pa": 0.38e6, "iop_pa": 266.0}
+    eye = library.eye(**wall, rigidity_pa13_per_m3=0.03 * PER_UL)
+    assert 2.1e-3 < eye.max_dent_m < 2.4e-3  # the path ends at 2.2 mm
+    assert np.isfinite(eye.force_n(eye.max_dent_m))
+    for answer, value in ((eye.force_n, 2.4e-3), (eye.pressure_pa, 3e-3), (eye.dent_m, 1.01 * eye.max_force_n)):
+        with pytest.raises(InputError, match=r"(dent|force): .* is outside this eye's range, 0 to "):
+            answer(value)
+    assert library.eye(**wall).max_dent_m == library.tip_m[-1]

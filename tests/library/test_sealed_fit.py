@@ -7,7 +7,6 @@ import numpy as np
 import plain_fit
 import pytest
 from analytic_frames import BOTH, LATERAL_M, LIBRARY, RANGES, drawn_wall, known_eye, middling_eye, noisy_boundaries
-from sealed_walls import iop_ratio_at_dent
 
 from predicted_walls import Walls, force_n, predict_wall
 from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, KnownGlobe, known_globe
@@ -15,6 +14,7 @@ from scleraforce.library import Library, unknowns as at
 from scleraforce.library.files import load_library
 from scleraforce.library.fit import BoundaryFit, fit_boundaries
 from scleraforce.library.prior import prior_of
+from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.models import LIBRARY_FILE, SHIPPED_READER
 from scleraforce.units import to_si
 

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from analytic_library import analytic_library, draw_walls
 from library_arrays import reached_tips
-from sealed_walls import iop_ratio_at_dent
 
-from scleraforce.library.sealed import iop_ratio_under_force
+from scleraforce.library.sealed import iop_ratio_at_dent, iop_ratio_under_force
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT

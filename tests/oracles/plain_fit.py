@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import fit_arrays
 import numpy as np
-from sealed_walls import iop_ratio_at_dent
 
 from predicted_walls import Walls, formed_wall, predict_wall
 from scleraforce.arrays import Floats
@@ -17,6 +16,7 @@ from scleraforce.library.fit import BoundaryFit, _standard_normal, law_of
 from scleraforce.library.placement import Columns, Placed, Places, gauss_newton, robust_spread
 from scleraforce.library.prior import HEAVY, Prior
 from scleraforce.library.responses import Library
+from scleraforce.library.sealed import iop_ratio_at_dent
 
 Fit = tuple[Floats, Placed, float]  # unknowns, prediction and cost
 LAW_STEPS = {at.TIP: 1e-7, at.THICKNESS: 1e-7, at.MODULUS: 1e-4, at.IOP: 1e-4, at.SIZE: 1e-4, at.PRESSURE: 1e-4}

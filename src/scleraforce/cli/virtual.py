@@ -23,8 +23,10 @@ THICKNESS_M, POLAR_RAD = to_si(600.0, "um"), to_si(35.0, "deg")
 
 @click.command(cls=Command)
 @options("study", "thickness_m", required=("thickness_m",))
-@click.option("--force-mn", "force_n", type=Quantity("force_mn"), required=True,
-              help="Force of the needle, along the inward normal.")  # fmt: skip
+@click.option("--force-mn", "force_n", type=Quantity("force_mn"),
+              help="Force of the needle, along the inward normal; this or --displacement-mm.")  # fmt: skip
+@click.option("--displacement-mm", "displacement_m", type=Quantity("displacement_mm"),
+              help="Find the force that moves the contact inward by this, from rest.")  # fmt: skip
 @options("youngs_modulus_pa", "iop_pa", "polar_angle_rad", "gap_m", "globe", "rigidity_pa13_per_m3", "mechanics",
          default=STUDYS, polar_angle_rad="the middle of the study's range", globe=GLOBE,
          rigidity_pa13_per_m3=RIGIDITY, mechanics=MECHANICS)  # fmt: skip
@@ -34,7 +36,11 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
     """Bend one eye by one force: displacement, slice, picture.
 
     Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
+
+    The force that makes a dent: scleraforce simulate --thickness-um 500 --displacement-mm 1
     """
+    if (given["force_n"] is None) is (given["displacement_m"] is None):
+        raise click.UsageError("give either --force-mn or --displacement-mm")
     import scleraforce as sf
     from scleraforce.laboratory.virtual_eye import write_vtu
     from scleraforce.notebook.virtual import declared
@@ -52,6 +58,7 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
 
         write_figure(draw_simulation(eye), plot)
     result = {
+        "force_mn": from_si(eye.force_n, "mn"),
         "tip_displacement_mm": from_si(eye.tip_m, "mm"),
         "dent_mm": from_si(eye.dent_m, "mm"),
         "pressure_mmhg": from_si(eye.pressure_pa, "mmhg"),
@@ -69,7 +76,7 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
 
 
 def _lines(eye: "SimulatedEye", study: Study, resting_pa: float) -> Iterator[str]:
-    yield f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):g} mN"
+    yield f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):.4g} mN"
     if study.globe.kind == "sealed":
         resting, loaded = (from_si(pressure_pa, "mmhg") for pressure_pa in (resting_pa, eye.pressure_pa))
         yield (

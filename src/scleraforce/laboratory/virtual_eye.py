@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from math import acos, atan2, pi, radians, remainder
+from math import acos, atan2, inf, pi, radians, remainder
 from pathlib import Path
 
 import numpy as np
@@ -372,26 +372,39 @@ class SimulatedEye:
 
 
 def simulate_eye(
-    study: Study, thickness_m: float, force_n: float, contact: Contact, progress: Progress | None = None
+    study: Study,
+    thickness_m: float,
+    force_n: float,
+    contact: Contact,
+    progress: Progress | None = None,
+    displacement_m: float | None = None,
 ) -> SimulatedEye:
-    """Bend a wall by the study's `[mechanics]` and `[globe]` and cut its slice beside the needle."""
+    """Bend a wall by the study's `[mechanics]` and `[globe]` and cut its slice beside the needle.
+
+    A `displacement_m` of the tip from rest takes precedence over the force, which is then found.
+    """
     eye = study.eye
     modulus_pa, iop_pa = eye.youngs_modulus_pa, eye.iop_pa
     if study.mechanics.kind == "linear":
         wall = linear_wall(study, "simulate", thickness_m, contact, modulus_pa)
         unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
         loads = {"youngs_modulus_pa": modulus_pa, "iop_pa": iop_pa, "density_kg_m3": eye.density_kg_m3}
+        if displacement_m is not None:
+            force_n = displacement_m * modulus_pa / tip_displacement(wall.mesh, contact, unit_nc)
         states_nc = wall.displacement(unit_nc, 0.0, **loads), wall.displacement(unit_nc, force_n, **loads)
         mesh, pressure_pa = wall.mesh, iop_pa
         tip_m = dent_m = tip_displacement(mesh, contact, states_nc[1] - states_nc[0])
     else:
         bent = bend_eye(
-            study, contact, thickness_m=thickness_m, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, max_force_n=force_n,
-            progress=progress,
+            study, contact, thickness_m=thickness_m, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa,
+            max_force_n=force_n if displacement_m is None else inf,
+            max_travel_m=inf if displacement_m is None else displacement_m, progress=progress,
         )  # fmt: skip
         mesh, path = bent.mesh, bent.path
-        states_nc = path.displacement_nc(0.0), path.displacement_nc(force_n)
-        tip_m, dent_m, pressure_pa = path.travel_m(force_n), path.tip_m(force_n), path.pressure_pa(force_n)
+        dent_m = path.tip_m(force_n) if displacement_m is None else path.tip_of_travel_m(displacement_m)
+        states_nc = path.displacement_nc(0.0), path.displacement_at_tip_nc(dent_m)
+        found_n, pressure_pa, tip_m = path.at_tip(dent_m)
+        force_n = force_n if displacement_m is None else found_n
     plane = ScanPlane(contact, gap_m=study.needle.gap_m)
     resting, loaded = cut_sections(mesh, [plane], np.stack(states_nc), np.eye(2)[None])[0]
     window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))

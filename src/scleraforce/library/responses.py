@@ -13,7 +13,7 @@ The paths are of a wall of revolution about the needle axis; `library.base` has 
 from collections import OrderedDict
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,13 @@ from scleraforce.library import splines
 from scleraforce.library.base import base_bulge, contact_rises, meridian_angles, rise_slope, undented_motion
 from scleraforce.library.states import Responses, SplineTables, curves_of, values_at
 from scleraforce.library.stiffened import MixedCurves, StiffenedWalls, WholeCurves
+from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.material import burst_tension
+from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import HumanUnit, from_si
+
+if TYPE_CHECKING:
+    from scleraforce.library.eye import LibraryEye
 
 SLACK = 1e-9  # relative: two formulas for an end of a range may round otherwise
 
@@ -40,14 +45,16 @@ def weight_products(
     return rows.reshape(len(first), splines.SUPPORT**2), weights.reshape(len(first), splines.SUPPORT**2)
 
 
-def check_inside(name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "") -> None:
+def check_inside(
+    name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "", whose: str = "the library's"
+) -> None:
     """Raise `InputError` for a value outside a range, or that is not a number; `printed` is the unit's name."""
     values = np.asarray(values)
     outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
     if outside.any():
         found = from_si(float(values[outside].flat[0]), unit)
         raise InputError(
-            f"{name}: {found:.4g} {printed or unit} is outside the library's range, "
+            f"{name}: {found:.4g} {printed or unit} is outside {whose} range, "
             f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed or unit}"
         )
 
@@ -285,6 +292,35 @@ class Library:
         if polar_rad is None:
             return self
         return self.for_contact(min(max(polar_rad, 0.0), float(self.polar_rad[-1])))
+
+    def eye(
+        self,
+        *,
+        thickness_m: float,
+        youngs_modulus_pa: float,
+        iop_pa: float,
+        rigidity_pa13_per_m3: float = 0.0,
+        rigidity_law: str = RIGIDITY_LAWS[0],
+        polar_angle_rad: float | None = None,
+        stiffening: float | None = None,
+    ) -> "LibraryEye":
+        """Return one eye, which answers with the force of a dent and the dent of a force.
+
+        `iop_pa`: without the needle; `rigidity_pa13_per_m3`: of a sealed globe, 0 is an open one; `polar_angle_rad`: of
+        the contact, from the pole. None: the library's.
+
+        Raises:
+            InputError: a value is outside the library's range.
+        """
+        from scleraforce.library.eye import LibraryEye  # it needs libraries itself
+
+        library = self if stiffening is None else self.for_stiffening(stiffening)
+        if polar_angle_rad is not None:
+            check_inside("polar angle", np.array(polar_angle_rad), *self._ends(self.polar_rad), "deg")
+            library = library.for_contact(polar_angle_rad)
+        library.check_walls(np.array([thickness_m]), np.array([iop_pa / youngs_modulus_pa]))
+        globe = sealed_globe(rigidity_pa13_per_m3, rigidity_law)
+        return LibraryEye(library, thickness_m, youngs_modulus_pa, iop_pa, globe)
 
     def within(self, distance_m: float) -> "Library":
         """Return the library without the material that lies farther than `distance_m` from the needle axis.

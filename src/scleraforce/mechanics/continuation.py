@@ -72,6 +72,7 @@ def trace(
     tips_m: Floats | None = None,
     max_tip_m: float | None = None,
     max_force: float = np.inf,
+    max_travel_m: float = np.inf,
     largest_step_m: float = 5e-4,
     globe: Globe = OPEN_GLOBE,
     as_far_as_found: bool = False,
@@ -82,15 +83,16 @@ def trace(
     `start` is the equilibrium without the needle at `pressure`, p/E, as from `pressurise`. `tips_m`: tips at which
     states are wanted, ascending, positive, (state,); steps between them are as short as needed; by default every step
     is kept. The path ends at `max_tip_m`, by default the last of `tips_m`, or at the first kept state that carries
-    `max_force`, F/E in m^2; with `as_far_as_found` also where no equilibrium is found, to 1/32 of the largest step. The
-    globe is over E. `progress` is called after each step with the largest F/E so far.
+    `max_force`, F/E in m^2, or whose tip is `max_travel_m` from the state without the needle; with `as_far_as_found`
+    also where no equilibrium is found, to 1/32 of the largest step. The globe is over E. `progress` is called after
+    each step with the finished share of `max_force` or `max_travel_m`.
     """
-    end_m = _end(tips_m, max_tip_m, max_force)
+    end_m = _end(tips_m, max_tip_m, min(max_force, max_travel_m))
     control = SealedDent(problem, start, pressure, globe) if globe.is_sealed else Dent(problem, start, pressure)
     walk = _Walk(control, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP)
     kept = [walk.history[0]]
     for goal_m in [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]:
-        while walk.tip_m < goal_m and kept[-1][1] < max_force:
+        while walk.tip_m < goal_m and kept[-1][1] < max_force and control.travel_m(kept[-1][2]) < max_travel_m:
             try:
                 walk.step_towards(goal_m)
             except SolverError:
@@ -98,17 +100,18 @@ def trace(
                     return _states(kept, len(start), control)
                 raise
             if progress is not None:
-                progress(control.largest_force)
+                travel_m = control.travel_m(walk.history[-1][2])
+                progress(min(max(control.largest_force / max_force, travel_m / max_travel_m), 1.0))
             if tips_m is None or walk.tip_m >= goal_m:
                 kept.append(walk.history[-1])
     return _states(kept, len(start), control)
 
 
-def _end(tips_m: Floats | None, max_tip_m: float | None, max_force: float) -> float:
+def _end(tips_m: Floats | None, max_tip_m: float | None, other: float) -> float:
     if tips_m is not None and (len(tips_m) == 0 or tips_m[0] <= 0.0 or np.any(np.diff(tips_m) <= 0.0)):
         raise InputError("load path: tips must be positive and ascending")
     ends = [end for end in (max_tip_m, None if tips_m is None else float(tips_m[-1])) if end is not None]
-    if not ends and not np.isfinite(max_force):
+    if not ends and not np.isfinite(other):
         raise InputError("load path: no end is given; give a largest tip displacement or force")
     return min(ends, default=np.inf)
 

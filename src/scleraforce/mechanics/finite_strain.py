@@ -67,18 +67,30 @@ class LoadPath:
         return float(self.forces_n.max())
 
     def tip_m(self, force_n: float) -> float:
-        """Return the tip's displacement in m at a force; the smallest one if several states carry the force."""
+        """Return the dent in m at a force; the smallest one if several states carry the force."""
         if not 0.0 <= force_n <= self.max_force_n:
             raise InputError(
                 f"force: {from_si(force_n, 'mn'):g} mN; this load path carries 0 to "
                 f"{from_si(self.max_force_n, 'mn'):g} mN, up to a dent of {from_si(self.tips_m[-1], 'mm'):.3g} mm"
             )
-        if force_n == 0.0:
-            return 0.0
-        # Rounding may hide a root that is a state, so the first state that carries the force bounds the answer.
-        carried = self.tips_m[np.argmax(self.forces_n >= force_n * (1.0 - ROUNDING))]
-        roots = self._force.solve(force_n, extrapolate=False)
-        return float(min(roots.min(initial=np.inf), carried))
+        return self._first_tip(self.forces_n, force_n)
+
+    def tip_of_travel_m(self, travel_m: float) -> float:
+        """Return the dent in m where the tip is `travel_m` from rest; the smallest one if there are several."""
+        farthest_m = float((self.tips_m - self.rises_m).max())
+        if not 0.0 <= travel_m <= farthest_m * (1.0 + ROUNDING):
+            raise InputError(
+                f"displacement: {from_si(travel_m, 'mm'):g} mm; this load path goes from 0 to "
+                f"{from_si(farthest_m, 'mm'):g} mm"
+            )
+        return self._first_tip(self.tips_m - self.rises_m, travel_m)
+
+    def at_tip(self, tip_m: float) -> tuple[float, float, float]:
+        """Return force in N, eye pressure in Pa and travel in m at a dent; errors as of `displacement_at_tip_nc`."""
+        force_n, pressure_pa, rise_m = self._weights(tip_m) @ np.stack(
+            [self.forces_n, self.pressures_pa, self.rises_m], axis=1
+        )
+        return float(force_n), float(pressure_pa), tip_m - float(rise_m)
 
     def displacement_nc(self, force_n: float) -> Floats:
         """Return the displacement from the undeformed wall at a force, (node, 3) in m; errors as of `tip_m`."""
@@ -94,19 +106,22 @@ class LoadPath:
 
     def pressure_pa(self, force_n: float) -> float:
         """Return the eye pressure at a force in Pa; errors as of `tip_m`."""
-        return float(self._weights(self.tip_m(force_n)) @ self.pressures_pa)
+        return self.at_tip(self.tip_m(force_n))[1]
 
     def travel_m(self, force_n: float) -> float:
         """Return the tip's inward displacement from rest at a force, in m: the dent, less the wall's rise under it.
 
         In an open globe it is the dent. Errors as of `tip_m`.
         """
-        tip_m = self.tip_m(force_n)
-        return tip_m - float(self._weights(tip_m) @ self.rises_m)
+        return self.at_tip(self.tip_m(force_n))[2]
 
-    @cached_property
-    def _force(self) -> CubicSpline:
-        return CubicSpline(self.tips_m, self.forces_n)
+    def _first_tip(self, values_s: Floats, wanted: float) -> float:
+        if wanted == 0.0:
+            return 0.0
+        # Rounding may hide a root that is a state, so the first state that reaches the value bounds the answer.
+        reached_m = self.tips_m[np.argmax(values_s >= wanted * (1.0 - ROUNDING))]
+        roots_m = CubicSpline(self.tips_m, values_s).solve(wanted, extrapolate=False)
+        return float(min(roots_m.min(initial=np.inf), reached_m))
 
     @cached_property
     def _basis(self) -> CubicSpline:
@@ -168,16 +183,18 @@ class FiniteWall:
         density_kg_m3: float,
         max_force_n: float,
         max_tip_m: float | None = None,
+        max_travel_m: float = np.inf,
         globe: Globe = OPEN_GLOBE,
         largest_step_m: float = LARGEST_STEP_M,
         as_far_as_found: bool = False,
         progress: Progress | None = None,
     ) -> LoadPath:
-        """Apply pressure and weight, then push the needle until it carries `max_force_n` or has moved by `max_tip_m`.
+        """Apply pressure and weight, then push the needle until it carries `max_force_n` or has moved far enough.
 
         `iop_pa` is the pressure without the needle; a density of 0 leaves the weight out. The last state carries at
-        least `max_force_n`, unless the path ends at `max_tip_m`, or, with `as_far_as_found`, where no equilibrium is
-        found any more. `progress` is called after each step with the largest force so far in N.
+        least `max_force_n`, unless the path ends at a dent of `max_tip_m`, with the tip `max_travel_m` from rest, or,
+        with `as_far_as_found`, where no equilibrium is found any more. `progress` is called after each step with the
+        finished share of the force or travel.
         """
         if globe.is_sealed and self.dead_pressure_nc is not None:
             raise InputError("sealed globe: its pressure has to follow the wall; leave the dead pressure out")
@@ -190,10 +207,11 @@ class FiniteWall:
                 pressure,
                 max_tip_m=max_tip_m,
                 max_force=max_force_n / youngs_modulus_pa,
+                max_travel_m=max_travel_m,
                 largest_step_m=largest_step_m,
                 globe=globe.over(youngs_modulus_pa),
                 as_far_as_found=as_far_as_found,
-                progress=None if progress is None else lambda ratio: progress(ratio * youngs_modulus_pa),
+                progress=progress,
             )
         displacement_snc = np.stack([self.full_nc(u) for u in states.displacement_su])
         forces_n, pressures_pa = states.force * youngs_modulus_pa, states.pressure * youngs_modulus_pa
@@ -296,15 +314,16 @@ def bend_eye(
     thickness_m: float,
     youngs_modulus_pa: float,
     iop_pa: float,
-    max_force_n: float,
+    max_force_n: float = np.inf,
     max_tip_m: float | None = None,
+    max_travel_m: float = np.inf,
     as_far_as_found: bool = False,
     progress: Progress | None = None,
 ) -> BentEye:
-    """Bend an eye at finite strain, up to a force, with a graded mesh and all of the study's sections on the eye.
+    """Bend an eye at finite strain, up to a force or travel, with a graded mesh and all sections of the study.
 
     The thickness is nominal, the modulus that outside all regions, the pressure that without the needle. For the end of
-    the path see `FiniteWall.load_path`; `progress` is called after every state with the share of the force.
+    the path and `progress` see `FiniteWall.load_path`; it needs a `max_force_n` or `max_travel_m`.
     """
     mesh = form_mesh(graded_eye(study, thickness_m, contact), study.form, contact)
     ratios = study.tissue.softer_through, study.tissue.stiffer_around
@@ -321,7 +340,8 @@ def bend_eye(
     goal_n = max(max_force_n, LEAST_FORCE_N)
     # The dent of a shallow linear shell without pressure under a point force (Reissner, J. Math. Phys. 25, 1946).
     stiffness = youngs_modulus_pa * thickness_m**2 / study.eye.radius_m
-    linear_tip_m = sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0 * goal_n / stiffness
+    linear_m_per_n = sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0 / stiffness
+    travel_m = max(max_travel_m, linear_m_per_n * LEAST_FORCE_N)
     walk = partial(
         wall.load_path,
         needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
@@ -330,17 +350,18 @@ def bend_eye(
         density_kg_m3=study.eye.density_kg_m3,
         max_force_n=goal_n,
         max_tip_m=max_tip_m,
+        max_travel_m=travel_m,
         globe=study_globe(study.globe),
-        largest_step_m=min(LARGEST_STEP_M, linear_tip_m / STEPS_TO_LINEAR_TIP),
+        largest_step_m=min(LARGEST_STEP_M, min(linear_m_per_n * goal_n, travel_m) / STEPS_TO_LINEAR_TIP),
         as_far_as_found=as_far_as_found,
-        progress=None if progress is None else lambda force_n: progress(min(force_n / goal_n, 1.0)),
+        progress=progress,
     )
     try:
         path = walk()
     except SolverError as fault:
         raise SolverError(f"{fault}{_burst(study, thickness_m, youngs_modulus_pa, iop_pa)}") from fault
     if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
-        path = walk(largest_step_m=path.tip_m(min(goal_n, path.max_force_n)) / LEAST_STATES)
+        path = walk(largest_step_m=min(path.tip_m(min(goal_n, path.max_force_n)), travel_m) / LEAST_STATES)
     return BentEye(mesh, path)
 
 

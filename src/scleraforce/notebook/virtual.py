@@ -22,7 +22,8 @@ def simulate(
     study: Study | None = None,
     *,
     thickness_m: float,
-    force_n: float,
+    force_n: float | None = None,
+    displacement_m: float | None = None,
     youngs_modulus_pa: float | None = None,
     iop_pa: float | None = None,
     gap_m: float | None = None,
@@ -37,7 +38,9 @@ def simulate(
     Args:
         study: the study; None: the paper's. Arguments below that are omitted take its values.
         thickness_m: of the wall.
-        force_n: of the needle, along the inward normal.
+        force_n: of the needle, along the inward normal; or give `displacement_m`.
+        displacement_m: of the outer surface at the contact, inward from rest (`tip_m`); the force that causes it
+            is found. In a sealed globe the dent is deeper (`dent_m`).
         youngs_modulus_pa: of the wall.
         iop_pa: intraocular pressure.
         gap_m: distance of the B-scan plane from the needle axis.
@@ -48,9 +51,10 @@ def simulate(
         progress: called with the completed share of the load path (finite strain).
 
     Returns:
-        Mesh, displacements, the tip's displacement `tip_m`, the pressure under the needle and the binary `slice`.
+        Mesh, displacements, `force_n`, the tip's displacement `tip_m`, the pressure under the needle, binary `slice`.
 
     Raises:
+        InputError: neither or both of force and displacement are given.
         StudyError: a value is out of bounds, or the study has keys that this mechanics does not use.
         SolverError: no equilibrium was found, or the wall deforms too much to be cut.
 
@@ -61,17 +65,24 @@ def simulate(
     the contact sinks in by 0.5 mm
     >>> eye.slice.shape
     (40, 140)
+    >>> dented = sf.simulate(coarse, thickness_m=600e-6, displacement_m=eye.tip_m)
+    >>> print(f"{dented.force_n * 1e3:.1f} mN")
+    10.0 mN
     """
     study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
     refuse_unused(study, "simulate", study.mechanics.kind)
-    check_quantity("force_n", force_n)
+    if (force_n is None) is (displacement_m is None):
+        raise InputError("simulate: give either force_n or displacement_m")
+    for name, value in given(force_n=force_n, displacement_m=displacement_m).items():
+        check_quantity(name, value)
     polar = None if polar_angle_rad is None else fixed(polar_angle_rad)
     eye = replace(
         study.eye, thickness_m=fixed(thickness_m), **given(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa)
     )
     needle = replace(study.needle, **given(polar_angle_rad=polar, gap_m=gap_m))
     contact = Contact(polar_rad=sum(needle.polar_angle_rad.bounds) / 2)
-    return simulate_eye(replace(study, eye=eye, needle=needle), thickness_m, force_n, contact, progress)
+    study = replace(study, eye=eye, needle=needle)
+    return simulate_eye(study, thickness_m, force_n or 0.0, contact, progress, displacement_m)
 
 
 def phantom(

@@ -107,6 +107,7 @@ QUANTITIES: Mapping[str, Unit] = {
     "width": Unit("mm", low=0.01, high=100.0),
     "depth": Unit("mm", low=0.01, high=100.0),
     "force": NEEDLE_FORCE,
+    "displacement": Unit("mm", low=0.0, high=10.0),
 }
 WIDEST = 1e-4  # of the largest value: the smallest plausible value where 0 is allowed
 # Units that are taken for one another, by the suffix of a key: each with its name and its size in SI.
