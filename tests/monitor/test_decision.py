@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import InputError
-from scleraforce.monitor.decision import Decision, decide, risen_force
+from scleraforce.monitor import rise
+from scleraforce.monitor.decision import Decision, decide
 from scleraforce.monitor.events import (
     LATCHED,
     MOVES,
@@ -720,36 +721,85 @@ def test_a_steep_ramp_is_foreseen() -> None:
     assert force_at_withdrawal(0.1, 0)[1] is Cause.RISING
 
 
+def risen_force(history: tuple[tuple[float, float], ...], ahead_s: float, deviations: float) -> float | None:
+    line = rise.rise_of(history, 10)
+    return None if line is None else rise.risen_force(line, ahead_s, deviations)
+
+
 def test_a_rise_that_slows_down_is_not_foretold_from_how_it_began() -> None:
     slowing = tuple((0.01 * n, 0.02 + 0.05 * 0.01 * min(n, 5)) for n in range(10))  # 50 mN/s, then a hold
-    assert risen_force(slowing, 0.05, 3.0, 10) is None
+    assert risen_force(slowing, 0.05, 3.0) is None
     bending = tuple((0.01 * n, 0.02 + 1e-3 * n - 4e-5 * n * n) for n in range(10))  # 100, in the end 28 mN/s
     steady = tuple((0.01 * n, 0.02 + 1e-3 * n) for n in range(10))
-    assert risen_force(steady, 0.05, 0.0, 10) == pytest.approx(0.034)
-    assert risen_force(bending, 0.05, 0.0, 10) == pytest.approx(0.02 + 12.5e-3 - 4e-5 * 12.5**2)  # the parabola's top
-    assert risen_force(bending, 0.02, 0.0, 10) == pytest.approx(0.02 + 11e-3 - 4e-5 * 11**2)  # on the way to it
+    assert risen_force(steady, 0.05, 0.0) == pytest.approx(0.034)
+    assert risen_force(bending, 0.05, 0.0) == pytest.approx(0.02 + 12.5e-3 - 4e-5 * 12.5**2)  # the parabola's top
+    assert risen_force(bending, 0.02, 0.0) == pytest.approx(0.02 + 11e-3 - 4e-5 * 11**2)  # on the way to it
 
 
 def test_a_rise_that_quickens_is_foretold_by_its_line_and_one_wild_frame_hides_no_rise() -> None:
     quickening = tuple((0.01 * n, 0.02 + 2e-4 * n + 4e-5 * n * n) for n in range(10))
-    line = risen_force(quickening, 0.05, 0.0, 10)
+    line = risen_force(quickening, 0.05, 0.0)
     assert line is not None
     assert line > quickening[-1][1] + 0.05 * 0.03
     steep = [(0.01 * n, 0.02 + 1e-3 * n) for n in range(10)]
     for place in range(10):
         wild = [(at_s, force_n - 8e-3 * (n == place)) for n, (at_s, force_n) in enumerate(steep)]
-        assert risen_force(tuple(wild), 0.05, 0.0, 10) == pytest.approx(0.034, abs=0.3e-3)
+        assert risen_force(tuple(wild), 0.05, 0.0) == pytest.approx(0.034, abs=0.3e-3)
 
 
 def test_ten_frames_in_a_line_by_chance_do_not_rise_steeply_after_rough_ones() -> None:
     rng = np.random.default_rng(0)
     line = tuple((0.4 + 0.01 * n, 0.02 + 0.05 * 0.01 * n) for n in range(10))
     rough = tuple((0.01 * n, 0.02 + float(rng.normal(0.0, 0.9e-3))) for n in range(40))
-    alone, after = risen_force(line, 0.05, 3.0, 10), risen_force(rough + line, 0.05, 3.0, 10)
+    alone, after = risen_force(line, 0.05, 3.0), risen_force(rough + line, 0.05, 3.0)
     assert alone == pytest.approx(0.027)
     assert after is None or after < 0.0265
-    assert risen_force(line[:9], 0.05, 3.0, 10) is None, "too few frames"
-    assert risen_force(((0.0, 1.0),) * 10, 0.1, 3.0, 10) is None, "no time passes"
+    assert risen_force(line[:9], 0.05, 3.0) is None, "too few frames"
+    assert risen_force(((0.0, 1.0),) * 10, 0.1, 3.0) is None, "no time passes"
+
+
+def bound_ms(forces_mn: list[float], interval_s: float = 0.01, above_mn: float = 1.0) -> tuple[float | None, ...]:
+    """Early end, median and late end of the time until 30 mN, of readings whose interval reaches `above_mn` higher."""
+    line = rise.rise_of([(n * interval_s, force_mn * 1e-3) for n, force_mn in enumerate(forces_mn)], 10)
+    upper_n = (forces_mn[-1] + above_mn) * 1e-3
+    found = rise.time_to_bound(line, forces_mn[-1] * 1e-3, upper_n, LIMITS.bound_n)
+    return (None, None, None) if found is None else tuple(at and at * 1e3 for at in vars(found).values())
+
+
+def test_the_time_until_the_bound_of_a_straight_rise_is_exact() -> None:
+    steady = [10.0 + 0.5 * n for n in range(12)]  # 50 mN/s; the upper end is 13.5 mN away in the end
+    assert bound_ms(steady) == pytest.approx((270.0,) * 3)
+    assert bound_ms(steady, above_mn=4.5) == pytest.approx((200.0,) * 3)
+    assert bound_ms(steady, interval_s=0.1) == (None, None, None), "2.7 s away"
+    assert bound_ms(steady, interval_s=0.3, above_mn=14.4) == (None, None, None), "the frames span 2.7 s"
+    assert bound_ms(steady[:9]) == bound_ms(steady[::-1]) == bound_ms([20.0] * 12) == (None, None, None)
+    assert bound_ms(steady[:9], above_mn=16.0) == (0.0, 0.0, 0.0), "reached already"
+
+
+def test_the_interval_of_the_time_until_the_bound_holds_nine_of_ten() -> None:
+    rng, inside, medians = np.random.default_rng(5), [], []
+    for _ in range(600):
+        slope, sd, left_mn = rng.uniform(0.1, 0.6), rng.uniform(0.05, 0.3), rng.uniform(3.0, 12.0)
+        true_mn = 29.0 - left_mn + slope * np.arange(-49.0, 1.0)
+        readings = (true_mn + rng.normal(0.0, sd, 50)).tolist()
+        true_ms = 10.0 * left_mn / slope
+        early, median, late = bound_ms(readings)
+        if true_ms < 2000.0:
+            inside.append((np.inf if early is None else early) <= true_ms <= (np.inf if late is None else late))
+            medians.append((np.inf if median is None else median) < true_ms)
+    assert 0.86 < np.mean(inside) < 0.94
+    assert 0.45 < np.mean(medians) < 0.55
+
+
+def test_a_decision_on_a_frame_says_when_the_bound_is_reached() -> None:
+    state = watching()
+    for number in range(6, 30):
+        state, decision = decide(state, frame(number, 0.01 + 1e-4 * number), LIMITS)
+    left_n = LIMITS.bound_n - (0.01 + 29e-4 + 1.5e-3)
+    assert decision.to_bound is not None
+    assert decision.to_bound.median_s == pytest.approx(left_n / 0.01, rel=1e-6)
+    assert decide(state, Tick(0.295), LIMITS)[1].to_bound is None
+    assert decide(state, frame(30, 0.0299), LIMITS)[1].to_bound == rise.REACHED
 
 
 def test_limits_that_pass_everything_or_nothing_are_refused() -> None:

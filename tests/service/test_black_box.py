@@ -472,7 +472,8 @@ def test_the_lines_of_the_log_keep_their_keys_order_and_values(tmp_path):
         b'"WATCHING", "code": 1, "sub_code": 0, "cause": null, "message": "OK:\\n\\u201c12 mN\\u201d", "frame": 3, '
         b'"frame_id": 77, "probabilities": [0.0, 0.75, 0.25], "force_mn": 12.5, "interval_mn": [11.0, 13.5], "usable": '
         b'true, "reason": null, "latency_ms": 0.75, "lost": 2, "overtaken": 0, "withdrawn_s": null, '
-        b'"present_cause": null, "present": "", "class": 1, "elastic_force_mn": null}, "crc32": "178ae78c"}\n'
+        b'"present_cause": null, "present": "", "time_to_bound_ms": 900.0, "time_to_bound_ms_interval": [310.5, null], '
+        b'"class": 1, "elastic_force_mn": null}, "crc32": "eb12f5c0"}\n'
         b'{"kind": "note", "time_s": 1.5, "text": "robot came", "crc32": "1130c359"}\n'
     )
 

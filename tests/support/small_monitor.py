@@ -149,6 +149,7 @@ TICK_ENTRY = Entry(
 READ_ENTRY = Entry(
     number=3, time_s=1.8e9, at_s=12.5, event="frame", state="WATCHING", code=1, sub_code=0, cause=None,
     message="OK:\n“12 mN”", frame=3, frame_id=77, verdict=verdict(12.5, (11.0, 13.5)), latency_ms=0.75, lost=2,
+    time_to_bound_ms=900.0, time_to_bound_ms_interval=(310.5, None),
 )  # fmt: skip
 OF_VERDICT = ("force_mn", "interval_mn", "predicted", "probabilities", "usable", "reason")
 

@@ -1,15 +1,14 @@
 """The decision: from a state, an event and the limits to the next state and the message to the robot."""
 
 from dataclasses import dataclass, replace
-from itertools import combinations
-from math import inf, isfinite, sqrt
-from statistics import fmean, median
+from math import isfinite
 from typing import assert_never
 
 from scleraforce.monitor import events
 from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, Signal, State
 from scleraforce.monitor.limits import MonitorLimits, harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
-from scleraforce.monitor.piercing import MAD_TO_SD, OUTSIDE, noise_n, unexplained_fall
+from scleraforce.monitor.piercing import OUTSIDE, unexplained_fall
+from scleraforce.monitor.rise import TimeToBound, rise_of, risen_force, time_to_bound
 from scleraforce.monitor.state import MonitorState, remember
 from scleraforce.units import from_si
 
@@ -20,6 +19,7 @@ class Decision:
 
     `cause` is the first one of a withdrawal, or `PIERCED` where it is only reported; `present_cause` and `present` are
     the present one; without one, None and "".
+    `to_bound`: after a frame, when the force will reach the bound; None: not within 2 s, or not known.
     """
 
     state: State
@@ -29,19 +29,20 @@ class Decision:
     sub_code: int
     present_cause: Cause | None = None
     present: str = ""
+    to_bound: TimeToBound | None = None
 
 
 @dataclass(frozen=True)
 class _Finding:
-    """The meaning of an event; it has a `cause` only with an alarm, or if the wall is pierced."""
+    """The meaning of an event; it has a `cause` with an alarm or if the wall is pierced, `to_bound` after a frame."""
 
     signal: Signal
     reason: str
     cause: Cause | None = None
+    to_bound: TimeToBound | None = None
 
 
 QUIET = _Finding(Signal.QUIET, "")
-LEAST_PAIRS = 4
 
 
 def decide(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> tuple[MonitorState, Decision]:
@@ -149,22 +150,25 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
         return _alarm(Cause.NO_NUMBER, wrong)
     if not verdict.usable:
         return _unusable(now, verdict.reason, now.unusable, limits.unusable_frames)
+    upper_n, rise = upper_end(verdict), rise_of(now.history, limits.rate_frames)
+    to_bound = None
+    if upper_n is not None and verdict.force_n is not None and not now.pierced:
+        to_bound = time_to_bound(rise, verdict.force_n, upper_n, limits.bound_n)
     harmful = harm(verdict, limits)
     if harmful:
-        return _alarm(*harmful)
+        return _Finding(Signal.ALARM, harmful[1], harmful[0], to_bound)
     if fall := unexplained_fall(now.dents, limits):
         from_mn, to_mn, within_ms = from_si(fall.from_n, "mn"), from_si(fall.to_n, "mn"), from_si(fall.within_s, "ms")
         reason = f"pierced: the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within {within_ms:.0f} ms"
         return _Finding(Signal.PIERCED if limits.reports_pierced else Signal.ALARM, reason, Cause.PIERCED)
-    upper_n = upper_end(verdict)
-    if upper_n is not None and verdict.force_n is not None:
-        risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations, limits.rate_frames)
+    if rise is not None and upper_n is not None and verdict.force_n is not None:
+        risen_n = risen_force(rise, limits.reaction_s, limits.rate_deviations)
         if risen_n is not None and risen_n + upper_n - verdict.force_n >= limits.bound_n:
-            return _alarm(Cause.RISING, f"the bound is reached within {from_si(limits.reaction_s, 'ms'):.0f} ms")
+            within = f"the bound is reached within {from_si(limits.reaction_s, 'ms'):.0f} ms"
+            return _Finding(Signal.ALARM, within, Cause.RISING, to_bound)
     doubt = _doubt(now, frame.at_s, limits)
-    if doubt:
-        return _Finding(Signal.TOLERATED if now.touched else Signal.UNJUDGED, doubt)
-    return _Finding(Signal.HARMLESS, "")
+    signal = Signal.HARMLESS if not doubt else Signal.TOLERATED if now.touched else Signal.UNJUDGED
+    return _Finding(signal, doubt or "", to_bound=to_bound)
 
 
 def _opinion(now: MonitorState, opinion: events.SecondOpinion, limits: MonitorLimits) -> _Finding:
@@ -295,68 +299,4 @@ def _decision(state: MonitorState, finding: _Finding) -> Decision:
         words.append(finding.reason)
     message = f"{state.state.name}: {'; '.join(words)}" if words else state.state.name
     sub_code, present = state.cause.value if state.cause else 0, (state.present_cause, state.present_reason)
-    return Decision(state.state, state.cause, message, state.state.value, sub_code, *present)
-
-
-def risen_force(
-    history: tuple[tuple[float, float], ...], ahead_s: float, deviations: float, frames: int
-) -> float | None:
-    """Return the force after `ahead_s` at the least slope that the last frames allow; None if it does not rise.
-
-    `history` has time (s) and force (N) of the last frames, oldest first; fewer than `frames` of them show no slope.
-
-    The slope is the median of all pairs' slopes (Theil 1950, Sen 1968), so a single outlier does not turn it. Its
-    standard deviation is that of a straight-line fit, and `deviations` of them are subtracted. Ten residuals estimate
-    the noise badly, now and then much too low by chance. So the noise is at least that of the second differences, which
-    are free of a steady rise, over all frames kept. If the rise slows down, a line predicts too much; then the
-    prediction of a parabola through the slopes of the two halves counts, if it is less. Plain Python takes
-    a tenth of the time of NumPy's calls for ten points, while the robot waits.
-    """
-    if len(history) < frames:
-        return None
-    now_s = history[-1][0]
-    points = [(at_s - now_s, force_n) for at_s, force_n in history[-frames:]]
-    slope = _slope(points)
-    if slope is None or slope <= 0.0:
-        return None
-    offsets_n = [force_n - slope * at_s for at_s, force_n in points]
-    now_n = median(offsets_n)
-    off_n = median([abs(offset_n - now_n) for offset_n in offsets_n])
-    forces_n = [force_n for _, force_n in history]
-    sd_n = max(MAD_TO_SD * off_n, noise_n(forces_n))
-    middle_s = fmean([at_s for at_s, _ in points])
-    spread = sqrt(sum((at_s - middle_s) ** 2 for at_s, _ in points))
-    least = slope - deviations * sd_n / spread
-    if least <= 0.0:
-        return None
-    slowing_n = _slowing_force(points, ahead_s)
-    return None if slowing_n is None else min(now_n + least * ahead_s, slowing_n)
-
-
-def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float | None:
-    """Return the force that a slowing rise reaches within `ahead_s`, at most its top; infinity if it keeps its slope.
-
-    None: it has passed its top. Times count from now, so the points have negative ones.
-    """
-    half = len(points) // 2 + 1
-    early, late = _slope(points[:half]), _slope(points[-half:])
-    if early is None or late is None or late >= early:
-        return inf
-    early_s, late_s = (fmean([at_s for at_s, _ in part]) for part in (points[:half], points[-half:]))
-    bend = (late - early) / (late_s - early_s)
-    slope = late - bend * late_s
-    if slope <= 0.0:
-        return None
-    now_n = median([force_n - slope * at_s - 0.5 * bend * at_s**2 for at_s, force_n in points[-half:]])
-    rising_s = min(ahead_s, -slope / bend)
-    return now_n + slope * rising_s + 0.5 * bend * rising_s**2
-
-
-def _slope(points: list[tuple[float, float]]) -> float | None:
-    """Return the median slope of all pairs; None if too few pairs differ in time."""
-    slopes = [
-        (later_n - earlier_n) / (later_s - earlier_s)
-        for (earlier_s, earlier_n), (later_s, later_n) in combinations(points, 2)
-        if later_s > earlier_s
-    ]
-    return median(slopes) if len(slopes) >= LEAST_PAIRS else None
+    return Decision(state.state, state.cause, message, state.state.value, sub_code, *present, finding.to_bound)

@@ -149,6 +149,8 @@ class Answer:
             "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
             "elastic_force_mn": from_si(self.elastic_force_n, "mn"),
             "contact_mm": from_si(self.contact_m, "mm"),
+            "time_to_bound_ms": None,  # a single frame shows no rise
+            "time_to_bound_ms_interval": None,
             "pressure_pa": self.iop_at_dent_pa,
             "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "needle": needle_entry(self.needle),

@@ -15,6 +15,9 @@ from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import Known, known_of_recording
 from scleraforce.known.calibration_file import CalibrationSummary, foreign_modulus, known_of_eye
 from scleraforce.models import model_name
+from scleraforce.monitor.limits import MonitorLimits, upper_end
+from scleraforce.monitor.rise import TimeToBound, rise_of, time_to_bound
+from scleraforce.monitor.state import NOISE_WINDOWS
 from scleraforce.reader import metrics
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
@@ -36,7 +39,8 @@ class FrameAnswer:
 
     `recording` is the path as given, `file` the frame's name. Without a force log there is no `measured_force_n` and no
     `target`; `measured_force_sd_n` is the standard deviation of its error (`calibration.forces`). `true_force_n`, of a
-    virtual eye's `truth.json`, is for comparison only. `excluded` says why a trial is left out of the metrics although
+    virtual eye's `truth.json`, is for comparison only. `to_bound`: when the force reaches the highest class, by the
+    frames before (`monitor.rise`). `excluded` says why a trial is left out of the metrics although
     it has a label (pierced, or above the study's largest force); `calibration` marks a frame that Young's modulus was
     fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`.
     """
@@ -53,6 +57,7 @@ class FrameAnswer:
     modulus_source: str | None = None
     measured_force_sd_n: float | None = None
     true_force_n: float | None = None
+    to_bound: TimeToBound | None = None
 
     @property
     def scored(self) -> bool:
@@ -66,6 +71,7 @@ class FrameAnswer:
 
     def as_json(self) -> dict[str, Any]:
         """Return the frame's keys in `evaluate --json`."""
+        median_ms, interval_ms = self.to_bound.as_ms() if self.to_bound else (None, None)
         return {
             "recording": self.recording,
             "eye": self.eye,
@@ -75,6 +81,8 @@ class FrameAnswer:
             "true_force_mn": from_si(self.true_force_n, "mn"),
             "target": self.target,
             **self.answer.as_json(),
+            "time_to_bound_ms": median_ms,
+            "time_to_bound_ms_interval": interval_ms,
             "calibration": self.calibration,
             "excluded": self.excluded,
             "youngs_modulus_mpa": from_si(self.youngs_modulus_pa, "mpa"),
@@ -338,8 +346,9 @@ class _Session:
         modulus_pa, source = used if fixed_pa is None else (fixed_pa, "trained")
         doubts = FOREIGN if self.foreign else ()
         true_n = true_forces(recording.path) if (recording.path / "truth.json").exists() else {}
-        sds_n = label_sds(recording, self.trials)
-        for sd_n, (file, trial, answer, calibrates) in zip(sds_n, self.read(progress), strict=True):
+        sds_n, seen = label_sds(recording, self.trials), list[tuple[float, float]]()
+        each = zip(recording.frames, sds_n, self.read(progress), strict=True)
+        for entry, sd_n, (file, trial, answer, calibrates) in each:
             yield FrameAnswer(
                 recording=str(recording.path),
                 eye=recording.info.eye.id,
@@ -352,8 +361,19 @@ class _Session:
                 excluded=trial.excluded,
                 youngs_modulus_pa=modulus_pa,
                 modulus_source=source,
+                to_bound=self._to_bound(answer, entry.time_s, seen),
                 answer=replace(answer, warnings=(*answer.warnings, *doubts)),
             )
+
+    def _to_bound(self, answer: Answer, at_s: float, seen: list[tuple[float, float]]) -> TimeToBound | None:
+        """Return when the force will reach the highest class, as the monitor does; add a usable frame to those seen."""
+        upper_n = upper_end(answer.verdict)
+        if not answer.usable or answer.force_n is None or upper_n is None:
+            return None
+        seen.append((at_s, answer.force_n))
+        limits, bound_n = MonitorLimits(), self.reader.study.classes.bounds_n[-1]
+        rise = rise_of(seen[-NOISE_WINDOWS * limits.rate_frames :], limits.rate_frames)
+        return time_to_bound(rise, answer.force_n, upper_n, bound_n)
 
     def scores(self, progress: Progress) -> Iterator[Score]:
         """Score the readings of both methods."""

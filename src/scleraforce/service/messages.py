@@ -25,8 +25,11 @@ from scleraforce.units import from_si, to_si
 
 # Of the OpenIGTLink messages.
 STATUS_DEVICE, READING_DEVICE, NEEDLE_DEVICE = "ForceMonitor", "ForceReading", "NeedlePose"
-# Logs of 26 November 2026 and before lack these.
-LATER = {"withdrawn_s": None, "present_cause": None, "present": "", "elastic_force_mn": None}
+# Logs of earlier versions lack these.
+LATER = {
+    "withdrawn_s": None, "present_cause": None, "present": "", "elastic_force_mn": None, "time_to_bound_ms": None,
+    "time_to_bound_ms_interval": None,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +38,8 @@ class Entry:
 
     `withdrawn_s` is when the withdrawal began. `frame` is the number in this session, from 1, `frame_id` the sender's;
     `latency_ms` runs from the frame's last byte to the answer on the wire; `verdict` is also None for a frame that
-    could not be read. `overtaken` counts the frames since the start that newer ones overtook, `lost` the unread ones.
+    could not be read. `time_to_bound_ms` is the median, an end of the interval None beyond 2 s (`monitor.rise`).
+    `overtaken` counts the frames since the start that newer ones overtook, `lost` the unread ones.
     """
 
     number: int
@@ -56,6 +60,8 @@ class Entry:
     withdrawn_s: float | None = None
     present_cause: str | None = None
     present: str = ""
+    time_to_bound_ms: float | None = None
+    time_to_bound_ms_interval: tuple[float, float | None] | None = None
 
     def __post_init__(self) -> None:
         if self.state not in State.__members__:

@@ -288,6 +288,7 @@ class Session:
         self._entries += event != "again"
         answer = self.answer if frame else None
         decision = self.decision
+        to_bound = decision.to_bound.as_ms() if frame and decision.to_bound else (None, None)
         return Entry(
             number=self._entries,
             time_s=self.wall_clock(),
@@ -305,6 +306,8 @@ class Session:
             frame_id=frame.sender_id if frame else None,
             verdict=answer.verdict if answer else None,
             latency_ms=from_si(latency_s, "ms"),
+            time_to_bound_ms=to_bound[0],
+            time_to_bound_ms_interval=to_bound[1],
             overtaken=self._overtaken,
             lost=self.lost,
         )

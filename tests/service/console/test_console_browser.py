@@ -108,11 +108,11 @@ def repeating(tell: Callable[[], object], every_s: float = 0.02) -> Iterator[Non
         thread.join(FUSE_S)
 
 
-def watching(monitor: ConsoleMonitor, force_mn: float = 12.3) -> Callable[[], None]:
+def watching(monitor: ConsoleMonitor, force_mn: float = 12.3, **said: Any) -> Callable[[], None]:
     """Frames of one force, with their outline and the rates."""
 
     def tell() -> None:
-        frame = monitor.frame(BRIGHT, "WATCHING", f"class 1; {force_mn} mN", **reading(force_mn))
+        frame = monitor.frame(BRIGHT, "WATCHING", f"class 1; {force_mn} mN", **reading(force_mn), **said)
         outline = {"step": 4, "outer": [20.0] * 24, "inner": [40.0] * 24}
         monitor.tell(
             Outline(frame=frame, step=outline["step"], outer=tuple(outline["outer"]), inner=tuple(outline["inner"]))
@@ -166,6 +166,31 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
     found.shows(word="NO ANSWER")
     assert found.view() == "LOST"
     assert not found.looks_live()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narrow_page(
+    opened: Any, scheme: str
+) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address, viewport={"width": 400, "height": 800}, color_scheme=scheme)
+        bar = "getComputedStyle(document.querySelector('#until i'), '::before').width"
+        widths = []
+        for median_ms, ends_ms, words in (
+            (None, None, "bound: not within 2 s"),
+            (None, (1500.0, None), "bound: more than 2 s (90 % 1.50 to more than 2 s)"),
+            (1200.0, (900.0, None), "bound in 1.20 s (90 % 0.90 to more than 2 s)"),
+            (400.0, (250.0, 700.0), "bound in 0.40 s (90 % 0.25 to 0.70 s)"),
+            (0.0, (0.0, 0.0), "the bound is reached"),
+        ):
+            time = {"time_to_bound_ms": median_ms, "time_to_bound_ms_interval": ends_ms}
+            with repeating(watching(monitor, **time)):
+                found.shows(until_text=words)
+                widths.append(float(found.page.evaluate(bar).removesuffix("px")))
+        assert widths[0] == widths[1] > 300.0
+        assert widths[2:] == pytest.approx([0.6 * widths[0], 0.2 * widths[0], 0.0], abs=0.5)
+        assert found.page.evaluate("document.documentElement.scrollWidth") == 400
+        assert found.complaints == []
 
 
 def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(opened: Any) -> None:

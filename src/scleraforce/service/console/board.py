@@ -23,7 +23,10 @@ WATCHING_SILENT_S = 0.5  # without a decision while WATCHING; without frames it 
 READING_S = 0.5  # an older reading is not shown
 LATENCY_S = 5.0
 OUTLINE_S = 0.2  # after this long, a frame is shown without its outline
-READING = ("frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason")
+READING = (
+    "frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason", "time_to_bound_ms",
+    "time_to_bound_ms_interval",
+)  # fmt: skip
 
 
 def sentence_of(cause: str) -> str:

@@ -69,6 +69,27 @@ function showReading(reading, settings) {
   showShares(usable ? (reading.probabilities ?? []) : []);
   write("force", usable ? fixed(reading.force_mn, 1) : "–");
   write("interval", intervalText(reading, usable, settings));
+  showUntil(usable && reading.force_mn !== null ? reading : null);
+}
+
+// The time until the bound: a bar that shrinks to nothing, full at 2 s, and its words. Without a rise both say so.
+const HORIZON_MS = 2000;
+
+function showUntil(reading) {
+  const [early, late] = reading?.time_to_bound_ms_interval ?? [null, null];
+  const median = reading?.time_to_bound_ms ?? null;
+  const bar = element("until");
+  bar.style.setProperty("--until", (median ?? HORIZON_MS) / HORIZON_MS);
+  bar.style.setProperty("--early", (early ?? HORIZON_MS) / HORIZON_MS);
+  bar.toggleAttribute("data-near", median !== null);
+  write("until-text", reading ? untilText(early, median, late) : "–");
+}
+
+function untilText(early, median, late) {
+  if (early === null) return "bound: not within 2 s";
+  if (late === 0) return "the bound is reached";
+  const ends = `90 % ${fixed(early / 1e3, 2)} to ${late === null ? "more than 2" : fixed(late / 1e3, 2)} s`;
+  return median === null ? `bound: more than 2 s (${ends})` : `bound in ${fixed(median / 1e3, 2)} s (${ends})`;
 }
 
 function intervalText(reading, usable, settings) {

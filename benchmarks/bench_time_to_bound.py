@@ -1,0 +1,165 @@
+"""How often a predicted time until the bound is right: ramps of virtual eyes, read by the monitor's live reader.
+
+    python benchmarks/bench_time_to_bound.py MODEL [--eyes 6] [--rates-mn-s 5 10 20 50 100] [--seed 43] [--plot FILE]
+
+Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on three frames. Their raw frames, 100 a second,
+go through segmentation, slice and network; 50 and 25 a second are every second and fourth of them. After ten frames
+each reading has the probability that the upper end of the interval reaches the bound within 200 ms, from the line of
+`monitor.rise`. It did if the median of five upper ends in a row reached it within that time. Half of the ramps go on;
+the others, the same frames, stop at a random frame after which they hold, which no line can know.
+"""
+
+import argparse
+from collections.abc import Iterator
+from math import erf, sqrt
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_sessions.declarations import declarations
+from monitor_sessions.eyes import draw_eye
+from monitor_sessions.forces import FRAME_S, ramp_forces, trajectory
+from monitor_sessions.frames import largest_force_n, stream
+from scleraforce.monitor.limits import MonitorLimits, upper_end
+from scleraforce.monitor.rise import Rise, rise_of, time_to_bound
+from scleraforce.monitor.state import NOISE_WINDOWS
+from scleraforce.reader import load_force_reader
+from scleraforce.reader.kinds import ForceReader
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.units import to_si
+
+Floats = NDArray[np.float64]
+LIMITS, WITHIN_S, SMOOTH, LARGEST_N = MonitorLimits(), 0.2, 5, 40e-3
+EVERY = {100: 1, 50: 2, 25: 4}  # frames a second: of the frames rendered
+BINS = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0)
+
+
+class Said(NamedTuple):
+    """A frame's prediction: chance of the bound within 200 ms, whether so it came, and whether the interval held it."""
+
+    rate_hz: int
+    chance: float
+    came: bool
+    inside: bool
+
+
+def main() -> None:
+    """Play the ramps and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("model", type=Path)
+    parser.add_argument("--eyes", type=int, default=6)
+    parser.add_argument("--rates-mn-s", type=float, nargs="+", default=[5.0, 10.0, 20.0, 50.0, 100.0])
+    parser.add_argument("--seed", type=int, default=43)
+    parser.add_argument("--plot", type=Path)
+    given = parser.parse_args()
+    reader, going, stopping = load_force_reader(given.model), list[Said](), list[Said]()
+    for number in range(given.eyes):
+        for rate_mn_s, readings_tn in ramps(reader, number, given.rates_mn_s, given.seed):
+            rng = np.random.default_rng((given.seed, number, int(rate_mn_s)))
+            for rate_hz, every in EVERY.items():
+                going += predictions(readings_tn[::every], rate_hz)
+                stopping += predictions(held(readings_tn[::every], rng), rate_hz)
+            print(f"eye {number}, {rate_mn_s:g} mN/s: {len(readings_tn)} frames", flush=True)
+    for name, said in (("go on", going), ("stop somewhere", stopping)):
+        print(f"\nRamps that {name}:\n{table(said)}")
+    if given.plot is not None:
+        draw(given.plot, going, stopping)
+
+
+def ramps(reader: ForceReader, number: int, rates_mn_s: list[float], seed: int) -> Iterator[tuple[float, Floats]]:
+    """Yield the rate of each ramp of an eye with its usable readings (frame, 3): time, force, upper end."""
+    rng, scale = np.random.default_rng((seed, number)), PixelScale.of(reader.study.oct)
+    drawn = draw_eye(("open", "sealed")[number % 2], number, reader.study, seed)
+    known = declarations(drawn, reader, seed, rng)["declared"]
+    for rate_mn_s in rates_mn_s:
+        forces = ramp_forces(to_si(rate_mn_s, "mn_per_s"), min(LARGEST_N, largest_force_n(drawn)), rng)
+        rows, over = [], 0
+        for place, frame in enumerate(stream(drawn, trajectory(*forces, reader.study, rng), rng, seed)):
+            verdict = reader.read_live(frame, scale, known).verdict
+            upper_n = upper_end(verdict)
+            if verdict.usable and verdict.force_n is not None and upper_n is not None:
+                rows.append((place * FRAME_S, verdict.force_n, upper_n))
+                over += upper_n >= LIMITS.bound_n + 1e-3
+            if over > SMOOTH:
+                break
+        yield rate_mn_s, np.array(rows).reshape(-1, 3)
+
+
+def held(readings_tn: Floats, rng: np.random.Generator) -> Floats:
+    """Return the readings of a ramp that stops at a random frame: from there on the ones around it, for a second."""
+    last = int(rng.integers(len(readings_tn) // 3, len(readings_tn)))
+    around = rng.integers(max(last - SMOOTH, 0), last + 1, int(1.0 / FRAME_S))
+    after = readings_tn[around]
+    after[:, 0] = readings_tn[last, 0] + np.median(np.diff(readings_tn[:, 0])) * np.arange(1, len(after) + 1)
+    return np.concatenate([readings_tn[: last + 1], after])
+
+
+def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
+    """Yield the prediction of each frame before the bound, as the monitor makes it, beside what came."""
+    if len(readings_tn) < SMOOTH:
+        return
+    smooth_n = np.median(np.lib.stride_tricks.sliding_window_view(readings_tn[:, 2], SMOOTH), axis=1)
+    reached = np.flatnonzero(smooth_n >= LIMITS.bound_n)
+    at_s = float(readings_tn[reached[0] + SMOOTH // 2, 0]) if len(reached) else np.inf
+    history = [(float(time_s), float(force_n)) for time_s, force_n, _ in readings_tn]
+    for place, (now_s, force_n, upper_n) in enumerate(readings_tn):
+        rise = rise_of(history[max(place + 1 - NOISE_WINDOWS * LIMITS.rate_frames, 0) : place + 1], LIMITS.rate_frames)
+        if rise is None or now_s >= at_s or upper_n >= LIMITS.bound_n:
+            continue
+        found = time_to_bound(rise, force_n, upper_n, LIMITS.bound_n)
+        ends_s = (
+            (np.inf, np.inf) if found is None else (found.early_s, np.inf if found.late_s is None else found.late_s)
+        )
+        left_s = at_s - now_s
+        yield Said(rate_hz, chance(rise, upper_n - force_n), left_s <= WITHIN_S, ends_s[0] <= left_s <= ends_s[1])
+
+
+def chance(rise: Rise, above_n: float) -> float:
+    """Return the probability that the line and what the upper end is above it reach the bound within 200 ms."""
+    a, b = rise.variances
+    over_n = rise.now_n + rise.slope * WITHIN_S + above_n - LIMITS.bound_n
+    return 0.5 * (1.0 + erf(over_n / max(sqrt(2.0 * (a + b * (WITHIN_S - rise.middle_s) ** 2)), 1e-12)))
+
+
+def table(said: list[Said]) -> str:
+    """Return predicted beside observed shares, and how many intervals held, as Markdown."""
+    lines = ["| chance of the bound within 200 ms | frames | predicted | it came |", "|---|---|---|---|"]
+    for low, high, predicted, came, count in reliability(said):
+        lines.append(f"| {low:.0%} to {high:.0%} | {count} | {predicted:.0%} | {came:.0%} |")
+    shares = [
+        f"{rate} Hz {np.mean([one.inside for one in said if one.rate_hz == rate and 0.01 < one.chance < 0.99]):.0%}"
+        for rate in EVERY
+    ]
+    return "\n".join([*lines, f"90 % intervals that held, of chances between 1 % and 99 %: {', '.join(shares)}"])
+
+
+def reliability(said: list[Said]) -> Iterator[tuple[float, float, float, float, int]]:
+    """Yield the ends of each bin of chances, the mean chance, the share that came, and the number of frames."""
+    chances, came = np.array([one.chance for one in said]), np.array([one.came for one in said])
+    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+        inside = (chances >= low) & ((chances < high) | (high == 1.0))
+        if inside.any():
+            yield low, high, float(chances[inside].mean()), float(came[inside].mean()), int(inside.sum())
+
+
+def draw(path: Path, going: list[Said], stopping: list[Said]) -> None:
+    """Draw observed against predicted shares."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.6, 4.2), layout="constrained")
+    axes = figure.subplots()
+    axes.plot([0, 1], [0, 1], color="0.6", linewidth=1)
+    for said, name, mark in ((going, "ramps that go on", "o-"), (stopping, "ramps that stop", "s--")):
+        rows = list(reliability(said))
+        axes.plot([row[2] for row in rows], [row[3] for row in rows], mark, label=name)
+    axes.set(
+        xlabel="predicted: bound within 200 ms", ylabel="share of frames for which it came", xlim=(0, 1), ylim=(0, 1)
+    )
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=150)
+
+
+if __name__ == "__main__":
+    main()
