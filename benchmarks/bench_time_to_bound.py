@@ -2,15 +2,16 @@
 
     python benchmarks/bench_time_to_bound.py MODEL [--eyes 6] [--rates-mn-s 5 10 20 50 100] [--seed 43] [--plot FILE]
 
-Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on three frames. Their raw frames, 100 a second,
-go through segmentation, slice and network; 50 and 25 a second are every second and fourth of them. After ten frames
-each reading has the probability that the upper end of the interval reaches the bound within 200 ms, from the line of
-`monitor.rise`. It did if the median of five upper ends in a row reached it within that time. Half of the ramps go on;
-the others, the same frames, stop at a random frame after which they hold, which no line can know.
+Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on three frames. Their raw frames, 100 a
+second, go through segmentation, slice and network; 50 and 25 a second are every second and fourth of them. From the
+tenth on each reading has the probability that the upper end of the interval reaches the bound within 200 ms, by the
+line of `monitor.rise`. It did if the median of five upper ends in a row reached it within that time. The ramps go on,
+or, with the same frames, stop at a random frame and hold, which no line can know.
 """
 
 import argparse
 from collections.abc import Iterator
+from itertools import pairwise
 from math import erf, sqrt
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +24,7 @@ from monitor_sessions.eyes import draw_eye
 from monitor_sessions.forces import FRAME_S, ramp_forces, trajectory
 from monitor_sessions.frames import largest_force_n, stream
 from scleraforce.monitor.limits import MonitorLimits, upper_end
-from scleraforce.monitor.rise import Rise, rise_of, time_to_bound
+from scleraforce.monitor.rise import HORIZON_S, Rise, rise_of, time_to_bound
 from scleraforce.monitor.state import NOISE_WINDOWS
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.kinds import ForceReader
@@ -109,11 +110,10 @@ def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
         if rise is None or now_s >= at_s or upper_n >= LIMITS.bound_n:
             continue
         found = time_to_bound(rise, force_n, upper_n, LIMITS.bound_n)
-        ends_s = (
-            (np.inf, np.inf) if found is None else (found.early_s, np.inf if found.late_s is None else found.late_s)
-        )
+        early_s, late_s = (HORIZON_S, None) if found is None else (found.early_s, found.late_s)
         left_s = at_s - now_s
-        yield Said(rate_hz, chance(rise, upper_n - force_n), left_s <= WITHIN_S, ends_s[0] <= left_s <= ends_s[1])
+        inside = early_s <= left_s and (late_s is None or left_s <= late_s)
+        yield Said(rate_hz, chance(rise, upper_n - force_n), left_s <= WITHIN_S, inside)
 
 
 def chance(rise: Rise, above_n: float) -> float:
@@ -138,7 +138,7 @@ def table(said: list[Said]) -> str:
 def reliability(said: list[Said]) -> Iterator[tuple[float, float, float, float, int]]:
     """Yield the ends of each bin of chances, the mean chance, the share that came, and the number of frames."""
     chances, came = np.array([one.chance for one in said]), np.array([one.came for one in said])
-    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+    for low, high in pairwise(BINS):
         inside = (chances >= low) & ((chances < high) | (high == 1.0))
         if inside.any():
             yield low, high, float(chances[inside].mean()), float(came[inside].mean()), int(inside.sum())

@@ -34,6 +34,7 @@ SMALLEST = {
     "bench_scale": "--images 20 40 1000000 --processes 1 --seconds 100 --study {study}",
     "figure_real_tissue": "--out {out}",
     "bench_stiffening": "--rows 1",
+    "bench_time_to_bound": "{model} --eyes 1 --rates-mn-s 100",
     "bench_wall_finder": "{finder} --scenes 3 --phantoms 2 --readings 3",
     "figure_sealed_eye": "{model} --frames 2 --out {out}",
     "figure_supports": "--study {study} --out {out}",
