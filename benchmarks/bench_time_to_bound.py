@@ -1,12 +1,12 @@
-"""How often a predicted time until the bound is right: ramps of virtual eyes, read by the monitor's live reader.
+"""Predicted times until the bound, and how often they were right: ramps of virtual eyes, read by the live reader.
 
     python benchmarks/bench_time_to_bound.py MODEL [--eyes 6] [--rates-mn-s 5 10 20 50 100] [--seed 43] [--plot FILE]
 
 Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on three frames. Their raw frames, 100 a
 second, go through segmentation, slice and network; 50 and 25 a second are every second and fourth of them. From the
 tenth on each reading has the probability that the upper end of the interval reaches the bound within 200 ms, by the
-line of `monitor.rise`. It did if the median of five upper ends in a row reached it within that time. The ramps go on,
-or, with the same frames, stop at a random frame and hold, which no line can know.
+line of `monitor.rise`. It did if the median of five upper ends in a row reached it within that time. The ramps
+continue, or, with the same frames, stop at a random frame and hold, which no line can know.
 """
 
 import argparse
@@ -63,7 +63,7 @@ def main() -> None:
                 going += predictions(readings_tn[::every], rate_hz)
                 stopping += predictions(held(readings_tn[::every], rng), rate_hz)
             print(f"eye {number}, {rate_mn_s:g} mN/s: {len(readings_tn)} frames", flush=True)
-    for name, said in (("go on", going), ("stop somewhere", stopping)):
+    for name, said in (("continue", going), ("stop somewhere", stopping)):
         print(f"\nRamps that {name}:\n{table(said)}")
     if given.plot is not None:
         draw(given.plot, going, stopping)
@@ -151,7 +151,7 @@ def draw(path: Path, going: list[Said], stopping: list[Said]) -> None:
     figure = Figure(figsize=(4.6, 4.2), layout="constrained")
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="0.6", linewidth=1)
-    for said, name, mark in ((going, "ramps that go on", "o-"), (stopping, "ramps that stop", "s--")):
+    for said, name, mark in ((going, "ramps that continue", "o-"), (stopping, "ramps that stop", "s--")):
         rows = list(reliability(said))
         axes.plot([row[2] for row in rows], [row[3] for row in rows], mark, label=name)
     axes.set(

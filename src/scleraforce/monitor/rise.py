@@ -44,9 +44,9 @@ class Rise(NamedTuple):
 
 @dataclass(frozen=True)
 class TimeToBound:
-    """When the force reaches the bound, s, if it goes on as in the last frames: median and ends of the 90 % interval.
+    """Time until the force reaches the bound, s, if it rises as in the last frames: median, ends of the 90 % interval.
 
-    A median or a late end that is not within 2 s is None.
+    None: not within 2 s.
     """
 
     early_s: float
