@@ -4,8 +4,8 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
 from hashlib import file_digest
-from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -38,15 +38,13 @@ def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times 
     text = read_log_text(table, least=1)
     column = next((found for found in columns_by_header(text.names, {}) if found.ours == "time_s"), None)
     if column is None:
-        listed = ", ".join(repr(name) for name in text.names)
+        listed = ", ".join(map(repr, text.names))
         raise InputError(f"{table}: no column of times with its unit, like time_s or Time (ms); there are {listed}")
     time_s = numbers_of(text, [text.names.index(column.name)])[:, 0] * column.factor
-    file = next((name for name in text.names if name.lower() in FILE_NAMES), None)
-    if file is not None:
-        by_name = dict(zip([Path(name).name for name in text.column(file)], time_s.tolist(), strict=True))
-        frames = [Path(name).name for name in scan.names]
-        if set(frames) <= set(by_name):
-            return Times(np.array([by_name[name] for name in frames]), str(table))
+    for file in (name for name in text.names if name.lower() in FILE_NAMES):
+        by_name = {Path(name).name: at for name, at in zip(text.column(file), time_s.tolist(), strict=True)}
+        if all(Path(name).name in by_name for name in scan.names):
+            return Times(np.array([by_name[Path(name).name] for name in scan.names]), str(table))
     if len(time_s) != len(scan.names):
         raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
     return Times(time_s, str(table))
@@ -145,31 +143,25 @@ def complete(
     if asker is None and questions:
         listed = "; ".join(f"{question.words} ({question.options})" for question in questions.values())
         raise InputError(f"neither in the sources nor among the options: {listed}")
-    while True:
+    done = None
+    while done is None:
         answered = {} if asker is None else {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
         try:
             done = _completed(gathered, greys, answers, times, known | answered)
-            break
         except InputError as wrong:
             if asker is None or not questions:
                 raise
             asker.again(wrong)
-    name, value = "thickness_um", answers.thickness_um
-    if value is not None:
-        return replace(done, sources=done.sources | {name: origins.get(name, ANSWER)})
-    found: list[float | None] = []
-
-    def offered() -> float | None:
-        found.append(measured_um(done.info.oct))
-        return found[-1]
-
-    if asker is not None:
+    name, value, offered = "thickness_um", answers.thickness_um, cache(partial(measured_um, done.info.oct))
+    source = origins.get(name, ANSWER)
+    if value is None and asker is not None:
         value = asker.missing({name: replace(QUESTIONS[name], offered=offered)}).get(name)
+        if value is not None and offered.cache_info().currsize and value == offered():
+            source = "measured on the first frames"
     if value is None:
         note = "the wall's thickness is not stated: `calibrate` needs it, and readings are less sure (--thickness-um)"
         return done.with_notes([note])
     info = replace(done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um")))
-    source = "measured on the first frames" if value in found else ANSWER
     return replace(done, info=info, sources=done.sources | {name: source})
 
 
@@ -178,10 +170,8 @@ def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: 
     info = _info(gathered, answers, values)
     if not greys.fit(info.oct.bits):
         raise InputError(f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}")
-    if times is None:
-        rate_hz = values.get("rate_hz")
-        times = given_times(gathered.scan, None, rate_hz) if rate_hz else Times(np.zeros(1), "a single frame")
-    assert times is not None
+    asked = None if times else given_times(gathered.scan, None, values.get("rate_hz"))
+    times = times or asked or Times(np.zeros(1), "a single frame")
     if "rate_hz" in known:
         times = replace(times, source=known["rate_hz"][1])
     offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
@@ -210,8 +200,7 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
         ("an .npz file", packed, ("array",)),
         ("frames whose axes are not fixed", bool(kinds - {"thorlabs", "log"}), ("axes",)),
     ):
-        unused = [name for name in names if origins.get(name) == OPTION and not there]
-        if unused:
+        if unused := [name for name in names if origins.get(name) == OPTION and not there]:
             raise InputError(f"{option_name(unused[0])}: acts on {what}, which is not among the sources; leave it out")
 
 
@@ -220,10 +209,8 @@ def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> 
     if times is None and len(gathered.scan.names) > 1:
         needed.add("rate_hz")
     if gathered.log is not None:
-        needed |= {"axis", "contact_sign"}
         by_bag = len(gathered.files) == 1 and answers.rate_hz is None
-        if not by_bag and answers.times is None:
-            needed.add("clock_offset_s")
+        needed |= {"axis", "contact_sign", *([] if by_bag or answers.times else ["clock_offset_s"])}
     return needed
 
 
@@ -248,12 +235,11 @@ def _info(gathered: Gathered, answers: ImportOptions, values: dict[str, Any]) ->
     scan = gathered.scan
     try:
         width_m, depth_m, gap_m = (to_si(values[name], "mm") for name in ("width_mm", "depth_mm", "gap_mm"))
-        bits, index = values["bits"], values["refractive_index"]
-        oct_info = OctInfo(columns=scan.columns, rows=scan.rows, bits=bits, width_m=width_m, depth_m=depth_m)
-        oct_info = replace(oct_info, refractive_index=index)
+        used = {name: values[name] for name in ("bits", "refractive_index")}
+        oct_info = OctInfo(columns=scan.columns, rows=scan.rows, width_m=width_m, depth_m=depth_m, **used)
         thickness_m, iop_pa = to_si(answers.thickness_um, "um"), to_si(answers.iop_mmhg, "mmhg")
         eye = EyeInfo(values["eye"], thickness_m=thickness_m, iop_pa=iop_pa, globe=answers.globe)
-        polar_rad = None if answers.polar_angle_deg is None else radians(answers.polar_angle_deg)
+        polar_rad = to_si(answers.polar_angle_deg, "deg")
         needle = NeedleInfo(gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad)
         force = None if gathered.log is None else ForceInfo(values["axis"], int(values["contact_sign"]))
         if force and answers.average_s is not None:
@@ -272,16 +258,10 @@ KEPT = ("axes", "array", "columns", "image_topic", "force_topic", "grey_range")
 def answers_like(folder: Path) -> dict[str, Any]:
     """Return another recording's answers by the names of options: its scanner, needle, sensor, and import."""
     info = read_info(folder / "recording.toml")
-    found: dict[str, Any] = {
-        "width_mm": from_si(info.oct.width_m, "mm"),
-        "depth_mm": from_si(info.oct.depth_m, "mm"),
-        "refractive_index": info.oct.refractive_index,
-        "bits": info.oct.bits,
-        "gauge": info.needle.gauge,
-        "gap_mm": from_si(info.needle.slice_gap_m, "mm"),
-    }
-    if info.force is not None:
-        force = info.force
+    sizes_m = {"width_mm": info.oct.width_m, "depth_mm": info.oct.depth_m, "gap_mm": info.needle.slice_gap_m}
+    found: dict[str, Any] = {name: from_si(size_m, "mm") for name, size_m in sizes_m.items()}
+    found |= {"refractive_index": info.oct.refractive_index, "bits": info.oct.bits, "gauge": info.needle.gauge}
+    if (force := info.force) is not None:
         found |= {"axis": force.axis, "contact_sign": str(force.contact_sign), "average_s": force.average_s}
     answers = _recorded(folder, "answers", {}, "an object")
     return found | {name: answers[name] for name in KEPT if name in answers}

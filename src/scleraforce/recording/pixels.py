@@ -301,13 +301,13 @@ def one_size(sizes: Sequence[PixelSize]) -> tuple[Sourced | None, Sourced | None
     stated = [size for size in sizes if size.depth_m or size.lateral_m]
     if not stated:
         return None, None, None
-    first = stated[0]
-    for other in stated[1:]:
+    first, *others = stated
+    for other in others:
         pairs = ((first.depth_m, other.depth_m), (first.lateral_m, other.lateral_m))
         if any(mine and theirs and abs(mine - theirs) > ROUNDED * mine for mine, theirs in pairs):
             return None, None, f"{first.words}, {other.words}"
-    depth, lateral = (size_m and Sourced(size_m, first.source) for size_m in (first.depth_m, first.lateral_m))
-    return depth or None, lateral or None, None
+    depth, lateral = (Sourced(size, first.source) if size else None for size in (first.depth_m, first.lateral_m))
+    return depth, lateral, None
 
 
 def frame_names(path: Path, count: int) -> tuple[str, ...]:
@@ -341,9 +341,8 @@ class UnansweredError(InputError):
 
 def joined(scans: Sequence[Scan]) -> Scan:
     """Return several files of frames as one scan: in the order of their times, or in the given order."""
-    first = scans[0]
+    first, kind = scans[0], _kind(scans[0])
     for scan in scans[1:]:
-        kind = _kind(first)
         for field, mine in _kind(scan).items():
             if mine != kind[field]:
                 found = f"{field} {mine}, where {first.names[0]} has {kind[field]}"
@@ -401,16 +400,14 @@ def array_scan(
 ) -> Scan:
     """Return an array as a scan; `axes` names those longer than 1 (None: ask), `pixel_m` is the step along each."""
     sizes = " x ".join(map(str, array.shape))
-    long = [axis for axis, size in enumerate(array.shape) if size > 1]
-    steps_m = [pixel_m[axis] if pixel_m else None for axis in long]
+    steps_m = [pixel_m[axis] if pixel_m else None for axis, size in enumerate(array.shape) if size > 1]
     array = array.squeeze()
     if array.ndim not in (2, 3):
         raise FrameError(f"an array of {sizes}; give frames x rows x columns, or one frame")
     if array.dtype.kind not in "uif":
         raise FrameError(f"pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)")
     if axes is None:
-        names = ",".join(AXES[-array.ndim :])
-        question = f"which axis is which? Name {names} in the order of the sizes"
+        question = f"which axis is which? Name {','.join(AXES[-array.ndim :])} in the order of the sizes"
         raise UnansweredError("--axes", f"an array of {sizes}: {question}")
     if array.ndim == 2:
         axes = tuple(name for name in axes if name != "frame")
@@ -422,6 +419,7 @@ def array_scan(
     count, rows, columns = frames.shape
     check_size(rows, columns)
     depth_m, lateral_m = (steps_m[axes.index(name)] for name in AXES[1:])
-    bits = 8 if frames.dtype == np.uint8 else None
-    scan = Scan(frame_names(path, count), rows, columns, lambda: iter(frames), bits=bits)
+    scan = Scan(
+        frame_names(path, count), rows, columns, lambda: iter(frames), bits=8 if frames.dtype == np.uint8 else None
+    )
     return replace(scan, depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)

@@ -89,11 +89,10 @@ def files_of(given: Sequence[Path]) -> list[Path]:
     """Return sources, folders (except ROS bags) as their files in the order of the numbers in their names."""
     found: list[Path] = []
     for path in given:
-        if not path.is_dir() or (path / "metadata.yaml").exists():
-            found.append(path)
-            continue
-        shown = [each for each in path.iterdir() if each.is_file() and not each.name.startswith(".")]
-        inside = sorted(shown, key=_natural_order)
+        inside = [path]
+        if path.is_dir() and not (path / "metadata.yaml").exists():
+            shown = [each for each in path.iterdir() if each.is_file() and not each.name.startswith(".")]
+            inside = sorted(shown, key=_natural_order)
         if not inside:
             raise InputError(f"{path}: no files in this folder")
         found += inside
@@ -124,17 +123,17 @@ def source_kind(path: Path) -> str:
     kind = _known_kind(path.name.lower(), head)
     if kind is None and path.suffix.lower() == ".img" and path.with_suffix(".hdr").exists():
         return source_kind(path.with_suffix(".hdr"))
-    # A log is text, which has no byte of 0.
-    foreign = _foreign_kind(path.name, head) if (kind == "log" and b"\0" in head) or (kind is None and head) else None
-    if foreign is not None:
+    binary = kind == "log" and b"\0" in head  # a log is text
+    if (binary or (kind is None and head)) and (foreign := _foreign_kind(path.name, head)) is not None:
         raise InputError(f"{path}: {foreign}")
     if kind is None:
-        raise InputError(f"{path}: {'an empty file' if not head else 'of no kind that is read'}; give {KINDS}")
+        raise InputError(f"{path}: {'of no kind that is read' if head else 'an empty file'}; give {KINDS}")
     return kind
 
 
 VOLUMES = {"nifti": volumes.read_nifti, "nrrd": volumes.read_nrrd, "metaimage": volumes.read_metaimage}
-STACKS = {"tiff": tiff.read_tiff, "dicom": dicom.read_dicom, "film": images.read_film}
+FRAMES = {"tiff": tiff.read_tiff, "dicom": dicom.read_dicom, "film": images.read_film}
+FRAMES["picture"] = lambda path: images.read_image(path)[1]
 
 
 def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array: str | None = None) -> Scan:
@@ -145,7 +144,7 @@ def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array:
         return images.read_numpy(path, axes, array)
     if kind in VOLUMES:
         return VOLUMES[kind](path, axes)
-    return _oriented(path, images.read_image(path)[1] if kind == "picture" else STACKS[kind](path), axes)
+    return _oriented(path, FRAMES[kind](path), axes)
 
 
 def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
@@ -229,8 +228,7 @@ def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[T
         raise InputError(f"the frames' times do not rise from each frame to the next; {way}")
     first_s = float(min([time_s[0], *([] if log is None else log.time_s[:1])]))
     origin_s = float(np.floor(first_s)) if first_s > SINCE_1970_S else 0.0
-    moved = None if log is None else replace(log, time_s=log.time_s - origin_s)
-    time_s = time_s - origin_s
+    moved, time_s = None if log is None else replace(log, time_s=log.time_s - origin_s), time_s - origin_s
     if moved is not None and (time_s[-1] < moved.time_s[0] or time_s[0] > moved.time_s[-1]):
         frames, forces = (f"{each[0]:.3f} to {each[-1]:.3f} s" for each in (time_s, moved.time_s))
         found = f"frames at {frames}, forces at {forces}"
