@@ -204,11 +204,10 @@ class CheckedStore:
 
     def missing(self) -> list[int]:
         """Return the numbers of the units of which a chunk is missing or cannot be read."""
-        return [
-            number
-            for number, chunks in enumerate(self.units)
-            if not all(self._is_readable(self.arrays[name], index) for name, index in chunks.items())
+        readable = [
+            [self._is_readable(self.arrays[name], index) for name, index in unit.items()] for unit in self.units
         ]
+        return [number for number, chunks in enumerate(readable) if not all(chunks)]
 
     def write(self, unit: int, values: Mapping[str, NDArray[Any]]) -> None:
         """Write the chunks of a unit, given by the names of the arrays."""

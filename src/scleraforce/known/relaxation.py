@@ -15,6 +15,7 @@ _Time = Annotated[float, Meta(gt=0.0, le=1e6)]
 _Span = Annotated[float, Meta(ge=0.0, le=1e6)]
 _Number = Annotated[float, Meta(ge=-1e3, le=1e3)]
 _Vector = tuple[_Number, ...]
+Source = Literal["declared", "holds", "population"]
 Matrix = tuple[_Vector, ...]
 
 MOMENTS = {"shares": "covariance", "held": "held_covariance", "before_n": "before_covariance_n2"}  # of each mean
@@ -47,7 +48,7 @@ class KnownRelaxation:
     after_covariance_n2: Matrix
     every_s: _Span | None
     held_s: _Span | None
-    source: Literal["declared", "holds", "population"]
+    source: Source
 
     def __post_init__(self) -> None:
         size = len(self.times_s)
@@ -58,11 +59,7 @@ class KnownRelaxation:
 
     @classmethod
     def of(
-        cls,
-        shares: Sequence[float],
-        times_s: Sequence[float],
-        covariance: Floats,
-        source: Literal["declared", "holds", "population"],
+        cls, shares: Sequence[float], times_s: Sequence[float], covariance: Floats, source: Source
     ) -> "KnownRelaxation":
         """Return a relaxation of tissue of which no history is known."""
         terms = len(shares)

@@ -192,11 +192,9 @@ def first_contact(force_n: Floats, rate_hz: float) -> int | None:
     block = max(round(BLOCK_S * rate_hz), 1)
     after = round(AFTER_S * rate_hz)
     starts = np.arange(2 * block, len(force_n) - after + 1, block)
-    if not len(starts):
-        return None
     total = np.concatenate([[0.0], np.cumsum(force_n)])
     rise_n = (total[starts + after] - total[starts]) / after - total[starts] / starts
-    noise_n = float(np.diff(force_n).std()) / np.sqrt(2.0)
+    noise_n = float(np.diff(force_n).std()) / np.sqrt(2.0) if len(starts) else 0.0
     sure = rise_n > np.maximum(LEAST_RISE_N, SIGNIFICANCE * noise_n * np.sqrt(1.0 / after + 1.0 / starts))
     if not sure.any():
         return None

@@ -63,14 +63,12 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
     names = fields_of(header.rstrip(f" \t{separator}"), separator, f"{path}:1")
     if not any(names):
         raise RecordingError(f"{path}: empty; the first line names the columns: {','.join(known)}")
-    for name in names:
-        if name not in known:
-            raise RecordingError(f"{path}:1: unknown column {name!r}; known: {', '.join(known)}")
-        if names.count(name) > 1:
-            raise RecordingError(f"{path}:1: two columns are named {name}")
-    for name in required:
-        if name not in names:
-            raise RecordingError(f"{path}:1: column {name} is missing; found: {', '.join(names)}")
+    if unknown := [name for name in names if name not in known]:
+        raise RecordingError(f"{path}:1: unknown column {unknown[0]!r}; known: {', '.join(known)}")
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise RecordingError(f"{path}:1: two columns are named {twice[0]}")
+    if missing := [name for name in required if name not in names]:
+        raise RecordingError(f"{path}:1: column {missing[0]} is missing; found: {', '.join(names)}")
     bare = {nth: text for nth, line in enumerate(lines, start=2) if (text := line.rstrip(f" \t{separator}"))}
     table = Table(path=path, names=names, separator=separator, lines=tuple(bare.values()), numbers=tuple(bare))
     if kind == KINDS["frames"]:  # a separator at the end of a line is taken for a spreadsheet's: an empty field is cut
@@ -141,8 +139,7 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
         if no_point and proven and comma is not None:
             break
         fields = fields_of(line, table.separator, place(index)) if '"' in line else line.split(table.delimiter)
-        for column, text in enumerate(fields):
-            field = text.strip()
+        for column, field in enumerate(map(str.strip, fields)):
             if not is_number(field):
                 continue
             pointed |= "." in field
@@ -359,12 +356,11 @@ def _without_implausible(log: ForceLog, place: Callable[[int], str], range_n: fl
     if not beyond.any():
         return log.wrench_sc
     flagged: Flags = np.asarray(beyond.any(axis=1))
-    sample, column = (int(at) for at in np.argwhere(beyond)[0])
-    value_n, name = log.wrench_sc[sample, column], log.columns[column]
-    why = f"{limits_n[column]:.3g} N off its median is the most"
-    if range_n is not None and abs(value_n) > range_n:
-        why = f"the sensor's range is {range_n:g} N"
-    found, count = f"{name}: {value_n:.4g} N ({why})", f"{flagged.sum()} of {len(flagged)} samples"
+    sample, column = np.argwhere(beyond)[0].tolist()
+    value_n = log.wrench_sc[sample, column]
+    outside = range_n is not None and abs(value_n) > range_n
+    why = f"the sensor's range is {range_n:g} N" if outside else f"{limits_n[column]:.3g} N off its median is the most"
+    found, count = f"{log.columns[column]}: {value_n:.4g} N ({why})", f"{flagged.sum()} of {len(flagged)} samples"
     if flagged.mean() > MOST_IMPLAUSIBLE:
         raise RecordingError(f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor")
     notes.append(f"{count} are implausible and have no force; the first is {place(sample)}: {found}; is it in N?")
@@ -378,7 +374,7 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
     bad = ~(np.abs(values_sc) <= largest_c)  # a NaN is bad as well: of a time; of a force it says that there is none
     bad[:, 1:] &= ~np.isnan(log.wrench_sc)
     if bad.any():
-        sample, column = (int(at) for at in np.argwhere(bad)[0])
+        sample, column = np.argwhere(bad)[0].tolist()
         value = values_sc[sample, column]
         fault = f"is beyond {largest_c[column]:g}" if np.isfinite(value) else "is not a finite number"
         raise RecordingError(f"{place(sample)}: {columns[column]}: {value:g} {fault}")
