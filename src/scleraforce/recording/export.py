@@ -28,17 +28,12 @@ FORMULA_BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")  # of cells that spreads
 
 def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
     """Return file, time, piercing and label of each frame; no label without a force log."""
-    trials = label_frames(recording, classes)
+    each = zip(recording.frames, label_frames(recording, classes), strict=True)
     return [
-        {
-            "file": frame.file,
-            "time_s": frame.time_s,
-            "pierced": frame.pierced,
-            "measured_force_mn": from_si(trial.measured_force_n, "mn"),
-            "target": trial.target,
-        }
-        for frame, trial in zip(recording.frames, trials, strict=True)
-    ]
+        {"file": frame.file, "time_s": frame.time_s, "pierced": frame.pierced,
+         "measured_force_mn": from_si(trial.measured_force_n, "mn"), "target": trial.target}
+        for frame, trial in each
+    ]  # fmt: skip
 
 
 def read_answers(path: Path) -> list[Row]:
@@ -55,16 +50,13 @@ def read_answers(path: Path) -> list[Row]:
 
 def with_answers(rows: Sequence[Row], answers: Sequence[Row], recording: Path) -> list[Row]:
     """Return rows with the answers to their frames; what the recording states stays, but a target is the answer's."""
-    names = {Path(row["file"]).name for row in rows}
-    alone = len(names) == len(rows)  # else folders below frames/ tell frames of one name apart
-
-    def key(row: Row) -> str:
-        return Path(row["file"]).name if alone else row["file"]
-
-    by_file = {key(answer): answer for answer in answers if _is_of(answer, recording)}
-    if not by_file.keys() & set(map(key, rows)):
+    alone = len({Path(row["file"]).name for row in rows}) == len(rows)  # else folders tell frames of one name apart
+    asked, files = ([Path(row["file"]).name if alone else row["file"] for row in each] for each in (rows, answers))
+    by_file = {file: each for file, each in zip(files, answers, strict=True) if _is_of(each, recording)}
+    if not by_file.keys() & set(asked):
         raise InputError(f"{recording}: none of its frames is among the answers")
-    pairs = ((row, by_file.get(key(row), {})) for row in rows)
+    found = [by_file.get(file, {}) for file in asked]
+    pairs = zip(rows, found, strict=True)
     return [{**answer, **row, "target": answer.get("target", row["target"])} for row, answer in pairs]
 
 
@@ -134,10 +126,10 @@ def write_sequence(recording: Recording, path: Path) -> None:
     for nth, entry in enumerate(recording.frames):
         volume[:, :, 0, nth] = recording.frame(entry).T
     scale = PixelScale.of(oct_info)
-    lateral_mm, depth_mm = from_si(scale.lateral_m, "mm"), from_si(scale.depth_m, "mm")
+    sides_mm = np.diag([from_si(scale.lateral_m, "mm"), from_si(scale.depth_m, "mm"), SLICE_MM])
     header = {
         "space": "left-posterior-superior",
-        "space directions": np.array([[lateral_mm, 0, 0], [0, depth_mm, 0], [0, 0, SLICE_MM], NOWHERE]),
+        "space directions": np.array([*sides_mm, NOWHERE]),
         "space units": ["mm", "mm", "mm"],
         "space origin": np.zeros(3),
         "kinds": ["domain", "domain", "domain", "list"],
@@ -193,12 +185,8 @@ def write_mcap(recording: Recording, rows: Sequence[Row], origin_s: float, path:
 
 def _messages(recording: Recording, rows: Sequence[Row], origin_s: float, store: Any) -> Iterator[tuple[int, str, Any]]:
     """Yield time, topic and message in the order of their times; each frame is read when its turn comes."""
-    log = recording.forces
-    times_s = {
-        IMAGE_TOPIC: [entry.time_s for entry in recording.frames],
-        ANSWER_TOPIC: [entry.time_s for entry in recording.frames],
-        FORCE_TOPIC: [] if log is None else log.time_s.tolist(),
-    }
+    log, frames_s = recording.forces, [entry.time_s for entry in recording.frames]
+    times_s = {IMAGE_TOPIC: frames_s, ANSWER_TOPIC: frames_s, FORCE_TOPIC: [] if log is None else log.time_s.tolist()}
     origin_ns = round(origin_s) * SECOND_NS
     events = [(round(each * SECOND_NS) + origin_ns, topic, nth)
               for topic, topic_times_s in times_s.items() for nth, each in enumerate(topic_times_s)]  # fmt: skip
@@ -227,14 +215,12 @@ def _wrench(log: ForceLog, nth: int, header: Any, store: Any) -> Any:
 
 def _answer(row: Row, header: Any, store: Any) -> Any:
     low_mn, high_mn = row.get("interval_mn") or (None, None)
-    numbers = {"measured_force_mn": row.get("measured_force_mn"), "predicted_force_mn": row.get("predicted_force_mn"),
-               "interval_low_mn": low_mn, "interval_high_mn": high_mn}  # fmt: skip
-    classes = {name: row.get(name) for name in ("target", "predicted")}
+    forces = {name: row.get(name) for name in ("measured_force_mn", "predicted_force_mn")}
+    forces |= {"interval_low_mn": low_mn, "interval_high_mn": high_mn}
     return store.types[ANSWER](
         header=header,
         file=str(row["file"]),
-        pierced=bool(row.get("pierced")),
-        usable=bool(row.get("usable", False)),
-        **{name: float("nan") if value is None else float(value) for name, value in numbers.items()},
-        **{name: -1 if value is None else int(value) for name, value in classes.items()},
+        **{name: bool(row.get(name)) for name in ("pierced", "usable")},
+        **{name: float("nan") if value is None else float(value) for name, value in forces.items()},
+        **{name: -1 if row.get(name) is None else int(row[name]) for name in ("target", "predicted")},
     )

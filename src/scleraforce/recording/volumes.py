@@ -63,8 +63,9 @@ def _check_orientation(orientation: str, axes: Axes) -> None:
     letters = orientation.upper() if ORIENTATION.fullmatch(orientation) else ""
     found = f"UltrasoundImageOrientation = {orientation}: depth"
     if "N" in letters:
-        way = "PlusToolkit: EditSequenceFile --operation=..., or flip the rows"
-        raise FrameError(f"{found} runs towards the probe; write it as MF ({way})")
+        raise FrameError(
+            f"{found} runs towards the probe; write it as MF (PlusToolkit: EditSequenceFile), or flip the rows"
+        )
     at = letters.find("F")
     if axes is not None and 0 <= at < len(axes) and axes[at] != "depth":
         raise FrameError(f"{found} is axis {at + 1}; --axes names {','.join(axes)}")
@@ -139,10 +140,9 @@ def _check_nifti_end(image: Any, size: int) -> None:
     plane = max(1, size // max(1, int(np.prod(image.shape[2:], dtype=np.int64))))
     with file_map.get_prepare_fileobj("rb") as file:
         file.seek(image.dataobj.offset + size)
-        more = len(file.read(plane))
-    if more >= plane:
-        sizes = " x ".join(map(str, image.shape))
-        raise FrameError(f"dim states {sizes} pixels, and more follow; correct dim, or write the file again")
+        if len(file.read(plane)) >= plane:
+            sizes = " x ".join(map(str, image.shape))
+            raise FrameError(f"dim states {sizes} pixels, and more follow; correct dim, or write the file again")
 
 
 def _nifti_steps(header: Any, shape: tuple[int, ...]) -> tuple[Steps, list[str]]:
@@ -159,8 +159,7 @@ def _nifti_steps(header: Any, shape: tuple[int, ...]) -> tuple[Steps, list[str]]
     sform_steps = _stated_steps(sform, [unit_m] * len(sform), "NIfTI's sform")
     both = f"pixdim states a spacing of {_listed(pixdim[:3])} and sform (code {sform_code}) of {_listed(sform)}"
     if not any(sform_steps):
-        others = [f"{both}, as programs write where they know none; pixdim is taken"] if any(pixdim_steps) else []
-        return pixdim_steps, others
+        return pixdim_steps, [f"{both}, as programs write by default; pixdim is taken"] if any(pixdim_steps) else []
     if not any(pixdim_steps):
         return (*sform_steps, *pixdim_steps[3:]), [f"{both}; sform is taken"]
     if any(abs(a - b) > SAME * b for a, b, size in zip(pixdim, sform, shape, strict=False) if size > 1):
@@ -203,8 +202,7 @@ def _check_nrrd(header: Any) -> None:
 
 def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
     """Return the axes that labels name; a list, as in sequences of 3D Slicer, is that of the frames."""
-    labels = header.get("labels", [""] * len(shape))
-    kinds = header.get("kinds", [""] * len(shape))
+    labels, kinds = (header.get(name, [""] * len(shape)) for name in ("labels", "kinds"))
     named = ["frame" if kind == "list" else label for label, kind in zip(labels, kinds, strict=True)]
     long = tuple(name for name, size in zip(named, shape, strict=True) if size > 1)
     return long if sorted(long) in (sorted(AXES), sorted(AXES[1:])) else None
@@ -256,13 +254,11 @@ def _space_units(header: Any, directions: Floats) -> list[float | None]:
     sides = directions.shape[1]
     anatomical = NRRD_IN_MM.match(str(header.get("space", "")))
     names = [str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""] * sides]
-    found: list[float | None] = []
-    for axis, direction in enumerate(directions, start=1):
-        along = {METRES.get(name) for name, part in zip(names, direction, strict=True) if part}
-        if len(along) > 1 and np.isfinite(direction).all():
+    along = [{METRES.get(name) for name, part in zip(names, each, strict=True) if part} for each in directions]
+    for axis, (units, direction) in enumerate(zip(along, directions, strict=True), start=1):
+        if len(units) > 1 and np.isfinite(direction).all():
             raise FrameError(f"axis {axis} runs along directions of several space units, {' '.join(names)}")
-        found.append(next(iter(along), None))
-    return found
+    return [next(iter(units), None) for units in along]
 
 
 HEADER_BYTES = 2**26
