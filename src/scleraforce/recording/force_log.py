@@ -190,12 +190,10 @@ def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | 
     bracketed, marked = BRACKETS.fullmatch(bare), BEHIND_MARK.fullmatch(bare)
     parted = [(found["name"], found["unit"]) for found in (bracketed, marked) if found]
     for word, own in (*parted, (bare, unit)):
-        if (ours := _ours(word)) is None:
-            continue
-        quantity = quantity_of(ours)
-        for text in (own, unit, stated_units.get(quantity, "")):
-            if text and unit_factor(text, quantity) is not None:
-                return LogColumn(ours, name, text.strip())
+        if (ours := _ours(word)) is not None:
+            for text in (own, unit, stated_units.get(quantity_of(ours), "")):
+                if unit_factor(text, quantity_of(ours)) is not None:
+                    return LogColumn(ours, name, text.strip())
     return None
 
 
@@ -203,8 +201,7 @@ def _ours(word: str) -> str | None:
     lower = word.strip().lower()
     if re.sub(r"[ -]", "_", lower) in TIME_NAMES:
         return "time_s"
-    found = AXIS_NAMES.fullmatch(lower)
-    if found is None:
+    if (found := AXIS_NAMES.fullmatch(lower)) is None:
         return None
     what, axis = found["what"] or found["what_after"], found["axis"] or found["axis_before"]
     return SHORT_NAMES[("f" if FORCE_WORD.fullmatch(what) else "t") + axis]
@@ -278,10 +275,10 @@ def _stated_units(text: Table) -> dict[str, str]:
 def _check_units(text: Table, columns: Sequence[LogColumn], stated: dict[str, str]) -> None:
     """Ask about a column with two units, or with a factor that is not applied; `stated` units are above the header."""
     forces = [column for column in columns if column.ours != "time_s"]
+    own = dict(zip_longest(text.names, text.units, fillvalue=""))
     for column in columns:
-        quantity, place = quantity_of(column.ours), text.names.index(column.name)
-        for other in (stated.get(quantity, ""), text.units[place] if text.units else ""):
-            factor = unit_factor(other, quantity)
+        for other in (stated.get(quantity_of(column.ours), ""), own.get(column.name, "")):
+            factor = unit_factor(other, quantity_of(column.ours))
             if factor is not None and not np.isclose(factor, column.factor, rtol=1e-9):
                 raise _question(f"{text.path}: {column.name!r} is in {column.unit} by its name", column, other, columns)
     counted = {quantity_of(column.ours) for column in forces if "/" in column.unit}
@@ -326,11 +323,10 @@ def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
 
 
 def _overruled(by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> tuple[str, ...]:
+    pairs = [(said, own) for said in given for own in by_header if (own.ours, own.name) == (said.ours, said.name)]
+    differ = [(said, own) for said, own in pairs if not np.isclose(own.factor, said.factor, rtol=1e-9)]
     return tuple(
-        f"{said.name}: read in {said.unit} (--column), where the log states {own.unit}"
-        for said in given
-        for own in by_header
-        if (own.ours, own.name) == (said.ours, said.name) and not np.isclose(own.factor, said.factor, rtol=1e-9)
+        f"{said.name}: read in {said.unit} (--column), where the log states {own.unit}" for said, own in differ
     )
 
 
@@ -362,11 +358,7 @@ def _clock_column(text: Table) -> list[LogColumn]:
 
 
 def _unused_date(text: Table, time: LogColumn) -> tuple[str, ...]:
-    if time.unit != log_text.CLOCK:
-        return ()
-    return tuple(
-        f"{time.name}: times of day; the day in {name!r} ({day}) is not used: clocks that count from 1970 do not go "
-        "with it (--clock-offset-s)"
-        for name, day in zip(text.names, text.fields(0), strict=False)
-        if log_text.DAY.fullmatch(day)
-    )
+    dated = dict(zip(text.names, text.fields(0), strict=False)) if time.unit == log_text.CLOCK else {}
+    way = "not used: clocks that count from 1970 do not go with it (--clock-offset-s)"
+    days = [(name, day) for name, day in dated.items() if log_text.DAY.fullmatch(day)]
+    return tuple(f"{time.name}: times of day; the day in {name!r} ({day}) is {way}" for name, day in days)
