@@ -1,5 +1,6 @@
-"""The wheel and the lock: the same bytes from the same sources, whole, for every Python, under permissive licences."""
+"""The wheel and the lock, under permissive licences; the gallery's scripts draw the pictures of its page."""
 
+import ast
 import os
 import re
 import shutil
@@ -12,9 +13,11 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import cv2
+import numpy as np
 import pytest
 import yaml
 from analytic_frames import image, tip_of, wall_section
+from commands import cache_of_its_own
 from effects import fresh_home
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
@@ -173,3 +176,47 @@ def test_every_package_that_is_brought_along_is_under_a_permissive_licence() -> 
     stated = {name: licence_of(one) for name, one in brought_along().items()}
     others = {name: licence[:80] for name, licence in stated.items() if not is_permissive(licence)}
     assert not others, "not in the list; read their LICENSE files"
+
+
+SCRIPTS = sorted((ROOT / "examples" / "gallery").glob("*.py"))
+PAGE = ROOT / "docs" / "gallery.md"
+PICTURES = ROOT / "docs" / "images" / "gallery"
+SHRUNK = (80, 50)  # lines of a pixel's width and single speckles may differ
+ALIKE = 2.0  # of 255, in the mean
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """A cache for the library of the scripts."""
+    return cache_of_its_own(tmp_path_factory.mktemp("cache"))
+
+
+def shrunk(path: Path) -> np.ndarray:
+    return cv2.resize(cv2.imread(str(path)), SHRUNK, interpolation=cv2.INTER_AREA).astype(float)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_a_script_draws_the_picture_of_the_page(script: Path, tmp_path: Path, cache: dict[str, str]) -> None:
+    environment = os.environ | cache
+    picture = tmp_path / "picture.png"
+    subprocess.run([sys.executable, script, picture], cwd=tmp_path, env=environment, check=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["picture.png"]
+    difference = np.abs(shrunk(picture) - shrunk(PICTURES / f"{script.stem}.png")).mean()
+    assert difference < ALIKE, f"docs/images/gallery/{script.stem}.png is another picture; `make gallery` makes it anew"
+
+
+def test_different_pictures_are_not_alike() -> None:
+    pictures = [shrunk(path) for path in sorted(PICTURES.glob("*.png"))]
+    assert min(np.abs(a - b).mean() for n, a in enumerate(pictures) for b in pictures[:n]) > 2 * ALIKE
+
+
+def test_the_page_has_each_script_with_its_own_words_and_picture() -> None:
+    page = " ".join(PAGE.read_text(encoding="utf-8").split())
+    assert [path.stem for path in sorted(PICTURES.iterdir())] == [script.stem for script in SCRIPTS]
+    assert len(SCRIPTS) == 8
+    for script in SCRIPTS:
+        title, _, words = (ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or "").partition("\n")
+        assert f"## {title.rstrip('.')} {' '.join(words.split())}" in page, script.name
+        assert f"](images/gallery/{script.stem}.png)" in page
+        assert f"](../examples/gallery/{script.name})" in page

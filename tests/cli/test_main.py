@@ -1,7 +1,8 @@
-"""Every command: exit codes, one error line, pure JSON on standard output, a clean Ctrl-C."""
+"""Every command: exit codes, one error line, pure JSON on standard output, a clean Ctrl-C; findings of `doctor`."""
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,10 +19,13 @@ import pytest
 from foreign_files import FRAMES, options_of
 from waiting import FUSE_S, ends
 
+from scleraforce import installation
 from scleraforce.cli import main as entry
+from scleraforce.cli.first import _stage
 from scleraforce.cli.main import COMMANDS, cli, run
 from scleraforce.cli.output import print_json
 from scleraforce.errors import SolverError, StudyError
+from scleraforce.installation import Finding
 from scleraforce.mechanics.relaxation import PronySeries
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
@@ -219,3 +223,41 @@ def test_jupyters_backend_does_not_reach_a_command_that_draws(tmp_path: Path) ->
         check=True,
         timeout=FUSE_S,
     )
+
+
+FOUND = [
+    Finding("packages", "ok", "numpy 2.4.6"),
+    Finding("extra [train]", "missing", "no torch", "pip install 'scleraforce[train]'"),
+]
+
+
+def find(monkeypatch: pytest.MonkeyPatch, found: list[Finding]) -> None:
+    for name, value in {"packages": lambda: found, "machine": list, "TRIALS": ()}.items():
+        monkeypatch.setattr(installation, name, value)
+
+
+def test_a_failed_finding_ends_doctor_with_code_1(monkeypatch: pytest.MonkeyPatch, shell) -> None:
+    find(monkeypatch, [*FOUND, Finding("a solve", "failed", "wrong", "report")])
+    result = shell.json("doctor", code=1)
+    assert not result["ok"]
+    assert result["findings"][-1] == {"name": "a solve", "state": "failed", "found": "wrong", "remedy": "report"}
+    assert {"scleraforce", "python", "system", "seconds"} <= result.keys()
+
+
+@pytest.mark.slow
+def test_this_installation_is_well(shell) -> None:
+    states = {finding["name"]: finding["state"] for finding in shell.json("doctor")["findings"]}
+    assert states["packages"] == states["a solve"] == states["a reading"] == "ok"
+
+
+def test_a_stage_is_a_line_with_its_time_in_a_pipe_unless_it_is_interrupted(capsys) -> None:
+    with _stage("1/13 phantom", 3) as progress:
+        progress(2)
+        assert capsys.readouterr().err == ""
+        progress(1)
+    printed = capsys.readouterr()
+    assert re.fullmatch(r"1/13 phantom: \d+\.\d s\n", printed.err)
+    assert printed.out == ""
+    with pytest.raises(KeyboardInterrupt), _stage("1/13 phantom", 3):
+        raise KeyboardInterrupt
+    assert capsys.readouterr().err == ""

@@ -1,23 +1,36 @@
-"""`library` and `generate`: JSON, a calibration's modulus, and Ctrl-C that the same command repairs."""
+"""`library`, `generate`, `train`: results, Ctrl-C that the same command repairs, full disks, wall finders."""
 
 import json
+import resource
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
+from analytic_library import solve_analytic
+from small_models import SMALL_STUDY, write_blind_finder
 from small_recordings import calibration_text
 from waiting import FUSE_S
 
 from scleraforce.cli.output import count_bar
+from scleraforce.errors import ModelError
+from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning import generate
 from scleraforce.learning.dataset import open_dataset
-from scleraforce.library import build as library_build
+from scleraforce.library import build, build as library_build
 from scleraforce.library.store import open_library
+from scleraforce.models import SHIPPED_WALL_FINDER, check_place
 from scleraforce.notebook.libraries import library_for
-from scleraforce.study import parse_study
+from scleraforce.reader.model import load_wall_finder
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.wall import find_wall
+from scleraforce.study import ScenesStudy, format_study, parse_study
 
 STUDY = """
 [mesh]
@@ -113,3 +126,142 @@ def test_other_commands_find_the_library_in_the_users_cache(monkeypatch, tmp_pat
     again = library_for(parse_study(STUDY), "finite-strain", count_bar)
     assert again is not None
     assert (again.force_ratio_tpd == made.force_ratio_tpd).all()
+
+
+LIBRARY = "[library]\nthicknesses = 4\ntensions = 4\ntips = 6\nelements = 16\n"
+DATASET = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 200\n"
+NETWORK = "[network]\nhidden = [200]\nepochs = 1\n"
+
+
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """Let no file grow beyond `size` bytes, as on a full disk.
+
+    Python writes no bytecode meanwhile: it would leave cut .pyc files of imported modules, and not notice.
+    """
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "dont_write_bytecode", True)
+        patch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize(
+    ("command", "size"),
+    [
+        pytest.param("library", 200, id="library-at the start"),
+        pytest.param("library", 3000, id="library-at a chunk", marks=pytest.mark.slow),
+        pytest.param("generate", 200, id="generate-at the start"),
+        pytest.param("generate", 3000, id="generate-at a chunk"),
+    ],
+)
+def test_a_store_on_a_full_disk_is_one_line(tmp_path: Path, shell, monkeypatch, command: str, size: int) -> None:
+    monkeypatch.setattr(build, "solve_path", solve_analytic)
+    study, out = tmp_path / "study.toml", tmp_path / "out"
+    study.write_text(LIBRARY + DATASET)
+    with files_up_to(size):
+        err = shell.refused(command, "--study", study, "--out", out, "--workers", 1)
+    assert str(out) in err
+    assert "File too large" in err
+
+
+@pytest.mark.slow
+def test_a_model_on_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, shell) -> None:
+    pytest.importorskip("torch")
+    (tmp_path / "study.toml").write_text(DATASET + NETWORK)
+    shell.run("generate", "--study", tmp_path / "study.toml", "--out", tmp_path / "data", "--workers", 1)
+    with files_up_to(100_000):
+        assert "File too large" in shell.refused("train", tmp_path / "data", "--out", tmp_path / "model")
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["data", "study.toml"]
+
+
+def test_a_model_that_cannot_be_written_is_refused_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for place in (tmp_path / "file" / "model", Path("/proc/model")):  # not even root may write there
+        with pytest.raises(ModelError, match="cannot be made"):
+            check_place(place)
+    check_place(tmp_path / "new" / "model")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
+def test_training_on_a_store_of_another_kind_names_the_option(tmp_path: Path, shell) -> None:
+    pytest.importorskip("torch")
+    library = "a response library and no data set; `train --kind reader` learns from it"
+    dataset = "a data set and no response library; `train --kind classifier`"
+    for schema, options, said in (
+        ("scleraforce-library-2", [], library),
+        ("scleraforce-dataset-2", ["--kind", "reader"], dataset),
+    ):
+        metadata = {"zarr_format": 3, "node_type": "group", "attributes": {"schema": schema}}
+        (tmp_path / "zarr.json").write_text(json.dumps(metadata))
+        assert said in shell.refused("train", tmp_path, *options, "--out", tmp_path / "model")
+
+
+SIZE = ["--width-mm", 10, "--depth-mm", 4]
+
+
+@pytest.fixture(scope="module")
+def blind(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("torch")
+    folder = tmp_path_factory.mktemp("models") / "blind"
+    write_blind_finder(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("frames") / "scene.png"
+    cv2.imwrite(str(path), draw_scene(SMALL_STUDY.scenes, 5).frame)
+    return path
+
+
+def test_a_wall_finder_that_differs_makes_a_frame_unusable_and_the_reason_says_so(
+    blind, frame, tmp_path, shell
+) -> None:
+    (entry,) = shell.json("segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", blind)["frames"]
+    assert not entry["usable"]
+    assert "differ" in entry["reason"] or "the network sees no wall" in entry["reason"]
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.guess.png"]
+
+
+def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it_off(tmp_path, shell) -> None:
+    """In a drawn scene in which it finds another wall than edge detection."""
+    scene, path = draw_scene(ScenesStudy(seed=3), 6), tmp_path / "scene.png"
+    cv2.imwrite(str(path), scene.frame)
+    scale = PixelScale(lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame))
+    checked = find_wall(scene.frame, scale, finder=load_wall_finder(SHIPPED_WALL_FINDER)).mask
+    unchecked = find_wall(scene.frame, scale).mask
+    assert not np.array_equal(checked, unchecked)
+    for name, words, expected in (
+        ("a", (), checked), ("b", ("--wall-finder", SHIPPED_WALL_FINDER), checked),
+        ("c", ("--wall-finder", "none"), unchecked),
+    ):  # fmt: skip
+        (entry,) = shell.json("segment", path, "--out", tmp_path / name, *SIZE, *words)["frames"]
+        assert np.array_equal(cv2.imread(entry["mask"], cv2.IMREAD_UNCHANGED), expected)
+
+
+def test_options_that_exclude_each_other_are_refused(tmp_path, shell) -> None:
+    for options, said in (
+        (["data.zarr", "--kind", "wall-finder"], "data.zarr: --kind wall-finder draws its scenes; leave DATASET out"),
+        ([], "--kind classifier: DATASET is missing; only --kind wall-finder needs none"),
+        (["--kind", "raw-reader"], "--kind raw-reader: DATASET is missing"),
+        (["lib", "--kind", "raw-reader", "--search"], "a raw-reader has the sizes of [raw_reader]"),
+        (["slices", "--scheduler", "tcp://127.0.0.1:9"], "--scheduler: for --search and --kind wall-finder"),
+    ):
+        assert said in shell.refused("train", *options, "--out", tmp_path / "model")
+        assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.slow
+def test_training_prints_its_results_and_its_model_segments(frame, tmp_path, shell) -> None:
+    study, model = tmp_path / "study.toml", tmp_path / "finder"
+    study.write_text(format_study(SMALL_STUDY))
+    answer = shell.json("train", "--kind", "wall-finder", "--study", study, "--out", model)
+    assert (answer["kind"], answer["scenes"]) == ("wall-finder", 640)
+    assert answer["dice_mean"] > 0.85
+    (entry,) = shell.json("segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", model)["frames"]
+    assert entry["reason"] == "" or "does not know where the wall ends" in entry["reason"]  # 640 scenes teach little

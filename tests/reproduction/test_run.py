@@ -1,5 +1,6 @@
-"""A reproduction: finished stages are reused, foreign files left alone; framing, readings, sections of the page."""
+"""A reproduction: finished stages are reused, foreign files left alone; framing, readings, sections; the demo."""
 
+import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,7 +15,9 @@ from poses import sample_pose
 from small_recordings import frame_answer
 
 from scleraforce.calibration.calibrate import calibration_passes
-from scleraforce.errors import InputError, StudyError
+from scleraforce.cli.main import run
+from scleraforce.errors import InputError, SolverError, StudyError
+from scleraforce.known.calibration_file import read_calibration
 from scleraforce.learning.classifier import classes_at_modulus
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
@@ -24,7 +27,8 @@ from scleraforce.models import SHIPPED_READER
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import ForceTrial
-from scleraforce.reproduction import run as reproduction, stages
+from scleraforce.recording.folder import read_recording
+from scleraforce.reproduction import demo, run as reproduction, stages
 from scleraforce.reproduction.page import _comparison, _coverage_words, _held
 from scleraforce.reproduction.run import Progress, Run, Stage, framed_for_laboratory, open_run, run_library, run_stages
 from scleraforce.study import ClassesStudy, NetworkStudy, Study, format_study, parse_study
@@ -281,3 +285,34 @@ def test_the_band_of_a_coverage_is_over_eyes() -> None:
     missed = ForceTrial(eye="eye-2", measured_n=2.0, read_n=1.0, interval_n=(0.9, 1.1))
     assert _held([held, held, missed, missed]) == "0.50 (0.00 to 1.00)"
     assert _held([]) == "\N{EN DASH}"
+
+
+@pytest.mark.slow
+def test_a_virtual_session_is_pushed_calibrated_read_and_shown(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "new" / "demo"
+    assert run(["demo", "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["page"] == str(out / "answers.html")
+    assert "Model" in (out / "answers.html").read_text()
+    assert len(read_recording(out / "eye").frames) == told["frames"] == len(demo.FORCES_N)
+    assert read_calibration(out / "modulus.json").eyes["demo"].mean_pa == pytest.approx(0.3e6, rel=0.1)
+    assert told["read"] == told["right"] == len(demo.FORCES_N) - demo.TAUGHT
+    assert told["mae_mn"] < 1.0
+
+
+def test_a_session_that_ends_early_leaves_nothing(tmp_path: Path, monkeypatch, capsys) -> None:
+    def failing(*_: object) -> None:
+        raise SolverError("no equilibrium")
+
+    monkeypatch.setattr(demo, "study_sections", lambda *_: lambda _: [])
+    monkeypatch.setattr(demo, "write_phantom", lambda out, *_: (out.mkdir(parents=True), failing()))
+    assert run(["demo", "--out", str(tmp_path / "demo")]) == 1
+    assert capsys.readouterr().err == "error: no equilibrium\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_there_stays(tmp_path: Path, capsys) -> None:
+    (tmp_path / "mine").write_text("mine")
+    assert run(["demo", "--out", str(tmp_path)]) == 2
+    assert f"{tmp_path}: exists already" in capsys.readouterr().err
+    assert (tmp_path / "mine").read_text() == "mine"

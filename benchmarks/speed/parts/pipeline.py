@@ -15,7 +15,7 @@ from speed.run import QUICK_STUDY, ROOT, Run
 REPRODUCE_GOAL_S, TESTS_GOAL_S = 240.0, 120.0
 STATE = ROOT / "out" / "reproduce" / "reproduce.json"
 SETTINGS = "Each once, on all cores, after installation."
-QUICK_TEST = "tests/test_units.py"
+QUICK_TEST = "tests/test_whole_files.py"
 
 
 def measure(run: Run) -> Table:

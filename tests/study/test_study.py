@@ -1,15 +1,25 @@
-"""A study is read from TOML and written back; what cannot be used is an error that names its line."""
+"""The study: fields with bounds and units, its TOML with the line of each fault, quantities, unused keys."""
 
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
+import click
+import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from small_recordings import calibration_text
 
-from scleraforce.errors import StudyError
+import scleraforce as sf
+from scleraforce.cli.main import COMMANDS, cli
+from scleraforce.cli.options import Quantity
+from scleraforce.errors import CalibrationError, InputError, RecordingError, StudyError
+from scleraforce.known.calibration_file import read_calibration
+from scleraforce.recording.folder import read_info
 from scleraforce.study import (
     Choice,
+    LibraryStudy,
     NetworkStudy,
     Range,
     Study,
@@ -19,7 +29,9 @@ from scleraforce.study import (
     preset_toml,
     study_hash,
 )
-from scleraforce.study.fields import Unit, field_key, field_unit
+from scleraforce.study.fields import QUANTITIES, Unit, allowed, check_quantity, field_key, field_unit
+from scleraforce.study.unused import refuse_unused
+from scleraforce.units import SI_PER_UNIT
 
 PAPER_STUDY_TOML = preset_toml("ex-vivo")
 
@@ -177,3 +189,166 @@ def test_faults_are_named_with_their_line() -> None:
     for text in ["a = " + "[" * 100_000, "a = " + "9" * 5000]:  # which tomllib does not refuse itself
         with pytest.raises(StudyError, match=r"my\.toml: not TOML"):
             parse_study(text, "my.toml")
+
+
+@given(st.sampled_from(sorted(SI_PER_UNIT)), st.integers(-99_999, 99_999), st.integers(-3, 3))
+def test_a_short_decimal_survives_the_way_to_si_and_back(name: str, digits: int, exponent: int) -> None:
+    human = float(f"{digits}e{exponent}")
+    unit = Unit(name)
+    assert unit.from_si(unit.to_si(human)) == human
+
+
+def test_samples_follow_their_distribution_and_the_generator() -> None:
+    values = Range(min=2.0, max=3.0).sample(np.random.default_rng(1), 1000)
+    assert values.shape == (1000,)
+    assert 2.0 <= values.min() < 2.01
+    assert 2.99 < values.max() <= 3.0
+    np.testing.assert_array_equal(values, Range(min=2.0, max=3.0).sample(np.random.default_rng(1), 1000))
+    values, counts = np.unique(Choice((1.0, 5.0, 9.0)).sample(np.random.default_rng(0), 3000), return_counts=True)
+    assert values.tolist() == [1.0, 5.0, 9.0]
+    assert np.all(np.abs(counts - 1000) < 4 * np.sqrt(3000 * 2 / 9))
+
+
+def test_stiffenings_of_a_library_are_one_or_enough_for_splines_over_a_range() -> None:
+    for count in [2, 3]:
+        with pytest.raises(StudyError, match=rf"^stiffenings: {count}; give 1, or at least 4$"):
+            LibraryStudy(stiffenings=count)
+    with pytest.raises(StudyError, match=r"^stiffening: a range has to be given.*stiffenings = 1$"):
+        LibraryStudy(stiffening=fixed(5.0))
+    held = Range(min=2.0, max=20.0)
+    assert LibraryStudy(stiffening=held).stiffening_ends == (2.0, 20.0)
+    assert LibraryStudy(stiffening=held, stiffenings=1).stiffening_ends == (2.0, 2.0)
+
+
+INFO = """[eye]
+id = "eye"
+thickness_m = {thickness_m}
+iop_pa = {iop_pa}
+[oct]
+columns = 512
+rows = 512
+bits = 12
+width_m = {width_m}
+depth_m = 4e-3
+[needle]
+gauge = 22
+slice_gap_m = {slice_gap_m}
+polar_angle_rad = {polar_angle_rad}
+"""
+STATED = {"thickness_m": 650e-6, "iop_pa": 266.0, "width_m": 15e-3, "slice_gap_m": 5e-4, "polar_angle_rad": 0.6}
+
+
+def test_a_slip_of_the_unit_is_named() -> None:
+    for key, number, hint in [
+        ("thickness_um", 0.65, "650 µm (0.65 mm)"),
+        ("thickness_m", 650.0, "0.00065 m (650 µm)"),
+        ("youngs_modulus_mpa", 300.0, "0.3 MPa (300 kPa)"),
+        ("youngs_modulus_mpa", 250_000.0, "0.25 MPa (250000 Pa)"),
+        ("iop_mmhg", 2000.0, "15 mmHg (2000 Pa)"),
+        ("width_m", 15.0, "0.015 m (15 mm)"),
+        ("force_n", 20.0, "0.02 N (20 mN)"),
+        ("force_mn", 20_000.0, "20 mN (20000 µN)"),
+        ("polar_angle_rad", 35.0, "0.6109 rad (35 °)"),
+    ]:
+        with pytest.raises(StudyError) as fault:
+            check_quantity(key, number)
+        assert str(fault.value).startswith(f"{key}: {number:g} is ")
+        assert f"did you mean {hint}?" in str(fault.value)
+    for number in [float("nan"), float("inf"), -1.0, 1e9]:  # without a likely unit
+        with pytest.raises(StudyError) as fault:
+            check_quantity("rigidity_mmhg13_per_ul", number)
+        assert "did you mean" not in str(fault.value)
+
+
+def test_bounds_are_the_same_in_both_units() -> None:
+    for name in QUANTITIES:
+        spec = QUANTITIES[name]
+        human, si = allowed(f"{name}_{spec.name}"), allowed(f"{name}_{SI_PER_UNIT[spec.name][0]}")
+        assert (human.low, human.high) == (spec.low, spec.high)
+        assert (spec.from_si(si.low), spec.from_si(si.high)) == pytest.approx((spec.low, spec.high))
+        for number in (spec.low, spec.high):
+            check_quantity(f"{name}_{spec.name}", number)
+
+
+def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
+    names = {f"{name}_{unit}" for name, spec in QUANTITIES.items() for unit in (spec.name, SI_PER_UNIT[spec.name][0])}
+    context = click.Context(cli)
+    stated = {
+        (command, option.name): isinstance(option.type, Quantity)
+        for command in COMMANDS
+        for option in cli.get_command(context, command).params
+        if option.name in names
+    }
+    assert len(stated) > 25
+    assert [option for option, checked in stated.items() if not checked] == []
+
+
+def test_a_recording_with_an_impossible_value_is_refused(tmp_path: Path) -> None:
+    for key, value, hint in [
+        ("thickness_m", 650, "650 µm"),
+        ("iop_pa", 2e5, "200000 "),
+        ("width_m", 15, "15 mm"),
+        ("slice_gap_m", 0.5, "0.5 mm"),
+        ("polar_angle_rad", 35, "35 °"),
+    ]:
+        path = tmp_path / "recording.toml"
+        path.write_text(INFO.format(**STATED))
+        assert read_info(path).eye.thickness_m == 650e-6
+        path.write_text(INFO.format(**{**STATED, key: value}))
+        with pytest.raises(RecordingError) as fault:
+            read_info(path)
+        assert f"{key}: {value:g} is above" in str(fault.value)
+        assert hint in str(fault.value)
+
+
+def test_a_calibration_with_an_impossible_value_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "c.json"
+    for key, value, hint in (("mean_mpa", 300.0, "0.3 MPa (300 kPa)"), ("thickness_um", 0.65, "650 µm (0.65 mm)")):
+        path.write_text(calibration_text(eyes={"eye": {key: value}}))
+        with pytest.raises(CalibrationError) as fault:
+            read_calibration(path)
+        assert hint in str(fault.value)
+
+
+def test_arguments_in_python_are_checked_too(tmp_path: Path) -> None:
+    frame = np.zeros((64, 64), np.uint8)
+    size = {"width_m": 15e-3, "depth_m": 4e-3}
+    with pytest.raises(InputError, match=r"thickness_m: 650 .*did you mean 0\.00065 m \(650 µm\)"):
+        sf.read(sf.load_model("default"), frame, thickness_m=650.0, **size)
+    with pytest.raises(InputError, match=r"youngs_modulus_pa: .* is below"):
+        sf.read(sf.load_model("default"), frame, youngs_modulus_pa=0.3, **size)
+    with pytest.raises(InputError, match="thickness"):
+        sf.simulate(thickness_m=0.65, force_n=0.02)
+    with pytest.raises(InputError, match=r"force_n: 20 .*\(20 mN\)"):
+        sf.simulate(thickness_m=650e-6, force_n=20.0)
+    with pytest.raises(InputError, match=r"iop_pa"):
+        sf.phantom(tmp_path / "p", forces_n=[0.02], thickness_m=650e-6, iop_pa=1e6)
+
+
+def test_a_key_is_refused_with_the_reason_and_the_remedy() -> None:
+    why = "(linear mechanics knows no tissue that stiffens, and a library has a range of it, [library])"
+    stiff, formed = "[tissue]\nstiffening = 10.0", "[needle]\ntilt_deg = 5.0\n[[form.wave]]\ndegree = 2"
+    for text, work, said in (
+        (stiff, ("simulate", "linear"), f"linear mechanics {why}; leave it out, or give --mechanics finite-strain"),
+        (stiff, ("generate", "finite-strain"), f"`generate` with finite-strain mechanics {why}; leave it out"),
+        (stiff, ("train --kind reader", None), f"not used by `train --kind reader` {why}; leave it out"),
+        (formed, ("simulate", "linear"), "study: form.wave, needle.tilt_deg: not used by `simulate` with linear "
+         "mechanics; leave them out, or give --mechanics finite-strain"),
+        ("[[form.wave]]\ndegree = 2", ("generate", "linear"), "with linear mechanics; leave it out"),
+        ("[eye]\ndensity_kg_m3 = 1000.0", ("generate", "finite-strain"), "leave it out, or give --mechanics linear"),
+    ):  # fmt: skip
+        with pytest.raises(StudyError) as found:
+            refuse_unused(parse_study(text), *work)
+        assert str(found.value).endswith(said)
+
+
+def test_a_key_that_another_one_switches_off_is_refused() -> None:
+    for text, message in (
+        ("[supports]\nbed_stiffness_kpa_per_mm = 1.0", r"bed_stiffness_kpa_per_mm: has no effect"),
+        ('[supports]\nkind = "straps"\nbed_shear_stiffness_kpa_per_mm = 0.1', r'"straps"; .* give "bed" or'),
+        ('[supports]\nkind = "bed"\nstrap_stiffness_n_per_m = 9.0', r'strap_stiffness_n.*kind = "bed"'),
+        ("[supports]\nmedial_azimuth_deg = 60.0", r'medial_azimuth_deg: has no .*kind = "clamped"'),
+        ("[needle]\ntilt_direction_deg = 60.0", r"tilt_direction_deg: has no effect with needle\.tilt"),
+    ):
+        with pytest.raises(StudyError, match=message):
+            refuse_unused(parse_study(text), "simulate", "finite-strain")
