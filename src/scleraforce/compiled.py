@@ -17,9 +17,7 @@ from typing import Any, TypeVar, cast
 KEY_LETTERS = 32  # of the hash, in a file name
 ROOT = Path(__file__).parent
 # Imports that may decide machine code: modules of the packages with loops.
-IMPORT = re.compile(
-    r"^from scleraforce\.((?:eye|fitting|library|mechanics|section|segmentation)[\w.]*) import (.+)$", re.M
-)
+IMPORT = re.compile(r"^from scleraforce\.((?:library|mechanics|segmentation)[\w.]*) import (.+)$", re.M)
 
 Loops = TypeVar("Loops", bound=Callable[..., object])
 

@@ -4,9 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from energy import NU, STEP, energy, stress
+from energy import NU, STEP, energy, radial_displacement, stress
 from numpy.typing import NDArray
-from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicSpline
 
 from reference_walls import DeadPressureWall, cut_section, polar_path, shift_in_plane, spread_needle
@@ -71,47 +70,13 @@ def test_following_pressure_is_the_derivative_of_the_volume(dented: tuple[Axisym
     assert wall.volume(np.zeros_like(u))[0] == pytest.approx(2.0 / 3.0 * np.pi * 11.5e-3**3, rel=1e-5)
 
 
-def inflated_radius_m(thickness_m: float, pressure: float) -> float:
-    """Outer radius of a thick neo-Hookean sphere under p/E, from its radial boundary value problem.
-
-    dP_r/dR + 2 (P_r - P_t) / R = 0 with P_i = mu (l_i - 1/l_i) + lambda ln(J) / l_i, l_r = r', l_t = r / R.
-    """
-    lame_lambda, lame_mu = lame_constants(1.0, NU)
-
-    def nominal(stretch: Floats, log_J: Floats) -> Floats:
-        return lame_mu * (stretch - 1.0 / stretch) + lame_lambda * log_J / stretch
-
-    def both(R: Floats, r: Floats, slope: Floats) -> tuple[Floats, Floats]:
-        log_J = np.log(slope * (r / R) ** 2)
-        return nominal(slope, log_J), nominal(r / R, log_J)
-
-    def rates(R: Floats, y: Floats) -> Floats:
-        r, slope = y
-        radial, hoop = both(R, r, slope)
-        log_J = np.log(slope * (r / R) ** 2)
-        by_slope = lame_mu * (1.0 + slope**-2) + lame_lambda * (1.0 - log_J) / slope**2
-        by_radius = 2.0 * lame_lambda * (slope / r - 1.0 / R) / slope  # along R, at fixed slope
-        return np.stack([slope, (-2.0 * (radial - hoop) / R - by_radius) / by_slope])
-
-    inner = RADIUS - thickness_m
-
-    def ends(at_inner: Floats, at_outer: Floats) -> Floats:
-        inside = both(np.array(inner), at_inner[0], at_inner[1])[0] + pressure * (at_inner[0] / inner) ** 2
-        return np.array([inside, both(np.array(RADIUS), at_outer[0], at_outer[1])[0]])
-
-    R = np.linspace(inner, RADIUS, 50)
-    answer = solve_bvp(rates, ends, R, np.stack([R, np.ones_like(R)]), tol=1e-10)
-    assert answer.success
-    return float(answer.y[0, -1])
-
-
 @pytest.mark.parametrize(("thickness_mm", "pressure"), [(0.5, 0.005), (0.8, 0.02), (3.0, 0.1)])
 def test_pressurised_sphere_takes_the_radius_of_its_radial_problem(thickness_mm: float, pressure: float) -> None:
     wall = wall_of(thickness_mm, symmetric=True)
     path = trace(wall, pressurise(wall, pressure), pressure, tips_m=np.array([1e-6]))
     outer = wall.boundaries(path).curves_sbnc[0, 0]
     radii = np.hypot(outer[:, 0], RADIUS - outer[:, 1])
-    expected = inflated_radius_m(1e-3 * thickness_mm, pressure)
+    expected = RADIUS + radial_displacement(RADIUS - 1e-3 * thickness_mm, RADIUS, pressure, np.array([RADIUS]))[0]
     assert expected > 1.02 * RADIUS
     np.testing.assert_allclose(radii - RADIUS, expected - RADIUS, rtol=1e-3)
 

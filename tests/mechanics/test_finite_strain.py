@@ -6,8 +6,7 @@ from math import pi, radians
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from energy import radial_displacement
 from scipy.sparse.linalg import spsolve
 
 from reference_r2 import FORCES_MN, TIPS_MM, reference_path
@@ -21,7 +20,6 @@ from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import elastic_bed, gravity_load, needle_at, needle_loads, pressure_load, rectus_straps
-from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2, to_si
@@ -93,32 +91,6 @@ def test_little_pressure_and_weight_give_linear_mechanics() -> None:
     expected_nc = linear.displacement(np.zeros_like(linear.pressure_nc), 0.0, **loads)
     moved_nc = rest_nc(coarse_wall(), **loads)
     np.testing.assert_allclose(moved_nc, expected_nc, atol=1e-4 * np.abs(expected_nc).max())
-
-
-def radial_displacement(inner_m: float, outer_m: float, pressure: float, at_r: np.ndarray) -> np.ndarray:
-    """Displacement of a thick neo-Hookean sphere under pressure p/E: P_rr' + 2 (P_rr - P_tt) / r = 0, by shooting."""
-    lam, mu = lame_constants(1.0, NU)
-
-    def stress(own: float, along: float, across: float) -> float:
-        return mu * (own - 1 / own) + lam * np.log(along * across**2) / own
-
-    def slope(r: float, y: np.ndarray) -> list[float]:
-        along, across = y[1], y[0] / r
-        by_along = mu * (1 + 1 / along**2) + lam * (1 - np.log(along * across**2)) / along**2
-        by_across = 2 * lam / (along * across)
-        difference = stress(along, along, across) - stress(across, along, across)
-        return [along, -(2 * difference + by_across * (along - across)) / (r * by_along)]
-
-    def shot(stretch: float):
-        along = brentq(lambda s: stress(s, s, stretch) + pressure * stretch**2, 0.05, 2.0, xtol=1e-14)
-        start = [stretch * inner_m, along]
-        return solve_ivp(slope, (inner_m, outer_m), start, rtol=1e-11, atol=1e-14, dense_output=True)
-
-    def traction(stretch: float) -> float:
-        r, along = shot(stretch).y[:, -1]
-        return stress(along, along, r / outer_m)
-
-    return shot(brentq(traction, 1.0, 1.6, xtol=1e-13)).sol(at_r)[0] - at_r
 
 
 def thick_sphere_error(divisions: int) -> float:

@@ -157,28 +157,16 @@ def _ranges(measured: "MeasuredScanner") -> "Iterator[tuple[str, MeasuredRange |
 def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
     from scleraforce.laboratory.scanner import MeasuredRange
 
-    found: dict[str, Any] = {}
-    missing: dict[str, str] = {}
-    not_drawn: dict[str, Any] = {}
+    found: dict[str, dict[str, Any]] = {"measured": {}, "not_measured": {}, "not_drawn": {}}
     for key, result, is_drawn in _ranges(measured):
         if isinstance(result, MeasuredRange):
-            (found if is_drawn else not_drawn)[key] = {
-                "median": result.median,
-                "min": result.low,
-                "max": result.high,
-                "seen": result.seen,
-                "at_most": result.at_most,
-            }
+            numbers = {"median": result.median, "min": result.low, "max": result.high}
+            numbers |= {"seen": result.seen, "at_most": result.at_most}
+            found["measured" if is_drawn else "not_drawn"][key] = numbers
         else:
-            missing[key] = result.reason
-    return {
-        "frames": len(measured.frames),
-        "display": measured.display.name,
-        "measured": found,
-        "counts": {name: list(counts) for name, counts in measured.counts.items()},
-        "not_measured": missing,
-        "not_drawn": not_drawn,
-    }
+            found["not_measured"][key] = result.reason
+    counts = {name: list(counts) for name, counts in measured.counts.items()}
+    return {"frames": len(measured.frames), "display": measured.display.name, "counts": counts, **found}
 
 
 def _lines(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:

@@ -46,7 +46,6 @@ class Interior:
     """
 
     def __init__(self, mesh: MeridianMesh) -> None:
-        """Prepare everything that does not depend on the displacement."""
         self._points_nc = mesh.points_nc
         self._nodes_en, self._values_pn, slopes_pn, self._weights_p = boundary_shapes(mesh.inner_n)
         self._slopes_pn = -slopes_pn  # from the support to the axis

@@ -260,7 +260,11 @@ class WallEquilibrium:
         return balance_nc.ravel()[wall.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
-        """Factor the tangent, in single precision."""
+        """Factor the tangent in single precision, which costs half; its solve takes loads of any size.
+
+        It leaves a relative error of about 1e-4, which the next step of Newton's method removes: the forces alone
+        decide the limit.
+        """
         displaced_nc = self._wall.full_nc(u)
         wall = self._wall
         elements = wall.solid.tangents(displaced_nc, np.float32)
@@ -269,29 +273,21 @@ class WallEquilibrium:
         if wall.springs is not None and wall.spring_places is not None:
             wall.springs.add_to(elements, wall.spring_places, self._per_modulus)
         try:
-            return _scaled(FrontalFactor(wall.dissection, elements))
+            factor = FrontalFactor(wall.dissection, elements)
         except SolverError as fault:
             raise SolverError(f"tangent: {fault}; add supports against rigid motion") from fault
+
+        def solve(load: Floats) -> Floats:
+            size = float(np.abs(load).max()) or 1.0  # single precision ends at 1e-38
+            return factor.solve(load / size) * size
+
+        return solve
 
     def volume(self, u: Floats) -> tuple[float, Floats]:
         """Return the volume inside in m^3 and its derivative, (unknown,)."""
         displaced_nc = self._wall.full_nc(u)
         inner = self._wall.inner
         return inner.volume(displaced_nc), inner.forces(displaced_nc).ravel()[self._wall.free]
-
-
-def _scaled(factor: FrontalFactor) -> Solve:
-    """Return the solve of a factor in single precision, which costs half, for loads of any size.
-
-    It leaves a relative error of about 1e-4, which the next step of Newton's method removes: the forces alone decide
-    the limit.
-    """
-
-    def solve(load: Floats) -> Floats:
-        size = float(np.abs(load).max()) or 1.0  # single precision ends at 1e-38
-        return factor.solve(load / size) * size
-
-    return solve
 
 
 LEAST_FORCE_N = 1e-4  # a path goes at least this far; the state without the needle alone is not a path

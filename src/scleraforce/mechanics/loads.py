@@ -166,7 +166,6 @@ class InnerSurface:
     """
 
     def __init__(self, mesh: HexMesh) -> None:
-        """Prepare everything that does not depend on the displacement."""
         places, weights = gauss_points(2, PRESSURE_POINTS)
         nodes = mesh.inner_qn.shape[1]
         self._points_nc, self._quads_qn = mesh.points_nc, mesh.inner_qn

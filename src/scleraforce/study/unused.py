@@ -5,7 +5,7 @@ from dataclasses import fields
 from typing import Any
 
 from scleraforce.errors import StudyError
-from scleraforce.study import Study
+from scleraforce.study import Study, SupportsStudy
 from scleraforce.study.fields import field_key
 
 LEAK = ("globe.leak_time_s",)  # of a globe in time
@@ -14,10 +14,7 @@ FINITE_STRAIN_ONLY = (
     "mechanics.follower", "tissue.stiffening", "tissue.softer_through", "tissue.stiffer_around", "globe.kind",
     "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law", *LEAK,
 )  # fmt: skip
-SUPPORTS = (
-    "supports.kind", "supports.bed_stiffness_kpa_per_mm", "supports.bed_shear_stiffness_kpa_per_mm",
-    "supports.strap_stiffness_n_per_m", "supports.medial_azimuth_deg",
-)  # fmt: skip
+SUPPORTS = tuple(f"supports.{field_key(item)}" for item in fields(SupportsStudy))  # kind, bed (2), straps (2)
 EYE_MOVEMENT = ("phantom.eye_drift_deg", "phantom.eye_saccade_deg")
 SHARED_WALL = (*FINITE_STRAIN_ONLY, *SUPPORTS)  # walls that serve many contacts: even, clamped at the base
 LIBRARY = (*SHARED_WALL, "eye.density_kg_m3")  # walls of revolution about the needle, without weight
