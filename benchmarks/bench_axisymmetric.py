@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from reference_walls import DeadPressureWall, cut_section, polar_path, shift_in_plane, spread_needle
-from scleraforce.mechanics.axisymmetric import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import (
+    AxisymmetricPath,
+    AxisymmetricWall,
+    BaseShift,
+    axisymmetric_path,
+    base_shift,
+)
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
@@ -23,7 +29,6 @@ from scleraforce.mechanics.globe import OPEN_GLOBE, study_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import needle_at
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
-from scleraforce.mechanics.polar import BaseShift, base_shift
 from scleraforce.study import GlobeStudy
 
 Floats = NDArray[np.float64]

@@ -12,6 +12,7 @@ from scleraforce.library.base import DIRECTIONS, SHARE, base_angle
 from scleraforce.mechanics.axisymmetric import (
     AxisymmetricPath,
     AxisymmetricWall,
+    BaseShift,
     axisymmetric_path,
     boundary_shapes,
     inward,
@@ -23,7 +24,6 @@ from scleraforce.mechanics.finite_strain import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.loads import Needle
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.polar import BaseShift
 from scleraforce.mechanics.section import cut_sections
 
 Floats = NDArray[np.float64]

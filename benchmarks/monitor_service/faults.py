@@ -20,8 +20,7 @@ import numpy as np
 from scleraforce.errors import InputError, LinkError
 from scleraforce.openigtlink import Message
 from scleraforce.replay.faults import FAULTS, FaultReport, inject, prepare
-from scleraforce.replay.player import Player, Timed
-from scleraforce.replay.scanner_client import AnswerLog, ScannerClient, Unstamped, frame_message
+from scleraforce.replay.player import AnswerLog, Player, ScannerClient, Timed, Unstamped, frame_message
 
 from .figures import QUANTILES, Progress, print_table, quantiles_ms
 from .monitors import Monitor, real_monitor

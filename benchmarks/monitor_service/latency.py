@@ -16,7 +16,7 @@ from typing import Any
 
 from scleraforce.openigtlink import Status, encode
 from scleraforce.processes import no_interrupts
-from scleraforce.replay.scanner_client import ScannerClient
+from scleraforce.replay.player import ScannerClient
 from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time
 
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms

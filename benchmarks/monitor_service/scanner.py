@@ -19,7 +19,7 @@ from scleraforce.openigtlink import Message
 from scleraforce.recording.folder import Recording, read_recording, true_forces
 from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import FrameEntry
-from scleraforce.replay.scanner_client import AnswerLog, ScannerClient, Unstamped, frame_message
+from scleraforce.replay.player import AnswerLog, ScannerClient, Unstamped, frame_message
 from scleraforce.service.reset import ask_reset
 from scleraforce.service.watchdog import run_in_real_time
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce.openigtlink import Image
 from scleraforce.processes import no_interrupts
-from scleraforce.replay.scanner_client import SCANNER_DEVICE, Unstamped
+from scleraforce.replay.player import SCANNER_DEVICE, Unstamped
 from scleraforce.service.watchdog import LOOK_S, MONITOR_PRIORITY
 
 from .monitors import cores, pin

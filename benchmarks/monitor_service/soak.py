@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from scleraforce.openigtlink.messages import HEADER_BYTES
-from scleraforce.replay.scanner_client import Unstamped, frame_message, image_matrix
+from scleraforce.replay.player import Unstamped, frame_message, image_matrix
 
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, Resources, real_monitor, resources

@@ -21,11 +21,11 @@ from scleraforce.errors import CalibrationError
 from scleraforce.learning.virtual_eyes import VirtualEye, draw_eye, draw_frames
 from scleraforce.learning.walls import Forms
 from scleraforce.library import Library
+from scleraforce.mechanics.axisymmetric import base_shift
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
-from scleraforce.mechanics.polar import base_shift
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Range, ReaderStudy, Study, fixed
 

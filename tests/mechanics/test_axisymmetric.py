@@ -13,7 +13,7 @@ from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.base import base_angle
 from scleraforce.mechanics import meridian
-from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path, base_shift
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.finite_strain import FiniteWall
@@ -23,7 +23,6 @@ from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import needle_at
 from scleraforce.mechanics.material import LARGEST_EXPONENT, lame_constants, strain_measure
 from scleraforce.mechanics.meridian import ElementTables, MeridianMesh, MeridianSize, meridian_mesh
-from scleraforce.mechanics.polar import base_shift
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 

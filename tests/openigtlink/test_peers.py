@@ -15,8 +15,7 @@ from waiting import FUSE_S, wait_until
 
 from scleraforce.openigtlink import Decoder, Image, Received, Text, Transform, encode
 from scleraforce.recording.folder import read_recording
-from scleraforce.replay.player import Player
-from scleraforce.replay.scanner_client import AnswerLog, ScannerClient
+from scleraforce.replay.player import AnswerLog, Player, ScannerClient
 from scleraforce.service.scanner_image import FrameAssembler
 
 pyigtl = pytest.importorskip("pyigtl")

@@ -22,8 +22,7 @@ from scleraforce.errors import FrameError, LinkError
 from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status, Text, encode
 from scleraforce.recording.folder import OctInfo, read_recording
 from scleraforce.replay import player as module
-from scleraforce.replay.player import STATED_S, Player
-from scleraforce.replay.scanner_client import AnswerLog, ScannerClient, frame_message
+from scleraforce.replay.player import STATED_S, AnswerLog, Player, ScannerClient, frame_message
 from scleraforce.service.scanner_image import FrameAssembler
 
 

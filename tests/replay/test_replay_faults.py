@@ -18,10 +18,9 @@ from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.replay import faults, player, scanner_client
+from scleraforce.replay import faults, player as player_module
 from scleraforce.replay.faults import FAULTS, FaultReport, draw_fault_time, inject, prepare
-from scleraforce.replay.player import Player
-from scleraforce.replay.scanner_client import AnswerLog, ScannerClient, Unstamped, frame_message
+from scleraforce.replay.player import AnswerLog, Player, ScannerClient, Unstamped, frame_message
 from scleraforce.service.scanner_image import FrameAssembler
 from scleraforce.service.session import Session
 
@@ -226,7 +225,7 @@ def clocked(monkeypatch: pytest.MonkeyPatch):
         clients.append(ClockedClient(monitor, hear))
         return clients[-1]
 
-    monkeypatch.setattr(scanner_client, "ScannerClient", client)
+    monkeypatch.setattr(player_module, "ScannerClient", client)
     return monitor, clients
 
 

@@ -4,8 +4,8 @@ The library holds walls of revolution about the needle axis, so sections have a 
 wall is clamped all around at 90 degrees from the needle; the eye's base is a plane, nearer on one side. Under a needle
 that does not push on the pole the eye gives way less on the near side: the dent moves and turns by up to 0.1 mm. Along
 the section that is a pose, which registration finds; across the plane it is a gap that is not the stated one, which
-costs E 3 to 7 %. `mechanics.polar` has that motion, in proportion to the force (`base_moves`), `library.base` the
-pressure's part. Gravity is neglected.
+costs E 3 to 7 %. `mechanics.axisymmetric` has that motion, in proportion to the force (`base_moves`), `library.base`
+the pressure's part. Gravity is neglected.
 """
 
 from collections.abc import Sequence
@@ -40,8 +40,8 @@ def _shift(
 ) -> tuple[Floats, Floats]:
     """Return the rings (boundary, node) of a wall, and their shift by a needle (boundary, node, harmonic, 3)."""
     # The three-dimensional mechanics with SciPy's solvers: half a second, for eyes of a stated direction only.
+    from scleraforce.mechanics.axisymmetric import LARGEST_POLAR_RAD, base_shift
     from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
-    from scleraforce.mechanics.polar import LARGEST_POLAR_RAD, base_shift
 
     polar_rad, size = min(polar_rad, LARGEST_POLAR_RAD), MeridianSize()
     shift = base_shift(radius_m, thickness_m, poisson_ratio, needle_radius_m, polar_rad=polar_rad, size=size)

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from scleraforce.recording.folder import Recording
     from scleraforce.recording.tables import FrameEntry
     from scleraforce.replay.faults import FaultReport
-    from scleraforce.replay.player import Player
-    from scleraforce.replay.scanner_client import AnswerLog, Change
+    from scleraforce.replay.player import AnswerLog, Change, Player
 
 LIVE_S = 0.1  # between two renewals of the live line
 
@@ -75,8 +74,7 @@ def replay(
 
     from scleraforce.recording.folder import read_recording
     from scleraforce.replay.faults import draw_fault_time, inject, prepare
-    from scleraforce.replay.player import AHEAD, Player
-    from scleraforce.replay.scanner_client import AnswerLog, ScannerClient
+    from scleraforce.replay.player import AHEAD, AnswerLog, Player, ScannerClient
 
     if step and (fault or speed):
         raise click.UsageError("--step goes with neither --speed nor --fault")

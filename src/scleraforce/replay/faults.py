@@ -22,8 +22,7 @@ from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink.messages import HEADER_BYTES, pack_header, unpack_header
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.pixels import Pixels
-from scleraforce.replay.player import STATED_S, Player, median_interval_s
-from scleraforce.replay.scanner_client import Unstamped, frame_message, image_matrix
+from scleraforce.replay.player import STATED_S, Player, Unstamped, frame_message, image_matrix, median_interval_s
 from scleraforce.units import from_si
 
 WITHIN_S = 0.5  # a later withdrawal does not count

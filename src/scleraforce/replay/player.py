@@ -1,20 +1,308 @@
-"""Play a recording to a monitor as the scanner that took it would."""
+"""Play a recording to a monitor as its scanner would: the connection, the clock, and the record of the answers."""
 
-from collections import deque
-from collections.abc import Callable, Iterator
+import json
+import socket
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from heapq import merge
 from itertools import islice, pairwise
 from math import ceil
-from time import time
+from select import select
+from time import monotonic, time
+from typing import Any
 
 import numpy as np
 
-from scleraforce.openigtlink import Sensor
-from scleraforce.recording.folder import Recording
+from scleraforce.errors import InputError, LinkError
+from scleraforce.monitor.events import Cause, State
+from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, Sensor, Status, Text, encode
+from scleraforce.openigtlink.messages import HEADER_BYTES, unpack_header
+from scleraforce.recording.folder import OctInfo, Recording
+from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry
-from scleraforce.replay.scanner_client import AnswerLog, ScannerClient, Unstamped, frame_message
+from scleraforce.service.messages import READING_DEVICE, STATUS_DEVICE
+from scleraforce.service.watchdog import stamp_time
+from scleraforce.units import from_si
+
+SCANNER_DEVICE = "Scanner"
+CONNECT_S = 5.0
+STALL_S = 5.0  # a monitor that takes no bytes for this long counts as hung
+LAST_BYTES = 4096
+WAITING = 1000  # frames without an answer that are remembered
+SUB_CODES = {cause.value: cause.name for cause in Cause}
+OK = State.WATCHING.value
+
+Hear = Callable[[float, str, Message], object]
+
+
+class Unstamped:
+    """A message that is encoded except for the time in its header; `message_id` is 0 in version 1."""
+
+    def __init__(self, message: Message, device: str, version: int, message_id: int = 0) -> None:
+        message_id = message_id if version > 1 else 0
+        self._bytes = bytearray(encode(message, device, version=version, message_id=message_id))
+        self._message_id = message_id
+
+    def stamped(self, time_s: float) -> bytearray:
+        """Return the message with a time, s since 1970; valid until the next call."""
+        stamp_time(self._bytes, time_s)
+        return self._bytes
+
+    @property
+    def frame_id(self) -> int:
+        """The monitor's id of the frame: the message id, or without one the time in microseconds."""
+        return self._message_id or int(from_si(unpack_header(self._bytes[:HEADER_BYTES]).time_s, "us"))
+
+
+def frame_message(
+    pixels: Pixels, oct_info: OctInfo, number: int, version: int, *, matrix: tuple[float, ...] | None = None
+) -> Unstamped:
+    """Encode a frame as an IMAGE of one slice; `matrix` replaces the recording's."""
+    return Unstamped(Image(pixels[None], matrix or image_matrix(oct_info)), SCANNER_DEVICE, version, number)
+
+
+def image_matrix(oct_info: OctInfo) -> tuple[float, ...]:
+    """Return the matrix of an IMAGE: the steps to the next column, row and slice in mm, then the centre, at 0."""
+    lateral_mm = from_si(oct_info.width_m / oct_info.columns, "mm")
+    depth_mm = from_si(oct_info.depth_m / oct_info.rows, "mm")
+    return (lateral_mm, 0.0, 0.0, 0.0, depth_mm, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+class ScannerClient:
+    """Open connections to a monitor: the scanner's, and on request a robot's beside it. Every wait has an end.
+
+    `hear` is called with the time, the device and the message for each that the monitor sends; `observed` hears through
+    the robot's connection, which stays when the scanner's breaks. Times are of the `clock`.
+
+    Raises:
+        InputError: no monitor listens there. Methods raise LinkError if the connection is lost.
+    """
+
+    def __init__(
+        self, host: str, port: int, hear: Hear, *, observed: bool = False, clock: Callable[[], float] = monotonic
+    ) -> None:
+        self.address, self.clock, self._hear, self._decoder = f"{host}:{port}", clock, hear, Decoder()
+        self._scanner: socket.socket | None = _connect(host, port)
+        self._heard: socket.socket | None = _connect(host, port) if observed else self._scanner
+
+    def send(self, data: bytes | bytearray) -> float:
+        """Send bytes; return when the last 4 KiB were begun (s, monotonic): an answer may precede the return."""
+        whole = memoryview(data)
+        self._send(whole[:-LAST_BYTES])
+        last_s = self.clock()
+        self._send(whole[-LAST_BYTES:])
+        return last_s
+
+    def _send(self, rest: memoryview) -> None:
+        moved_s = self.clock()
+        while rest:
+            if self._scanner is None:
+                raise LinkError(f"{self.address}: the monitor has closed the connection")
+            try:
+                rest, moved_s = rest[self._scanner.send(rest) :], self.clock()
+            except BlockingIOError:
+                if self.clock() - moved_s > STALL_S:
+                    raise LinkError(f"{self.address}: the monitor has read nothing for {STALL_S:g} s") from None
+                self._turn(0.1, writing=True)
+            except OSError as fault:
+                self._lose(self._scanner, fault)
+
+    def listen(self, until_s: float, done: Callable[[], bool] = lambda: False) -> None:
+        """Hear the monitor until a time (s, monotonic), or until `done`."""
+        self._turn(0.0)
+        while not done() and (left_s := until_s - self.clock()) > 0.0:
+            self._turn(left_s)
+
+    def disconnect(self) -> None:
+        """Close the scanner's connection, and leave the robot's."""
+        if self._scanner is not None and self._scanner is not self._heard:
+            self._scanner.close()
+            self._scanner = None
+
+    def close(self) -> None:
+        """Close all connections."""
+        for link in {self._scanner, self._heard} - {None}:
+            link.close()  # type: ignore[union-attr]
+        self._scanner = self._heard = None
+
+    def _turn(self, within_s: float, writing: bool = False) -> None:
+        """Wait until bytes have come, or, `writing`, until the scanner's connection takes bytes again."""
+        links = {link for link in (self._scanner, self._heard) if link is not None}
+        writers = [self._scanner] if writing and self._scanner is not None else []
+        for link in select(list(links), writers, [], within_s)[0]:
+            self._receive(link, heard=link is self._heard)
+
+    def _receive(self, link: socket.socket, heard: bool) -> None:
+        """Read a connection; discard what comes on the scanner's while the robot's, which gets the same, is heard."""
+        try:
+            count = link.recv_into(self._decoder.space() if heard else bytearray(1 << 16))
+        except BlockingIOError:
+            return
+        except OSError as fault:
+            self._lose(link, fault)
+            return
+        at_s = self.clock()
+        if not count:
+            self._lose(link, None)
+        for event in self._decoder.received(count) if heard else ():
+            if isinstance(event, Broken):
+                raise LinkError(f"{self.address}: does not send OpenIGTLink: {event.reason}")
+            if isinstance(event, Received):
+                self._hear(at_s, event.header.device, event.message)
+
+    def _lose(self, link: socket.socket, fault: OSError | None) -> None:
+        if link is self._scanner:
+            self._scanner = None
+        if link is self._heard:
+            raise LinkError(f"{self.address}: the connection is lost: {fault.strerror if fault else 'it was closed'}")
+        link.close()
+
+
+def _connect(host: str, port: int) -> socket.socket:
+    try:
+        link = socket.create_connection((host, port), timeout=CONNECT_S)
+    except OSError as fault:
+        reason = fault.strerror or str(fault)
+        raise InputError(
+            f"{host}:{port}: {reason}; start `scleraforce monitor` there, or give --host, --port"
+        ) from fault
+    link.setblocking(False)
+    with suppress(OSError):
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return link
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A STATUS that came at `at_s` (monotonic) and differs from the one before it, in code or sub-code.
+
+    `frame` is the number of the frame that it `answers`, or of the last frame sent, and `after_s` the time since that
+    frame's last byte; None before the first frame. The force and its interval are the answer's.
+    """
+
+    at_s: float
+    code: int
+    sub_code: int
+    message: str
+    frame: int | None = None
+    after_s: float | None = None
+    answers: bool = False
+    force_mn: float | None = None
+    interval_mn: tuple[float, float] | None = None
+
+    @property
+    def cause(self) -> str | None:
+        """The name of the cause; None if the sub-code is not a cause."""
+        return SUB_CODES.get(self.sub_code)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimedAnswer:
+    """The code that answers a frame, its time since the frame's last byte, and its latency by the monitor's clock."""
+
+    code: int
+    took_s: float
+    server_ms: float | None
+
+
+class AnswerLog:
+    """Record frames that were sent and the monitor's messages; no socket, no clock.
+
+    `begun_s` is when the first frame was sent, `status_s` when the last STATUS came; the first one counts as a change.
+    `reading` is the last STRING `ForceReading`, parsed; `answered` the number of the frame that it answers.
+    """
+
+    def __init__(self) -> None:
+        self.changes: list[Change] = []
+        self.answers: list[TimedAnswer] = []
+        self.frames_sent = 0
+        self.begun_s: float | None = None
+        self.reading: Mapping[str, Any] = {}
+        self.status: Status | None = None
+        self.status_s: float | None = None
+        self.longest_silence_s = 0.0
+        self.answered: int | None = None
+        self._waiting: OrderedDict[int, tuple[int, float]] = OrderedDict()
+        self._last: tuple[int, float] | None = None
+        self._changed = False
+
+    def sent(self, number: int, frame_id: int, at_s: float) -> None:
+        """Take a frame that was sent: its number in the recording, its id, when its last byte was sent."""
+        self.frames_sent += 1
+        self.begun_s = at_s if self.begun_s is None else self.begun_s
+        self._last = self._waiting[frame_id] = number, at_s
+        if len(self._waiting) > WAITING:
+            self._waiting.popitem(last=False)
+
+    def hear(self, at_s: float, device: str, message: Message) -> None:
+        """Take a message of the monitor."""
+        if isinstance(message, Status) and device == STATUS_DEVICE:
+            self._hear_status(at_s, message)
+        elif isinstance(message, Text) and device == READING_DEVICE:
+            self._hear_reading(message.text)
+
+    @property
+    def last(self) -> TimedAnswer | None:
+        """The answer to the last frame that was sent; None until it comes."""
+        return self.answers[-1] if self.answers and self._last and self.answered == self._last[0] else None
+
+    @property
+    def ok(self) -> bool:
+        """True if the last STATUS lets the robot continue."""
+        return self.status is not None and self.status.code == OK
+
+    def first_doubt(self, since_s: float, codes: Sequence[int] | None = None) -> Change | None:
+        """Return the first change since a time to one of `codes`, or by default to any code but OK."""
+        found = (change for change in self.changes if change.at_s >= since_s)
+        return next((change for change in found if (change.code in codes if codes else change.code != OK)), None)
+
+    def _hear_status(self, at_s: float, status: Status) -> None:
+        before, self.status = self.status, status
+        if self.status_s is not None:
+            self.longest_silence_s = max(self.longest_silence_s, at_s - self.status_s)
+        self.status_s = at_s
+        self._changed = before is None or (before.code, before.subcode) != (status.code, status.subcode)
+        if self._changed:
+            change = Change(at_s=at_s, code=status.code, sub_code=status.subcode, message=status.message)
+            if self._last is not None:
+                number, sent_s = self._last
+                change = replace(change, frame=number, after_s=at_s - sent_s)
+            self.changes.append(change)
+
+    def _hear_reading(self, text: str) -> None:
+        try:
+            reading = json.loads(text)
+        except ValueError:
+            return
+        if not isinstance(reading, dict):
+            return
+        self.reading = reading
+        frame_id, at_s, status = reading.get("frame_id"), self.status_s, self.status
+        if not isinstance(frame_id, int) or at_s is None or status is None or frame_id not in self._waiting:
+            return
+        number, sent_s = self._waiting.pop(frame_id)
+        self.answered = number
+        latency_ms = reading.get("latency_ms")
+        self.answers.append(TimedAnswer(code=status.code, took_s=at_s - sent_s, server_ms=latency_ms))
+        if self._changed:
+            self._changed = False
+            self.changes[-1] = replace(
+                self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True,
+                force_mn=_number(reading.get("force_mn")), interval_mn=_interval(reading.get("interval_mn")),
+            )  # fmt: skip
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _interval(value: object) -> tuple[float, float] | None:
+    ends = [_number(end) for end in value] if isinstance(value, list) else []
+    return (ends[0], ends[1]) if len(ends) == 2 and ends[0] is not None and ends[1] is not None else None
+
 
 FORCE_DEVICE = "RobotForce"
 UNIT = 0  # of the protocol: not stated, because one message holds forces and torques

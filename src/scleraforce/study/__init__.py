@@ -45,20 +45,22 @@ from scleraforce.study.fields import (
     option,
     quantity,
 )
-from scleraforce.study.imaging import OctStudy as OctStudy, PhantomStudy as PhantomStudy, SliceStudy as SliceStudy
-from scleraforce.study.networks import (
-    NetworkStudy as NetworkStudy,
-    RawReaderStudy as RawReaderStudy,
-    ReaderStudy as ReaderStudy,
-    WallFinderStudy as WallFinderStudy,
-)
-from scleraforce.study.scenes import (
+from scleraforce.study.imaging import (
+    OctStudy as OctStudy,
+    PhantomStudy as PhantomStudy,
     SceneEyeStudy as SceneEyeStudy,
     SceneOverStudy as SceneOverStudy,
     SceneScannerStudy as SceneScannerStudy,
     ScenesStudy as ScenesStudy,
     SceneTissueStudy as SceneTissueStudy,
     SceneWindowStudy as SceneWindowStudy,
+    SliceStudy as SliceStudy,
+)
+from scleraforce.study.networks import (
+    NetworkStudy as NetworkStudy,
+    RawReaderStudy as RawReaderStudy,
+    ReaderStudy as ReaderStudy,
+    WallFinderStudy as WallFinderStudy,
 )
 from scleraforce.units import to_si
 from scleraforce.whole_files import KINDS, read_text
