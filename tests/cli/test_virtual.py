@@ -97,6 +97,9 @@ def test_a_sealed_eye_gives_way_less_and_its_pressure_rises(tmp_path: Path, shel
     assert sealed["pressure_mmhg"] > 3.0
     assert sealed["tip_displacement_mm"] < sealed["dent_mm"] < opened["dent_mm"]
     assert "the pressure rises from 2 to " in shell.text(*wall, "--globe", "sealed")
+    again = shell.json(*wall[:5], *wall[7:], "--globe", "sealed", "--displacement-mm", sealed["tip_displacement_mm"])
+    for name in ("force_mn", "dent_mm", "pressure_mmhg", "tip_displacement_mm"):
+        assert again[name] == pytest.approx(sealed[name], rel=1e-3)
 
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "anterior-segment"

@@ -299,7 +299,7 @@ def test_the_monitor_withdraws_for_the_faults_own_cause(ruled, monkeypatch, name
 
 
 def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(ruled, monkeypatch) -> None:
-    monkeypatch.setattr(player, "ANSWER_S", FUSE_S)
+    monkeypatch.setattr(player_module, "ANSWER_S", FUSE_S)
     clock, log = TurnedClock(), AnswerLog()
     with serving(clock=clock) as port, closing(ScannerClient("127.0.0.1", port, log.hear)) as client:
         Player(ruled, client, log, version=2, wall_clock=clock).step(lambda _: clock.turn(FRAME_S) or True)
