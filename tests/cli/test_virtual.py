@@ -41,6 +41,17 @@ def test_each_option_reaches_the_linear_model(study: Path, shell) -> None:
     assert tip_mm(thickness_um=700) < 0.9 * base
 
 
+def test_the_force_of_a_displacement_is_found(study: Path, shell) -> None:
+    wall = ("simulate", "--study", study, "--thickness-um", 600)
+    pushed = shell.json(*wall, "--force-mn", 12.5)
+    found = shell.json(*wall, "--displacement-mm", pushed["tip_displacement_mm"])
+    assert found["force_mn"] == pytest.approx(12.5)
+    assert found["tip_displacement_mm"] == pytest.approx(pushed["tip_displacement_mm"])
+    for both in ((), ("--force-mn", 10, "--displacement-mm", 1)):
+        assert "give either --force-mn or --displacement-mm" in shell.refused(*wall, *both)
+    assert "'--displacement-mm': 11 is above the largest" in shell.refused(*wall, "--displacement-mm", 11)
+
+
 def test_files_are_written_and_named(study: Path, tmp_path: Path, shell) -> None:
     vtu, plot = tmp_path / "eye.vtu", tmp_path / "eye.png"
     command = ["simulate", "--study", study, "--thickness-um", 500, "--force-mn", 40]
