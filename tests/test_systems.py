@@ -1,4 +1,4 @@
-"""What processes touch: Linux's functions in service only, no other host, no place but outputs and our own folders."""
+"""Effects of processes: functions of Linux in service only, no other host, no place but outputs and our folders."""
 
 import ast
 import os
