@@ -3,8 +3,8 @@
     python benchmarks/bench_time_to_bound.py MODEL [--eyes 6] [--rates-mn-s 5 10 20 50 100] [--seed 43] [--plot FILE]
 
 Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on three frames. Their raw frames, 100 a
-second, go through segmentation, slice and network; 50 and 25 a second are every second and fourth of them. From the
-tenth on each reading has the probability that the upper end of the interval reaches the bound within 200 ms, by the
+second, go through segmentation, slice and network; 50 and 25 a second are every second and fourth of them. After ten
+readings in contact each has the probability that the upper end of the interval reaches the bound within 200 ms, by the
 line of `monitor.rise`. It did if the median of five upper ends in a row reached it within that time. The ramps
 continue, or, with the same frames, stop at a random frame and hold, which no line can know.
 """
@@ -24,7 +24,7 @@ from monitor_sessions.eyes import draw_eye
 from monitor_sessions.forces import FRAME_S, ramp_forces, trajectory
 from monitor_sessions.frames import largest_force_n, stream
 from scleraforce.monitor.limits import MonitorLimits, upper_end
-from scleraforce.monitor.rise import HORIZON_S, Rise, rise_of, time_to_bound
+from scleraforce.monitor.rise import HORIZON_S, LEAST_SHARE, Rise, rise_of, time_to_bound
 from scleraforce.monitor.state import NOISE_WINDOWS
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.kinds import ForceReader
@@ -107,19 +107,19 @@ def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
     history = [(float(time_s), float(force_n)) for time_s, force_n, _ in readings_tn]
     for place, (now_s, force_n, upper_n) in enumerate(readings_tn):
         rise = rise_of(history[max(place + 1 - NOISE_WINDOWS * LIMITS.rate_frames, 0) : place + 1], LIMITS.rate_frames)
-        if rise is None or now_s >= at_s or upper_n >= LIMITS.bound_n:
+        if rise is None or now_s >= at_s or upper_n >= LIMITS.bound_n or rise.points[0][1] < LIMITS.contact_n:
             continue
         found = time_to_bound(rise, force_n, upper_n, LIMITS.bound_n)
         early_s, late_s = (HORIZON_S, None) if found is None else (found.early_s, found.late_s)
         left_s = at_s - now_s
         inside = early_s <= left_s and (late_s is None or left_s <= late_s)
-        yield Said(rate_hz, chance(rise, upper_n - force_n), left_s <= WITHIN_S, inside)
+        yield Said(rate_hz, chance(rise, force_n / upper_n), left_s <= WITHIN_S, inside)
 
 
-def chance(rise: Rise, above_n: float) -> float:
-    """Return the probability that the line and what the upper end is above it reach the bound within 200 ms."""
+def chance(rise: Rise, share: float) -> float:
+    """Return the probability that the line, a share of its upper end, comes to the bound within 200 ms."""
     a, b = rise.variances
-    over_n = rise.now_n + rise.slope * WITHIN_S + above_n - LIMITS.bound_n
+    over_n = rise.now_n + rise.slope * WITHIN_S - LIMITS.bound_n * max(share, LEAST_SHARE)
     return 0.5 * (1.0 + erf(over_n / max(sqrt(2.0 * (a + b * (WITHIN_S - rise.middle_s) ** 2)), 1e-12)))
 
 
@@ -128,10 +128,9 @@ def table(said: list[Said]) -> str:
     lines = ["| chance of the bound within 200 ms | frames | predicted | it came |", "|---|---|---|---|"]
     for low, high, predicted, came, count in reliability(said):
         lines.append(f"| {low:.0%} to {high:.0%} | {count} | {predicted:.0%} | {came:.0%} |")
-    shares = [
-        f"{rate} Hz {np.mean([one.inside for one in said if one.rate_hz == rate and 0.01 < one.chance < 0.99]):.0%}"
-        for rate in EVERY
-    ]
+    open_ended = [one for one in said if 0.01 < one.chance < 0.99]
+    held_by = {rate: [one.inside for one in open_ended if one.rate_hz == rate] for rate in EVERY}
+    shares = [f"{rate} Hz {np.mean(inside):.0%}" for rate, inside in held_by.items() if inside]
     return "\n".join([*lines, f"90 % intervals that held, of chances between 1 % and 99 %: {', '.join(shares)}"])
 
 

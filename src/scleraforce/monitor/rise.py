@@ -19,6 +19,9 @@ from scleraforce.units import from_si
 LEAST_PAIRS = 4
 HORIZON_S = 2.0  # of a time until the bound
 ROUNDING = 1e-9
+# Of the time until the bound (benchmarks/bench_time_to_bound.py, seed 2): noise, since neighbouring readings err alike;
+# relative, of the slope, since a reader's error changes with the dent; of the force over its upper end, at least.
+ALIKE, SLOPE_ERROR, LEAST_SHARE = 2.0, 0.15, 0.5
 Z90 = 1.645  # of the ends of a 90 % interval
 
 
@@ -39,7 +42,8 @@ class Rise(NamedTuple):
     @property
     def variances(self) -> tuple[float, float]:
         """Variances of the line's place in its middle, which is a median, N^2, and of its slope, (N/s)^2."""
-        return 0.5 * pi * self.sd_n**2 / len(self.points), (self.sd_n / self.spread_s) ** 2
+        sd_n = ALIKE * self.sd_n
+        return 0.5 * pi * sd_n**2 / len(self.points), (sd_n / self.spread_s) ** 2 + (SLOPE_ERROR * self.slope) ** 2
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,7 @@ def risen_force(rise: Rise, ahead_s: float, deviations: float) -> float | None:
 
 
 def time_to_bound(rise: Rise | None, force_n: float, upper_n: float, bound_n: float) -> TimeToBound | None:
-    """Return when the upper end of the interval reaches the bound, if it keeps its distance from the rising force.
+    """Return when the upper end of the interval reaches the bound, if it keeps its ratio to the rising force.
 
     None: not within 2 s, nor does the line say so, or the frames of the line are spread over more than that.
     """
@@ -104,7 +108,8 @@ def time_to_bound(rise: Rise | None, force_n: float, upper_n: float, bound_n: fl
         return REACHED
     if rise is None or -rise.points[0][0] > HORIZON_S:
         return None
-    missing_n = bound_n - (upper_n - force_n) - rise.now_n - rise.slope * rise.middle_s
+    share = max(force_n / upper_n if upper_n > 0.0 else 0.0, LEAST_SHARE)
+    missing_n = bound_n * share - rise.now_n - rise.slope * rise.middle_s
     early_s, median_s, late_s = (_reaches(rise, missing_n, deviations) for deviations in (-Z90, 0.0, Z90))
     return None if early_s is None else TimeToBound(early_s, median_s, late_s)
 
