@@ -67,10 +67,9 @@ def thing_at(path: Path, model: Path | None = None) -> Thing:
         raise InputError(f"--model: {path} is a {kind}; a model reads recordings")
     if kind == "study":
         return show_study(found / STUDY_FILE if found.is_dir() else found)
-    module = "shown_models" if kind in ("library", "data set", "model") else "shown_recordings"
-    show = getattr(import_module(f"scleraforce.report.{module}"), f"show_{kind.replace(' ', '_')}")
-    thing: Thing = show(found) if model is None else show(found, model)
-    return thing
+    shown = import_module("scleraforce.report.shown_artefacts")  # with all packages that make or read them
+    show: Callable[..., Thing] = getattr(shown, f"show_{kind.replace(' ', '_')}")
+    return show(found) if model is None else show(found, model)
 
 
 def _kind_of_folder(path: Path) -> str | None:
