@@ -10,9 +10,9 @@ from scleraforce.errors import SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import FacePlaces, element_stiffness, volume_points
 from scleraforce.mechanics.frontal import FrontalFactor, dissect
-from scleraforce.mechanics.loads import Springs, clamped_base, gravity_load, needle_loads, pressure_load
+from scleraforce.mechanics.loads import Springs, clamped_base, gravity_load, needle_loads, pressure_load, tip_at
 from scleraforce.mechanics.material import lame_constants
-from scleraforce.mechanics.mesh import HexMesh, locate
+from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 SINGULAR = 1e12  # stiffest over softest motion; a clamped wall has 4e2 to 3e4, a free one 1e16
@@ -119,6 +119,4 @@ def tip_displacement(mesh: HexMesh, contact: Contact, needle_nc: Floats) -> floa
 
     `needle_nc` (node, 3): displacement from the state without the needle; in linear mechanics F u_n / E.
     """
-    quads, weights_1n = locate(mesh, contact.normal[None])
-    moved = weights_1n @ needle_nc[mesh.outer_qn[quads[0]]]
-    return float(-moved[0] @ contact.normal)
+    return float(np.sum(tip_at(mesh, contact, -contact.normal) * needle_nc))
