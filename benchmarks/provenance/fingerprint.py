@@ -163,10 +163,9 @@ def classifier_fingerprint(study: Study) -> Fingerprint:
 
 def finder_fingerprint(study: Study) -> Fingerprint:
     """Return the fingerprint of a wall finder of a study: drawn scenes, and the first steps of a descent."""
-    few = replace(study.wall_finder, batch_size=4, batches=3)
-    batches = [scene_batch(study.scenes, few, number) for number in range(few.batches)]
-    unseen = scene_batch(study.scenes, few, 0, VALIDATION_SCENES)
-    fitted = fit_wall_finder(study.scenes, few, 0)
+    few = replace(study, wall_finder=replace(study.wall_finder, batch_size=4, batches=3))
+    batches = [scene_batch(few, number) for number in range(3)]
+    unseen, fitted = scene_batch(few, 0, VALIDATION_SCENES), fit_wall_finder(few, 0)
     with torch.inference_mode():
         inputs = fitted.network.inputs(torch.from_numpy(unseen.frames))
         rows, wall = fitted.network(torch.from_numpy(unseen.frames))

@@ -1,7 +1,7 @@
 """Drawn frames with known parameters: the measured scanner is the drawn one, and its display is recognised."""
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,32 +24,23 @@ FEW = range(7010, 7013)  # where three frames are enough
 # Keys by how far a measured median may lie off the truth, over six frames.
 WITHIN_1_DB = ("snr_db", "display_floor_db", "display_range_db", "reflection_db", "choroid_level_db")
 WITHIN_10_PERCENT = (
-    "axial_resolution_m",
-    "lateral_resolution_m",
-    "attenuation_per_m",
-    "band_m",
-    "choroid_thickness_m",
+    "axial_resolution_m", "lateral_resolution_m", "attenuation_per_m", "band_m", "choroid_thickness_m",
     "choroid_attenuation_per_m",
-)
+)  # fmt: skip
+COARSE = {"axial_resolution_m": 14e-6, "lateral_resolution_m": 70e-6}
+DEEP = replace(SCANNER, bits=8, rows=640, depth_m=5e-3, refractive_index=1.38)
 SCANNERS = {
     "the common one": (SCANNER, {}),
     "bright": (SCANNER, {"snr_db": 26.0, "display_range_db": 46.0, "reflection_db": 5.0}),
     "dim, attenuating": (SCANNER, {"snr_db": 18.0, "attenuation_per_m": 1400.0, "choroid_level_db": -6.0}),
-    "coarse speckle": (
-        SCANNER,
-        {"axial_resolution_m": 14e-6, "lateral_resolution_m": 70e-6, "display_floor_db": -8.0, "reflection_db": 4.0},
-    ),
-    "8 bits, stretched depth": (
-        replace(SCANNER, bits=8, rows=640, depth_m=5e-3, refractive_index=1.38),
-        {"attenuation_per_m": 700.0, "choroid_thickness_m": 220e-6},
-    ),
+    "coarse speckle": (SCANNER, COARSE | {"display_floor_db": -8.0, "reflection_db": 4.0}),
+    "8 bits, stretched depth": (DEEP, {"attenuation_per_m": 700.0, "choroid_thickness_m": 220e-6}),
 }
 
 
-def scanners() -> list[object]:
-    """Their names; two are measured by default."""
-    usual = ("the common one", "8 bits, stretched depth")
-    return [pytest.param(name, marks=[] if name in usual else [pytest.mark.slow]) for name in SCANNERS]
+def by_name(names: Iterable[str], usual: tuple[str, ...]) -> list[object]:
+    """Return scanners' names; the usual ones are measured by default."""
+    return [pytest.param(name, marks=[] if name in usual else [pytest.mark.slow]) for name in names]
 
 
 def check_recovered(found: MeasuredScanner, optics: dict, levels: Sequence[str], others: Sequence[str]) -> None:
@@ -59,7 +50,7 @@ def check_recovered(found: MeasuredScanner, optics: dict, levels: Sequence[str],
         assert found.ranges[key].median == pytest.approx(optics.get(key, getattr(OPTICS, key)), **close), key
 
 
-@pytest.mark.parametrize("name", scanners())
+@pytest.mark.parametrize("name", by_name(SCANNERS, ("the common one", "8 bits, stretched depth")))
 def test_levels_lengths_and_attenuations_are_recovered(name: str) -> None:
     scanner, optics = SCANNERS[name]
     check_recovered(measure_scanner(drawn_eyes(SEEDS, scanner, **optics)), optics, WITHIN_1_DB, WITHIN_10_PERCENT)
@@ -70,11 +61,10 @@ def test_shadows_and_lines_are_recovered() -> None:
     line = Line(depth_m=0.2e-3, level_db=8.0, thickness_m=16e-6)
     found = measure_scanner(drawn_eyes(SEEDS, shadows=(shadow,), lines=(line,)))
     assert found.counts == {"shadow_count": (1,) * len(SEEDS), "line_count": (1,) * len(SEEDS)}
-    assert found.ranges["shadow_loss_fraction"].median == pytest.approx(0.55, rel=0.1)
-    assert found.ranges["shadow_width_m"].median == pytest.approx(0.6e-3, rel=0.1)
+    lengths = {"shadow_loss_fraction": 0.55, "shadow_width_m": 0.6e-3, "line_thickness_m": 16e-6}
+    assert {key: found.ranges[key].median for key in lengths} == pytest.approx(lengths, rel=0.1)
     assert found.ranges["line_depth_m"].median == pytest.approx(0.2e-3, rel=0.01)
     assert found.ranges["line_level_db"].median == pytest.approx(8.0, abs=0.5)
-    assert found.ranges["line_thickness_m"].median == pytest.approx(16e-6, rel=0.1)
 
 
 def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> None:
@@ -188,18 +178,11 @@ DISPLAY_SCANNERS = {
     ),
     "root, 12 bits": ("root", SCANNER, SHOWN),
     "root, 8 bits": ("root", replace(SCANNER, bits=8), SHOWN | {"display_floor_db": -10.0}),
-    "root, coarse speckle": (
-        "root", SCANNER, SHOWN | {"axial_resolution_m": 14e-6, "lateral_resolution_m": 70e-6},
-    ),
+    "root, coarse speckle": ("root", SCANNER, SHOWN | COARSE),
 }  # fmt: skip
 
 
-QUICK = ("linear, 12 bits", "root, 8 bits")
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in DISPLAY_SCANNERS]
-)
+@pytest.mark.parametrize("name", by_name(DISPLAY_SCANNERS, ("linear, 12 bits", "root, 8 bits")))
 def test_root_and_linear_displays_are_recognised_and_their_scanner_is_measured(name: str) -> None:
     display, scanner, optics = DISPLAY_SCANNERS[name]
     found = measure_scanner(drawn_eyes(DISPLAY_FEW, scanner, display=display, **optics))
@@ -213,20 +196,16 @@ def test_the_slopes_agree_with_many_drawn_intensities() -> None:
     rng = np.random.default_rng(7120)
     dim = rng.exponential(size=400_000)
     for kind, expected in (("logarithmic", 0.0), ("root", 0.770), ("linear", np.log(3.0) / np.log(2.0))):
-        quartiles = np.array(
-            [np.quantile(DISPLAY_KINDS[kind].shown(light), (0.25, 0.5, 0.75)) for light in (dim, 3.0 * dim)]
-        )
-        spread = quartiles[:, 2] - quartiles[:, 0]
-        assert np.diff(spread)[0] / np.diff(quartiles[:, 1])[0] == pytest.approx(expected, abs=0.01)
+        shown = DISPLAY_KINDS[kind].shown
+        low, middle, high = np.quantile([shown(dim), shown(3.0 * dim)], (0.25, 0.5, 0.75), axis=1)
+        assert np.diff(high - low)[0] / np.diff(middle)[0] == pytest.approx(expected, abs=0.01)
         assert DISPLAY_KINDS[kind].spread_slope == pytest.approx(expected, abs=1e-3)
 
 
 def test_averaged_noise_on_a_linear_display_is_refused() -> None:
     rng = np.random.default_rng(7150)
-    counts = drawn_counts(DISPLAY_FEW[0], display="linear", display_floor_db=-20.0, display_range_db=48.0).astype(
-        np.float64
-    )
-    air = imaged(counts.astype(np.uint16)).below_surface_rows < 0
+    shown = drawn_counts(DISPLAY_FEW[0], display="linear", display_floor_db=-20.0, display_range_db=48.0)
+    counts, air = shown.astype(np.float64), imaged(shown).below_surface_rows < 0
     counts[air] = 4095 / 10.0**2.8 * rng.gamma(4.0, 1 / 4.0, air.sum())
     eye = imaged(np.rint(counts).astype(np.uint16), name="averaged.png")
     with pytest.raises(FrameError, match=r"averaged\.png: .* as on a linear display, and its noise lies above count 0"):
@@ -246,10 +225,9 @@ def test_behind_a_wall_of_even_light_the_noise_shows_the_display(display: str) -
 
 
 def test_the_kind_is_that_of_most_frames() -> None:
-    slopes = [Estimate(value=value, error=0.1) for value in (0.1, 1.5, 1.4)]
-    assert display_kind([*slopes, Unmeasured("dark")], []).name == "linear"
-    assert display_kind([Estimate(value=0.38, error=0.1)], []).name == "logarithmic"
-    assert display_kind([Estimate(value=0.40, error=0.1)], []).name == "root"
+    for kind, values in (("linear", (0.1, 1.5, 1.4)), ("logarithmic", (0.38,)), ("root", (0.40,))):
+        slopes = [Estimate(value=value, error=0.1) for value in values]
+        assert display_kind([*slopes, Unmeasured("dark")], []).name == kind
 
 
 def light_about(gain: float, angle_rad: float, seed: int) -> SurfaceLight:

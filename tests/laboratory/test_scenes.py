@@ -18,16 +18,14 @@ from scleraforce.study.fields import Choice, field_unit, fixed
 SHOWN = 0.35  # of the range of counts: tissue is brighter, noise darker, in a plain scene
 STUDY = st.ScenesStudy()
 
+SEEN = {"rows": 200, "columns": 160, "width_m": 10e-3, "depth_share": 0.4, "view_m": 0.0, "tilt_rad": 0.0}
+SPECKLE = {"looks": 10.0, "speckle_rows": 0.5, "speckle_columns": 0.5}
 PLAIN = st.ScenesStudy(
-    window=only(
-        STUDY.window, rows=200, columns=160, width_m=10e-3, depth_share=0.4, view_m=0.0, tilt_rad=0.0, surface_share=0.1
-    ),
+    window=only(STUDY.window, surface_share=0.1, **SEEN),
     eye=only(STUDY.eye, half_sphere_share=1.0, sclera_radius_m=12e-3, sclera_thickness_m=0.6e-3, wave_m=0.0),
     tissue=only(STUDY.tissue, corrected_share=1.0, snr_db=30.0, attenuation_per_m=0.3e3),
     over=only(STUDY.over),
-    scanner=only(
-        STUDY.scanner, rolloff_db=0.0, looks=10.0, display_floor_db=3.0, speckle_rows=0.5, speckle_columns=0.5
-    ),
+    scanner=only(STUDY.scanner, rolloff_db=0.0, display_floor_db=3.0, **SPECKLE),
 )
 
 
@@ -41,9 +39,8 @@ def rows_m(scene: Scene, rows: np.ndarray) -> np.ndarray:
     return (rows + 0.5) * scene.scale.depth_m
 
 
-def lateral_m(scene: Scene) -> np.ndarray:
-    columns = scene.frame.shape[1]
-    return (np.arange(columns) + 0.5 - columns / 2) * scene.scale.lateral_m
+def thickness_m(scene: Scene) -> np.ndarray:
+    return (scene.inner_row - scene.outer_row) * scene.scale.depth_m
 
 
 def lit(scene: Scene) -> np.ndarray:
@@ -62,38 +59,28 @@ def test_the_same_number_draws_the_same_scene_and_another_one_another() -> None:
 
 def test_the_truth_of_a_half_sphere_is_two_circles() -> None:
     scene = draw_scene(PLAIN, 0)
-    x, top = lateral_m(scene), 0.1 * 4e-3
+    columns, top = scene.frame.shape[1], 0.1 * 4e-3
+    x = (np.arange(columns) + 0.5 - columns / 2) * scene.scale.lateral_m
     outer = top + 12e-3 - np.sqrt(12e-3**2 - x**2)
     inner = top + 12e-3 - np.sqrt((12e-3 - 0.6e-3) ** 2 - x**2)
     assert rows_m(scene, scene.outer_row) == pytest.approx(outer, abs=5e-6)
     assert rows_m(scene, scene.inner_row) == pytest.approx(inner, abs=5e-6)
 
-
-def test_what_is_bright_is_what_the_truth_calls_wall() -> None:
-    for number in range(4):
+    for number in range(4):  # what is bright is what the truth calls wall
         scene = draw_scene(PLAIN, number)
         assert dice(lit(scene), scene.mask) > 0.93
 
 
-def test_a_flat_wall_is_stretched_by_its_refractive_index() -> None:
+@pytest.mark.parametrize(("tilt", "within"), [(0.0, 2e-3), (0.5, 0.02)])
+def test_a_wall_is_stretched_by_its_refractive_index_along_rays_that_snells_law_bends(
+    tilt: float, within: float
+) -> None:
     uncorrected = {"corrected_share": 0.0, "refractive_index": 1.4}
-    flat = {"sclera_radius_m": 50e-3}
-    scene = draw_scene(plain(tissue=uncorrected, eye=flat), 0)
-    middle = scene.frame.shape[1] // 2
-    thickness = rows_m(scene, scene.inner_row)[middle] - rows_m(scene, scene.outer_row)[middle]
-    assert thickness == pytest.approx(1.4 * 0.6e-3, rel=2e-3)
-    assert scene.scale.refractive_index == 1.4
-
-
-def test_a_tilted_wall_is_seen_along_rays_that_snells_law_bends() -> None:
-    tilt, index = 0.5, 1.4
     tilted = {"tilt_rad": tilt, "facing": 0.0, "surface_share": 0.1}
-    uncorrected = {"corrected_share": 0.0, "refractive_index": index}
     scene = draw_scene(plain(window=tilted, tissue=uncorrected, eye={"sclera_radius_m": 50e-3}), 0)
-    middle = scene.frame.shape[1] // 2
-    seen = rows_m(scene, scene.inner_row)[middle] - rows_m(scene, scene.outer_row)[middle]
-    in_tissue = np.arcsin(np.sin(tilt) / index)
-    assert seen == pytest.approx(index * 0.6e-3 / np.cos(in_tissue), rel=0.02)
+    seen = thickness_m(scene)[scene.frame.shape[1] // 2]
+    assert seen == pytest.approx(1.4 * 0.6e-3 / np.cos(np.arcsin(np.sin(tilt) / 1.4)), rel=within)
+    assert scene.scale.refractive_index == 1.4
 
 
 def test_the_conjunctiva_lies_over_the_wall_and_outside_of_it() -> None:
@@ -102,9 +89,7 @@ def test_the_conjunctiva_lies_over_the_wall_and_outside_of_it() -> None:
     middle = scene.frame.shape[1] // 2
     bright = np.flatnonzero(lit(scene)[:, middle])[0]
     assert scene.outer_row[middle] - bright > 100e-6 / scene.scale.depth_m
-    assert rows_m(scene, scene.inner_row - scene.outer_row) == pytest.approx(
-        rows_m(bare, bare.inner_row - bare.outer_row), rel=0.05
-    )
+    assert thickness_m(scene) == pytest.approx(thickness_m(bare), rel=0.05)
 
 
 def test_an_invisible_wall_does_not_exist_or_is_covered() -> None:
@@ -126,9 +111,7 @@ def test_an_invisible_wall_does_not_exist_or_is_covered() -> None:
 def test_a_steel_needle_shades_the_wall_that_continues_below_it() -> None:
     upright = {"needle_angle_rad": 0.0, "needle_m": 0.7e-3, "tip_gap_m": 0.05e-3}
     scene = draw_scene(plain(over={"needle_share": 1.0, **upright}), 3)
-    wall = np.where(scene.mask > 0, scene.frame / scene.frame.max(), np.nan)
-    level = np.nanmean(wall, axis=0)
-    dark = level < 0.1
+    dark = np.nanmean(np.where(scene.mask > 0, scene.frame / scene.frame.max(), np.nan), axis=0) < 0.1
     assert 0.6e-3 < np.count_nonzero(dark) * scene.scale.lateral_m < 0.9e-3
     assert np.isfinite(scene.outer_row).all()
 
@@ -144,41 +127,35 @@ def test_a_wall_above_the_zero_delay_is_mirrored_into_the_frame() -> None:
     assert not lit(without)[int(mirrored), middle]
 
 
-def test_black_bands_show_no_wall() -> None:
+def test_black_bands_and_a_pages_sides_show_no_wall_nor_do_columns_where_it_leaves_the_frame() -> None:
     scene = draw_scene(plain(scanner={"band_share": 1.0, "band_fraction": 0.1}), 0)
     band = round(0.1 * scene.frame.shape[1])
     assert not scene.frame[:, :band].any()
     assert np.isnan(scene.outer_row[:band]).all()
     assert np.isfinite(scene.outer_row[band:-band]).all()
-
-
-def test_a_scene_says_no_wall_where_it_leaves_the_frame() -> None:
     low = draw_scene(plain(window={"surface_share": 0.8}), 0)
     gone = np.isnan(low.outer_row)
-    assert gone[0]
-    assert gone[-1]
-    assert not gone[len(gone) // 2]
+    assert gone[[0, len(gone) // 2, -1]].tolist() == [True, False, True]
     assert not low.mask[:, gone].any()
+    page = plain(scanner={"margin_share": 1.0, "margin_fraction": 0.1, "margin_level": 1.0})
+    scenes = [draw_scene(page, number) for number in range(6)]
+    white = [(scene.frame == scene.frame.max()).all(axis=0) for scene in scenes]
+    assert np.concatenate(white).any()
+    assert all(np.isnan(scene.outer_row[columns]).all() for scene, columns in zip(scenes, white, strict=True))
 
 
 # A study in which everything is there: what each range does can be seen.
 PIXELS = st.Range(min=1e-6, max=200e-6)
 FULL = st.ScenesStudy(
     window=varied(
-        STUDY.window,
-        rows=64,
-        columns=72,
-        pixel_m=PIXELS,
-        width_m=15e-3,
-        depth_share=0.45,
-        centred_share=1.0,
+        STUDY.window, rows=64, columns=72, pixel_m=PIXELS, width_m=15e-3, depth_share=0.45, centred_share=1.0,
         deep_share=0.0,
     ),
     eye=only(STUDY.eye, 1.0, half_sphere_share=0.0),
     tissue=only(STUDY.tissue, 1.0, 2, corrected_share=0.0),
     over=only(STUDY.over, 1.0, 2, speck_count=100, vessel_count=3, glass_share=0.0),
     scanner=only(STUDY.scanner, 1.0, 2, averaged_share=0.0, linear_share=0.0, root_share=0.0),
-)
+)  # fmt: skip
 NEEDS = {"glass_pass": "glass", "deep_": "deep", "averaged_": "averaged", "sclera_thickness": "half_sphere"}  # shares
 
 
@@ -268,21 +245,9 @@ def changes(scene: Scene) -> tuple[float, float]:
     return float(np.std(steps[inside])), float(np.std(steps[above]))
 
 
-def test_an_eye_with_a_cornea_has_a_sclera_as_thick_as_its_cornea_demands() -> None:
+def test_an_eye_with_a_cornea_has_a_sclera_as_thick_as_its_cornea_demands_and_a_deep_view_its_own_size() -> None:
     eye = {"half_sphere_share": 0.0, "cornea_thickness_m": 0.5e-3, "sclera_ratio": 1.6, "spur_bump_m": 0.0}
     scene = draw_scene(plain(eye=eye, window={"view_m": 11e-3, "width_m": 4e-3, "facing": 1.0}), 0)
-    middle = scene.frame.shape[1] // 2
-    assert rows_m(scene, scene.inner_row - scene.outer_row)[middle] == pytest.approx(0.8e-3, rel=0.04)
-
-
-def test_a_page_shows_no_wall_at_its_sides() -> None:
-    page = plain(scanner={"margin_share": 1.0, "margin_fraction": 0.1, "margin_level": 1.0})
-    scenes = [draw_scene(page, number) for number in range(6)]
-    white = [(scene.frame == scene.frame.max()).all(axis=0) for scene in scenes]
-    assert np.concatenate(white).any()
-    assert all(np.isnan(scene.outer_row[columns]).all() for scene, columns in zip(scenes, white, strict=True))
-
-
-def test_a_deep_view_shows_a_cornea_in_a_frame_of_its_own_size() -> None:
+    assert thickness_m(scene)[scene.frame.shape[1] // 2] == pytest.approx(0.8e-3, rel=0.04)
     study = plain(window={"deep_share": 1.0, "deep_width_m": 15e-3}).of_one(np.random.default_rng(0))
     assert (study.eye.half_sphere_share, study.window.width_m) == (0.0, fixed(15e-3))

@@ -31,12 +31,10 @@ def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror
     slices[np.arange(300), target * 4, :4] = 255 * rng.integers(0, 2, size=(300, 4))
     slices[np.arange(300), target * 4, 4] = 255
     left, right = classifier.Samples(slices, target), classifier.Samples(slices[:, :, ::-1].copy(), target)
-    accuracy = {
-        mirror: classifier.fit(replace(small, mirror=mirror, epochs=8), left, right).curves.validation_accuracy[-1]
-        for mirror in (True, False)
-    }
-    assert accuracy[True] > 0.99
-    assert accuracy[False] < 0.7
+    studies = (replace(small, mirror=mirror, epochs=8) for mirror in (True, False))
+    mirrored, plain = (classifier.fit(study, left, right).curves.validation_accuracy[-1] for study in studies)
+    assert mirrored > 0.99
+    assert plain < 0.7
 
 
 @pytest.mark.parametrize("limit", [1e6, 0.05], ids=["free", "clipped"])
@@ -58,15 +56,20 @@ def test_steps_of_a_descent_are_momentum_on_gradients_of_at_most_the_largest_nor
 
 
 @pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_equal_seeds_give_equal_weights_and_leave_pytorch_unchanged(bars, small, monkeypatch, threads: int) -> None:
+def test_equal_seeds_and_training_samples_give_equal_weights_and_leave_pytorch_unchanged(
+    bars, small, monkeypatch, threads: int
+) -> None:
     monkeypatch.setattr("scleraforce.learning.classifier.CLASSIFIER_THREADS", threads)
     torch.set_num_threads(1)
-    before = torch.get_rng_state()
-    first, again, other = (classifier.fit(study, *bars) for study in (small, small, replace(small, seed=1)))
+    before, (training, validation) = torch.get_rng_state(), bars
+    flipped = classifier.Samples(validation.slices, 2 - validation.target)
+    first, again, unseen = (classifier.fit(small, training, other) for other in (validation, validation, flipped))
+    other = classifier.fit(replace(small, seed=1), *bars)
     assert first.curves == again.curves
-    np.testing.assert_equal(asdict(first.network), asdict(again.network))
-    for one, another in zip(first.network.weights, other.network.weights, strict=True):
-        assert not np.array_equal(one, another)
+    assert first.curves.validation_accuracy != unseen.curves.validation_accuracy
+    for same in (again, unseen):
+        np.testing.assert_equal(asdict(first.network), asdict(same.network))
+    assert not any(map(np.array_equal, first.network.weights, other.network.weights))
     assert torch.equal(torch.get_rng_state(), before)
     assert torch.get_num_threads() == 1
     assert not torch.are_deterministic_algorithms_enabled()
@@ -85,14 +88,6 @@ def test_it_learns_and_reports_the_figures_of_the_returned_network(bars, small) 
     assert curves.validation_loss[-1] == pytest.approx(loss, abs=1e-6)
     assert not first[:, -1].any()  # a row that never varies
     assert first[:, :-1].any(axis=0).all()
-
-
-def test_validation_samples_do_not_influence_the_weights(bars, small) -> None:
-    training, validation = bars
-    flipped = classifier.Samples(validation.slices, 2 - validation.target)
-    one, two = classifier.fit(small, training, validation), classifier.fit(small, training, flipped)
-    np.testing.assert_equal(asdict(one.network), asdict(two.network))
-    assert one.curves.validation_accuracy != two.curves.validation_accuracy
 
 
 def test_a_descent_that_diverges_says_so(bars, small, monkeypatch) -> None:
@@ -128,11 +123,9 @@ def test_the_file_is_repeatable_and_answers_as_the_rounded_network_at_half_the_s
 
 
 def test_the_best_candidate_is_the_most_accurate_and_of_equals_the_smallest() -> None:
-    tried = (
-        classifier.Candidate(hidden=(9,), weights=500, validation_accuracy=0.97, validation_loss=0.1),
-        classifier.Candidate(hidden=(5,), weights=300, validation_accuracy=0.99, validation_loss=0.3),
-        classifier.Candidate(hidden=(3, 3), weights=200, validation_accuracy=0.99, validation_loss=0.4),
-        classifier.Candidate(hidden=(2,), weights=100, validation_accuracy=None, validation_loss=None),
+    tried = tuple(
+        classifier.Candidate(hidden=(9,), weights=weights, validation_accuracy=accuracy, validation_loss=0.1)
+        for weights, accuracy in ((500, 0.97), (300, 0.99), (200, 0.99), (100, None))
     )
     assert classifier.best(tried) == 2
     with pytest.raises(SolverError, match="every size"):
@@ -165,9 +158,8 @@ def store(tmp_path_factory) -> Path:
     return path
 
 
-def test_the_reader_takes_the_folder_and_reaches_the_stated_accuracy(store: Path, tmp_path: Path) -> None:
-    dataset = open_dataset(store)
-    ticks: list[int] = []
+def test_the_reader_takes_the_folder_and_knows_its_modulus_data_study_and_accuracy(store: Path, tmp_path: Path) -> None:
+    dataset, ticks = open_dataset(store), list[int]()
     record = train_classifier(dataset, tmp_path / "model", progress=ticks.append)
     assert len(ticks) == 6
     reader = load_model(tmp_path / "model")
@@ -175,34 +167,24 @@ def test_the_reader_takes_the_folder_and_reaches_the_stated_accuracy(store: Path
     right = reader.probabilities(validation.slices).argmax(axis=1) == validation.target
     assert 0.8 < right.mean() == record["metrics"]["validation_accuracy"]
     assert json.loads(json.dumps(record)).items() <= reader.record.items()
-
-
-def test_the_model_knows_the_modulus_data_and_study_that_it_was_made_from(store: Path, tmp_path: Path) -> None:
-    train_classifier(open_dataset(store), tmp_path / "model")
-    reader = load_model(tmp_path / "model")
     assert reader.study == replace(STUDY, eye=replace(STUDY.eye, youngs_modulus_pa=MODULUS_PA))
-    assert reader.provenance["study_sha256"] == study_hash(reader.study)
-    assert reader.provenance["youngs_modulus_mpa"] == "0.31"
-    assert reader.provenance["class_bounds_mn"] == "5, 30"
-    assert reader.provenance["torch"] == torch.__version__
+    made = {"youngs_modulus_mpa": "0.31", "class_bounds_mn": "5, 30", "torch": torch.__version__}
+    assert (made | {"study_sha256": study_hash(reader.study)}).items() <= reader.provenance.items()
     assert "`youngs_modulus_mpa` | 0.31 |" in (tmp_path / "model/card.md").read_text(encoding="utf-8")
 
 
-def test_ctrl_c_leaves_nothing_behind(store: Path, tmp_path: Path) -> None:
+def test_ctrl_c_leaves_nothing_behind_and_an_existing_model_is_refused_before_any_training(
+    store: Path, tmp_path: Path
+) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         train_classifier(open_dataset(store), tmp_path / "model", progress=interrupt)
     assert not list(tmp_path.iterdir())
-
-
-def test_an_existing_model_is_kept_and_refused_before_any_training(store: Path, tmp_path: Path) -> None:
     (tmp_path / "model").mkdir()
-    ticks: list[int] = []
     with pytest.raises(ModelError, match="exists already"):
-        train_classifier(open_dataset(store), tmp_path / "model", progress=ticks.append)
-    assert not ticks
+        train_classifier(open_dataset(store), tmp_path / "model", progress=interrupt)
 
 
 def test_the_command_searches_and_shows_the_table_within_80_columns(store: Path, tmp_path: Path, capsys) -> None:
@@ -221,10 +203,8 @@ def test_without_pytorch_there_is_one_clear_line(store: Path, tmp_path: Path) ->
     block = "import sys; sys.modules['torch'] = None; from scleraforce.cli.main import main; main()"
     arguments = ["train", str(store), "--out", str(tmp_path / "model")]
     done = subprocess.run([sys.executable, "-c", block, *arguments], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr.strip() == (
-        "error: training needs torch, which is not installed: pip install 'scleraforce[train]'"
-    )
+    said = "error: training needs torch, which is not installed: pip install 'scleraforce[train]'"
+    assert (done.returncode, done.stderr.strip()) == (2, said)
 
 
 def test_labels_for_another_modulus_make_another_model(store: Path, tmp_path: Path) -> None:
@@ -238,7 +218,5 @@ def test_labels_for_another_modulus_make_another_model(store: Path, tmp_path: Pa
     train_classifier(dataset, tmp_path / "model", youngs_modulus_pa=1.2 * MODULUS_PA)
     reader = load_model(tmp_path / "model")
     assert reader.study.eye.youngs_modulus_pa == 1.2 * MODULUS_PA
-    assert (
-        np.sum(reader.record["metrics"]["validation_confusion"], axis=1).tolist()
-        == np.bincount(validation.target, minlength=3).tolist()
-    )
+    of_classes = np.sum(reader.record["metrics"]["validation_confusion"], axis=1)
+    assert of_classes.tolist() == np.bincount(validation.target, minlength=3).tolist()

@@ -33,14 +33,6 @@ def study_of(folder: Path) -> Study:
     return parse_study((folder / "study.toml").read_text())
 
 
-def test_the_shipped_reader_is_trained_as_today() -> None:
-    library = load_library(SHIPPED_READER / "library.npz")
-    now = fingerprint.reader_fingerprint(study_of(SHIPPED_READER), library)
-    assert set(record_of(SHIPPED_READER)["fingerprint"]) == {*now, *INTERVALS}
-    found = moved_since(SHIPPED_READER, now)
-    assert not found, "run `make model`; if an entry of a path moved, raise library.plan.METHOD first"
-
-
 @pytest.mark.slow
 def test_the_intervals_of_the_shipped_reader_are_measured_as_today() -> None:
     library, network = load_library(SHIPPED_READER / "library.npz"), (SHIPPED_READER / "model.onnx").read_bytes()
@@ -76,29 +68,29 @@ def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tol
     assert moved({"a": fingerprint.item([])}, {"a": fingerprint.item([])}) == []
 
 
-def test_the_shipped_reader_is_of_the_default_study_whole_and_small() -> None:
-    reader = load_force_reader(SHIPPED_READER)
-    for section in ("eye", "needle", "slice", "classes", "calibration", "library", "reader"):
-        assert getattr(reader.study, section) == getattr(Study(), section), f"[{section}]: run `make model`"
+def check_sections(study: Study, wanted: Study, target: str, *names: str) -> None:
+    assert [name for name in names if getattr(study, name) != getattr(wanted, name)] == [], f"run `make {target}`"
+
+
+@pytest.mark.parametrize("folder", [SHIPPED_READER, SHIPPED_LIVING])
+def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_and_small(folder: Path) -> None:
+    reader, target = load_force_reader(folder), "model" if folder == SHIPPED_READER else "living"
+    wanted = Study() if folder == SHIPPED_READER else parse_study(preset_toml("living"))
+    sections = "eye", "needle", "slice", "classes", "calibration", "library", "reader"
+    check_sections(reader.study, wanted, target, *sections)
     assert reader.record["intervals"]["eyes"] >= 200, "trained without its intervals"
     assert sum(file.stat().st_size for file in SHIPPED_READER.iterdir()) < 9.5e6
-
-
-def test_the_shipped_reader_of_living_eyes_is_of_its_preset() -> None:
-    reader, preset = load_force_reader(SHIPPED_LIVING), parse_study(preset_toml("living"))
-    for section in ("eye", "needle", "slice", "classes", "calibration", "library", "reader"):
-        assert getattr(reader.study, section) == getattr(preset, section), f"[{section}]: run `make living`"
-    assert reader.record["intervals"]["eyes"] >= 200, "trained without its intervals"
     now = fingerprint.reader_fingerprint(reader.study, reader.library)
-    assert not moved_since(SHIPPED_LIVING, now), "run `make living`"
+    assert set(record_of(SHIPPED_READER)["fingerprint"]) == {*now, *INTERVALS}
+    found = moved_since(folder, now)
+    assert not found, f"run `make {target}`; if an entry of a path moved, raise library.plan.METHOD first"
 
 
 def test_the_shipped_classifier_is_the_papers_whole_and_small() -> None:
     reader = load_model("paper")
     assert reader.kind == "classifier"
     today = replace(Study(), mesh=MeshStudy(kind="hexahedra"))  # what "automatic" is in `generate`
-    for section in ("eye", "mesh", "needle", "slice", "classes", "dataset", "network"):
-        assert getattr(reader.study, section) == getattr(today, section), f"[{section}]: run `make paper`"
+    check_sections(reader.study, today, "paper", "eye", "mesh", "needle", "slice", "classes", "dataset", "network")
     assert reader.record["samples"]["training"] + reader.record["samples"]["validation"] == 19_200
     assert reader.record["metrics"]["validation_accuracy"] > 0.93
     assert sum(file.stat().st_size for file in SHIPPED_PAPER.iterdir()) < 8e6
@@ -108,7 +100,5 @@ def test_the_shipped_classifier_is_the_papers_whole_and_small() -> None:
 
 def test_the_shipped_wall_finder_is_of_the_default_study_and_small() -> None:
     load_wall_finder(SHIPPED_WALL_FINDER)
-    study = study_of(SHIPPED_WALL_FINDER)
-    assert study.scenes == Study().scenes
-    assert study.wall_finder == Study().wall_finder
+    check_sections(study_of(SHIPPED_WALL_FINDER), Study(), "wall-finder", "scenes", "wall_finder")
     assert (SHIPPED_WALL_FINDER / "model.onnx").stat().st_size < 2_500_000

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from scleraforce.known import Known, Modulus
+from scleraforce.laboratory.light import BscanOptics
 from scleraforce.learning import raw_reader
 from scleraforce.learning.reader import ReaderNetwork, force_bytes, histogram
 from scleraforce.learning.train import train_raw_reader
@@ -22,18 +23,10 @@ from scleraforce.study import RawReaderStudy, ReaderStudy, Study, fixed, parse_s
 TINY = Study(
     reader=ReaderStudy(channels=(6, 8), hidden=(24,), bins=16, samples_per_epoch=2000, validation_samples=100),
     raw_reader=RawReaderStudy(
-        rows=80,
-        columns=144,
-        row_m=50e-6,
-        column_m=100e-6,
-        channels=(4, 6, 8),
-        slice_epochs=1,
-        batches=6,
-        batch_size=8,
-        validation_frames=40,
-        interval_eyes=0,
+        rows=80, columns=144, row_m=50e-6, column_m=100e-6, channels=(4, 6, 8), slice_epochs=1, batches=6,
+        batch_size=8, validation_frames=40, interval_eyes=0,
     ),
-)
+)  # fmt: skip
 
 
 def network(seed: int = 1) -> raw_reader.RawReaderNetwork:
@@ -52,10 +45,7 @@ def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
     expected = np.zeros(40)
     expected[10], expected[11:16], expected[16] = 0.75, 1.0, 0.75
     np.testing.assert_allclose(cut, np.repeat(expected[:, None], 140, axis=1), atol=1e-5)
-
-
-def test_an_unsure_boundary_makes_a_share_and_keeps_the_mean_thickness() -> None:
-    logits = torch.full((1, 2, 80, 72), -50.0)
+    logits = torch.full((1, 2, 80, 72), -50.0)  # an unsure one makes a share and keeps the mean thickness
     logits[0, 0, [18, 22]], logits[0, 1, 36] = 5.0, 50.0
     cut = network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
     assert cut[:, 70].sum() * TINY.slice.pixel_m == pytest.approx((36 - 20) * 50e-6, rel=1e-4)
@@ -85,8 +75,7 @@ def test_a_training_is_repeatable_and_learns_where_the_wall_is(library: Library)
     counted: list[int] = []
     first, again = (raw_reader.fit_raw_reader(library, study, workers, counted.append) for workers in (1, 2))
     assert counted == [1, 1]
-    for one, other in zip(first.network.parameters(), again.network.parameters(), strict=True):
-        assert torch.equal(one, other)
+    assert all(map(torch.equal, first.network.parameters(), again.network.parameters()))
     assert first.training_loss == again.training_loss
     samples = raw_reader.RawSource.of(library, study).chunk(2**31, 40)
     with torch.inference_mode():
@@ -98,15 +87,9 @@ def test_a_training_is_repeatable_and_learns_where_the_wall_is(library: Library)
 @pytest.mark.slow
 def test_the_folder_is_a_model_that_reads_forces(library: Library, tmp_path: Path) -> None:
     study = replace(TINY, raw_reader=replace(TINY.raw_reader, interval_eyes=6))
-    done: dict[str, int] = {"epochs": 0, "batches": 0, "eyes": 0}
-    train_raw_reader(
-        library,
-        study,
-        tmp_path / "raw",
-        1,
-        *(lambda count, name=name: done.update({name: done[name] + count}) for name in done),
-    )
-    assert done == {"epochs": 1, "batches": 6, "eyes": 6}
+    done = epochs, batches, eyes = [], [], []
+    train_raw_reader(library, study, tmp_path / "raw", 1, *(each.append for each in done))
+    assert (sum(epochs), sum(batches), sum(eyes)) == (1, 6, 6)
     record = json.loads((tmp_path / "raw" / "model.json").read_text())
     assert record["kind"] == "raw-reader"
     assert record["provenance"]["study_sha256"] == study_hash(study)
@@ -148,15 +131,13 @@ def test_frames_are_bright_between_their_boundaries_and_dark_above(source: raw_r
 def test_a_needle_crosses_its_share_and_lies_within_its_diameter(source: raw_reader.RawSource) -> None:
     gap = GIVEN.index("gap")
     many = raw_reader.RawSource(source.library, study_with(needle_share=0.5)).chunk(2, 400)
-    trained = STUDY.reader.gap_m.bounds[1]
+    nearest, trained = STUDY.reader.gap_m.bounds
     gap_m = 0.5 * trained * (1.0 + many.given[:, gap])
     stated = many.given[:, GIVEN.index("gap known")] > 0.0
-    nearest = STUDY.reader.gap_m.bounds[0]
-    assert (gap_m[stated] < 0.85 * nearest).mean() == pytest.approx(
-        0.5 * 0.85 * nearest / raw_reader.largest_needle_gap(STUDY.raw_reader), abs=0.1
-    )
-    rng = np.random.default_rng(1)
-    for gap_m in (0.0, 0.1e-3, raw_reader.largest_needle_gap(STUDY.raw_reader)):
+    rng, largest_m = np.random.default_rng(1), raw_reader.largest_needle_gap(STUDY.raw_reader)
+    share = 0.5 * 0.85 * nearest / largest_m
+    assert (gap_m[stated] < 0.85 * nearest).mean() == pytest.approx(share, abs=0.1)
+    for gap_m in (0.0, 0.1e-3, largest_m):
         needle = raw_reader.draw_optics(STUDY, gap_m, rng).needle
         assert needle.gap_m == gap_m
         assert gap_m <= (1.0 + 1e-9) * STUDY.raw_reader.needle_gap_fraction * needle.diameter_m
@@ -174,16 +155,18 @@ def test_the_tip_touches_the_wall() -> None:
     assert abs(lowest.mean() * window.column_m - 0.4e-3) < 0.6e-3
 
 
+def drawn_optics(study: Study, count: int) -> list[BscanOptics]:
+    return [raw_reader.draw_optics(study, None, np.random.default_rng(seed)) for seed in range(count)]
+
+
 @pytest.mark.parametrize(("loss_db", "factor"), [(0.0, 1.0), (6.0, 3.0)])
 def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(loss_db: float, factor: float) -> None:
     study = study_with(snr_loss_db=fixed(loss_db), speckle_factor=fixed(factor))
-    drawn = [raw_reader.draw_optics(study, None, np.random.default_rng(seed)) for seed in range(200)]
-    for values, expected in (
-        ([each.snr_db + loss_db for each in drawn], study.phantom.snr_db),
-        ([each.lateral_resolution_m / factor for each in drawn], study.phantom.lateral_resolution_m),
-        ([each.axial_resolution_m / factor for each in drawn], study.phantom.axial_resolution_m),
-    ):
-        low, high = expected.bounds
+    drawn = drawn_optics(study, 200)
+    worse = {"snr_db": (loss_db, 1.0), "lateral_resolution_m": (0.0, factor), "axial_resolution_m": (0.0, factor)}
+    for name, (less, times) in worse.items():
+        values = [(getattr(each, name) + less) / times for each in drawn]
+        low, high = getattr(study.phantom, name).bounds
         assert low <= min(values) < low + 0.1 * (high - low)
         assert high - 0.1 * (high - low) < max(values) <= high
     assert all(each.conjunctiva is None for each in drawn)
@@ -191,18 +174,17 @@ def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(loss_db: float
 
 def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
     study = study_with(conjunctiva_share=0.3)
-    drawn = [raw_reader.draw_optics(study, None, np.random.default_rng(seed)).conjunctiva for seed in range(400)]
-    thick = [layer.thickness_m for layer in drawn if layer is not None]
+    thick = [each.conjunctiva.thickness_m for each in drawn_optics(study, 400) if each.conjunctiva is not None]
     assert 0.22 < len(thick) / 400 < 0.38
     low, high = study.raw_reader.conjunctiva_thickness_m.bounds
     assert low <= min(thick) < max(thick) <= high
     everywhere = replace(study, phantom=replace(study.phantom, conjunctiva_thickness_m=fixed(1e-4)))
-    assert raw_reader.draw_optics(everywhere, None, np.random.default_rng(1)).conjunctiva is not None
+    assert drawn_optics(everywhere, 1)[0].conjunctiva is not None
 
 
 def test_a_linear_display_is_drawn_where_the_phantom_has_one(library: Library) -> None:
     linear = replace(Study(), phantom=replace(Study().phantom, display="linear"))
-    assert raw_reader.draw_optics(linear, None, np.random.default_rng(1)).display == "linear"
+    assert drawn_optics(linear, 1)[0].display == "linear"
     frames = [raw_reader.RawSource.of(library, study).chunk(1, 20).frames for study in (Study(), linear)]
     walls = [each[(each > 0.3) & (each < 0.9)].size / each.size for each in frames]
     assert abs(walls[1] - walls[0]) > 0.02  # dim tissue is dark on a linear display

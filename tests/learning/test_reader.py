@@ -24,17 +24,11 @@ from scleraforce.study import Choice, EyeStudy, LibraryStudy, Range, ReaderStudy
 
 TINY = Study(
     reader=ReaderStudy(
-        channels=(6, 8),
-        hidden=(24,),
-        bins=16,
-        batch_size=100,
-        epochs=3,
-        samples_per_epoch=2000,
-        validation_samples=500,
-        interval_eyes=0,
+        channels=(6, 8), hidden=(24,), bins=16, batch_size=100, epochs=3, samples_per_epoch=2000,
+        validation_samples=500, interval_eyes=0,
     ),
     library=LibraryStudy(thicknesses=4, tension=Range(min=1e-3, max=0.21), tensions=4, tips=16, elements=40),
-)
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -94,8 +88,7 @@ def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
 def test_training_learns_and_is_the_same_with_any_number_of_processes(source) -> None:
     first, second = (reader.fit_reader(TINY, source.chunk, workers) for workers in (1, 2))
     assert first.training_loss == second.training_loss
-    for one, two in zip(first.network.parameters(), second.network.parameters(), strict=True):
-        assert torch.equal(one, two)
+    assert all(map(torch.equal, first.network.parameters(), second.network.parameters()))
     assert first.training_loss[-1] < first.training_loss[0] - 0.3
     samples = source.chunk(9, 500)
     untrained = reader.compared(reader.answers(network(), samples), samples, TINY)
@@ -152,12 +145,6 @@ def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(library, t
     assert f"off by at most {1e6 * curves_m:.2g} µm" in card
 
 
-def test_a_library_of_another_eye_is_refused(library, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"radius 0\.012, the study has 0\.011"):
-        train_reader(library, replace(TINY, eye=EyeStudy(radius_m=11e-3)), tmp_path / "model")
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.slow
 def test_the_command_trains_a_reader_and_prints_its_json(tmp_path: Path, capsys) -> None:
     build_library(TINY, tmp_path / "library.zarr", workers=1, solve=solve_analytic)
@@ -169,7 +156,12 @@ def test_the_command_trains_a_reader_and_prints_its_json(tmp_path: Path, capsys)
     assert all(result[key] > 0 for key in ("validation_accuracy", "mae_mn", "coverage", "seconds"))
 
 
-def test_a_reader_is_not_trained_on_a_folder_of_slices(tmp_path: Path, capsys) -> None:
+def test_a_reader_is_not_trained_on_a_library_of_another_eye_or_a_folder_of_slices(
+    library, tmp_path: Path, capsys
+) -> None:
+    with pytest.raises(InputError, match=r"radius 0\.012, the study has 0\.011"):
+        train_reader(library, replace(TINY, eye=EyeStudy(radius_m=11e-3)), tmp_path / "model")
+    assert not list(tmp_path.iterdir())
     (tmp_path / "data.zarr").mkdir()
     assert run(["train", str(tmp_path / "data.zarr"), "--kind", "reader", "--out", str(tmp_path / "model")]) == 2
     assert "library" in capsys.readouterr().err

@@ -9,13 +9,12 @@ import pytest
 from bench_conjunctiva import rows_off, waving_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.light import Conjunctiva, Pose, sample_conjunctiva, sample_optics
-from scleraforce.models import SHIPPED_WALL_FINDER
-from scleraforce.reader.model import load_wall_finder
 from scleraforce.reader.verdicts import look
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.conjunctiva import below_conjunctiva, second_surface_m
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
+from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import PhantomStudy, Study, fixed
 
 STUDY = Study()
@@ -53,21 +52,24 @@ def test_the_walls_surface_is_found_below_a_conjunctiva(thickness_m: float) -> N
 
 
 @pytest.mark.parametrize("thickness_m", [80e-6, 250e-6, 450e-6])
-def test_without_a_known_thickness_a_second_surface_is_a_fault(thickness_m: float) -> None:
-    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+def test_without_a_known_thickness_a_second_surface_is_a_fault(thickness_m: float, shipped: WallFinder) -> None:
     made = bscan(layer(thickness_m, 2), 2)
     assert second_surface_m(made.frame, SCALE, find_wall(made.frame, SCALE)) == pytest.approx(thickness_m, rel=0.15)
-    unsure = look(made.frame, SCALE, STUDY.slice, finder=finder)
+    unsure = look(made.frame, SCALE, STUDY.slice, finder=shipped)
     assert "below the first" in str(unsure.reason)
     assert not unsure.cuts[0].any()
-    assert look(made.frame, SCALE, STUDY.slice, thickness_m=WALL_M, finder=finder).reason is None
+    assert look(made.frame, SCALE, STUDY.slice, thickness_m=WALL_M, finder=shipped).reason is None
 
 
 @pytest.mark.parametrize("wave", [0.0, 0.12])
-def test_a_bare_wall_has_no_second_surface(wave: float) -> None:
+def test_a_bare_wall_has_no_second_surface_and_no_conjunctiva_if_it_is_thicker_than_given(wave: float) -> None:
     for seed in range(6):
         made = bscan(None, seed, wave)
-        assert second_surface_m(made.frame, SCALE, find_wall(made.frame, SCALE)) is None
+        first = find_wall(made.frame, SCALE)
+        assert second_surface_m(made.frame, SCALE, first) is None
+        for told_m in (0.8 * WALL_M, 0.9 * WALL_M):
+            assert first.thickness_m > told_m + 35e-6
+            assert below_conjunctiva(made.frame, SCALE, first, told_m) is first
 
 
 def test_a_conjunctiva_that_waves_is_followed() -> None:
@@ -75,22 +77,6 @@ def test_a_conjunctiva_that_waves_is_followed() -> None:
     made = bscan(wavy, 4)
     found = below_conjunctiva(made.frame, SCALE, find_wall(made.frame, SCALE), WALL_M)
     assert rows_off(found, made) < 2.5  # its waves are 14 rows high
-
-
-@pytest.mark.parametrize("told", [0.8, 0.9])
-@pytest.mark.parametrize("wave", [0.0, 0.12])
-def test_a_wall_that_is_thicker_than_given_has_no_conjunctiva(told: float, wave: float) -> None:
-    for seed in range(4):
-        made = bscan(None, seed, wave)
-        first = find_wall(made.frame, SCALE)
-        assert first.thickness_m > told * WALL_M + 35e-6
-        assert below_conjunctiva(made.frame, SCALE, first, told * WALL_M) is first
-
-
-def test_two_surfaces_that_look_alike_to_the_light_are_one() -> None:
-    made = bscan(layer(140e-6, 1, level_db=0.0, interface_db=-60.0), 1)
-    first = find_wall(made.frame, SCALE)
-    assert below_conjunctiva(made.frame, SCALE, first, WALL_M) is first
 
 
 def layers(*levels_m: tuple[float, float]) -> tuple[np.ndarray, Segmentation]:
@@ -121,14 +107,16 @@ def test_a_step_is_taken_for_the_wall_where_the_given_thickness_asks_for_it_and_
     assert below_conjunctiva(frame, SCALE, found, 0.66e-3) is found
 
 
-def test_nothing_is_looked_for_where_the_thickness_is_untold_or_fits_or_no_wall_was_found() -> None:
+def test_nothing_is_found_where_the_thickness_is_untold_or_fits_both_surfaces_look_alike_or_no_wall_was_found() -> None:
     made = bscan(layer(140e-6, 2), 2)
     first = find_wall(made.frame, SCALE)
-    assert below_conjunctiva(made.frame, SCALE, first, None) is first
-    assert below_conjunctiva(made.frame, SCALE, first, first.thickness_m) is first
-    assert below_conjunctiva(made.frame, SCALE, first, 2 * first.thickness_m) is first
+    for told_m in (None, first.thickness_m, 2 * first.thickness_m):
+        assert below_conjunctiva(made.frame, SCALE, first, told_m) is first
     lost = replace(first, usable=False, reason="nothing")
     assert below_conjunctiva(made.frame, SCALE, lost, WALL_M) is lost
+    made = bscan(layer(140e-6, 1, level_db=0.0, interface_db=-60.0), 1)
+    first = find_wall(made.frame, SCALE)
+    assert below_conjunctiva(made.frame, SCALE, first, WALL_M) is first
 
 
 def test_readers_look_below_it() -> None:
@@ -139,9 +127,10 @@ def test_readers_look_below_it() -> None:
     assert told.cut.sum() < untold.cut.sum()
 
 
-def test_a_network_that_takes_the_conjunctiva_for_wall_does_not_speak_against_the_given_thickness() -> None:
+def test_a_network_that_takes_the_conjunctiva_for_wall_does_not_speak_against_the_given_thickness(
+    shipped: WallFinder,
+) -> None:
     """From 140 um on the shipped one does so; read and segmented is the sclera all the same."""
-    shipped = load_wall_finder(SHIPPED_WALL_FINDER)
     for thickness_m, seed in product((80e-6, 140e-6, 250e-6), range(3)):
         made = bscan(layer(thickness_m, seed), seed)
         found = find_wall(made.frame, SCALE, WALL_M, shipped)

@@ -21,10 +21,8 @@ def mean_by_sampling(frame: np.ndarray, scale: PixelScale, window: FrameWindow, 
 
 def test_cells_are_means_over_their_part_of_the_frame() -> None:
     frame = np.random.default_rng(1).integers(0, 4096, (31, 45)).astype(np.uint16)
-    scale, window = (
-        PixelScale(lateral_m=37e-6, depth_m=9e-6),
-        FrameWindow(rows=8, columns=20, row_m=41e-6, column_m=1e-4),
-    )
+    scale = PixelScale(lateral_m=37e-6, depth_m=9e-6)
+    window = FrameWindow(rows=8, columns=20, row_m=41e-6, column_m=1e-4)
     found = window.means(frame, scale)
     assert found.shape == (8, 20)
     for row, column in ((0, 10), (3, 4), (5, 13), (6, 2), (7, 10), (2, 0)):

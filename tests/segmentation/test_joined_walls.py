@@ -64,23 +64,19 @@ def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other(
     beyond = moved(150.0)
     dark, lit = bright_to(moved(0.0)), bright_to(beyond, noise=0.0)
     lit[100:] += np.arange(100, dtype=np.uint16)[:, None]  # it gets brighter: row 110 is not a boundary
-    np.testing.assert_array_equal(joined_walls(dark, wall(moved(0.0)), wall(beyond), STEP).inner_row, moved(0.0))
-    np.testing.assert_array_equal(joined_walls(lit, wall(moved(0.0)), wall(beyond), STEP).inner_row, beyond)
+    for frame, expected in ((dark, moved(0.0)), (lit, beyond)):
+        joined = joined_walls(frame, wall(moved(0.0)), wall(beyond), STEP)
+        np.testing.assert_array_equal(joined.inner_row, expected)
 
 
-def test_light_that_the_frame_cuts_off_does_not_fall() -> None:
-    """The last two rows are black, as a program may leave them: more light is lost there than at the wall's end."""
-    cut_off, frame = moved(88.0), bright_to(moved(0.0), noise=0.0)
-    frame[198:] = 0
-    for finer, other in ((moved(0.0), cut_off), (cut_off, moved(0.0))):
-        np.testing.assert_array_equal(joined_walls(frame, wall(finer), wall(other), STEP).inner_row, moved(0.0))
-
-
-def test_as_many_rows_are_looked_at_for_a_thin_wall_as_for_a_thick_one() -> None:
-    """Three rows above row 60 are brighter: light falls there by more than at the wall's end, but for as few rows."""
-    thin, frame = moved(-50.5), bright_to(moved(0.0), noise=0.0)
-    frame[57:60] += 600
-    for finer, other in ((moved(0.0), thin), (thin, moved(0.0))):
+@pytest.mark.parametrize(("by", "rows", "more"), [(88.0, slice(198, 200), -500), (-50.5, slice(57, 60), 600)])
+def test_light_that_falls_at_the_frames_edge_or_for_a_few_rows_is_not_the_walls_end(
+    by: float, rows: slice, more: int
+) -> None:
+    """A program may leave the last two rows black; three rows above row 60 are brighter: light falls there by more."""
+    elsewhere, frame = moved(by), bright_to(moved(0.0), noise=0.0)
+    frame[rows] += np.int64(more).astype(np.uint16)
+    for finer, other in ((moved(0.0), elsewhere), (elsewhere, moved(0.0))):
         np.testing.assert_array_equal(joined_walls(frame, wall(finer), wall(other), STEP).inner_row, moved(0.0))
 
 

@@ -47,9 +47,8 @@ def test_roughness_tells_size_and_correlation_of_the_noise() -> None:
 
 def test_a_dent_that_leaves_the_window_still_gives_all_its_points() -> None:
     boundaries = bowl(1e-6, np.random.default_rng(3))
-    depth = boundaries.depth_m.copy()
-    depth[:, np.abs(LATERAL) < 1e-3] = np.nan
-    points = observe_points(Boundaries(LATERAL, depth, 1e-9), 10, 0.0, 4e-3)
+    boundaries.depth_m[:, np.abs(LATERAL) < 1e-3] = np.nan
+    points = observe_points(boundaries, 10, 0.0, 4e-3)
     assert len(points.depth_m) == 10
     assert np.abs(points.lateral_m).min() >= 1e-3
 

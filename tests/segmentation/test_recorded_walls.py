@@ -78,27 +78,27 @@ def layered_frame(seed: int) -> Pixels:
     return frame.astype(np.uint16)
 
 
+def frames_of_scanners() -> Iterator[tuple[Pixels, PixelScale]]:
+    for rows, columns in SCANNERS:
+        scanner = OctStudy(width_m=9e-3, depth_m=5e-3, rows=rows, columns=columns, refractive_index=1.38)
+        rng = np.random.default_rng(1)
+        placed = Pose(lateral_m=0.0, depth_m=0.9e-3).place(dented_wall(0.7e-3, 0.8e-3))
+        optics = sample_optics(STUDY.phantom, scanner, rng)
+        yield render_bscan(placed, scanner, optics, rng).frame, PixelScale.of(scanner)
+
+
+KINDS = {
+    "phantoms": lambda: draw_frames(16),
+    "bytes": lambda: ((frame >> 4).astype(np.uint8) for frame in draw_frames(6)),
+    "needles": lambda: map(needle_frame, (-35.0, 0.0, 20.0)),
+    "scanners": frames_of_scanners,
+    "hostile": lambda: hostile_frames(draw_frames(2)[1]),
+    "layers": lambda: map(layered_frame, range(60)),
+}
+
+
 def frames(kind: str) -> Iterator[tuple[Pixels, PixelScale]]:
-    if kind == "scanners":
-        for rows, columns in SCANNERS:
-            scanner = OctStudy(width_m=9e-3, depth_m=5e-3, rows=rows, columns=columns, refractive_index=1.38)
-            rng = np.random.default_rng(1)
-            placed = Pose(lateral_m=0.0, depth_m=0.9e-3).place(dented_wall(0.7e-3, 0.8e-3))
-            optics = sample_optics(STUDY.phantom, scanner, rng)
-            yield render_bscan(placed, scanner, optics, rng).frame, PixelScale.of(scanner)
-    elif kind == "phantoms":
-        yield from ((frame, SCALE) for frame in draw_frames(16))
-    elif kind == "bytes":
-        yield from (((frame >> 4).astype(np.uint8), SCALE) for frame in draw_frames(6))
-    elif kind == "needles":
-        yield from ((needle_frame(angle_deg), SCALE) for angle_deg in (-35.0, 0.0, 20.0))
-    elif kind == "hostile":
-        yield from ((frame, SCALE) for frame in hostile_frames(draw_frames(2)[1]))
-    else:
-        yield from ((layered_frame(seed), SCALE) for seed in range(60))
-
-
-KINDS = ("phantoms", "bytes", "needles", "scanners", "hostile", "layers")
+    return (each if isinstance(each, tuple) else (each, SCALE) for each in KINDS[kind]())
 
 
 def shown(found: Segmentation) -> dict[str, Any]:

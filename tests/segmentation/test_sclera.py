@@ -55,9 +55,8 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped:
 
 def test_what_a_needle_hides_speaks_against_nothing() -> None:
     frame = image(wall_section(tip_of(0.015)))
-    found = find_wall(frame, SCALE)
-    column = np.rint(reduced_columns(512, HALF)).astype(int)
-    rows = ((found.outer_row[column] + 0.5) / 4 - 0.5, (found.inner_row[column] + 0.5) / 4 - 0.5)
+    found, column = find_wall(frame, SCALE), np.rint(reduced_columns(512, HALF)).astype(int)
+    rows = ((boundary[column] + 0.5) / 4 - 0.5 for boundary in (found.outer_row, found.inner_row))
     seen = fixed_finder(*rows).find(frame)  # the network sees wall in the shadow, too
     hidden = (150, 350)
     outer_row = found.outer_row.copy()

@@ -27,27 +27,20 @@ HALF = STUDY.columns // 2
 FRAME = np.zeros((512, 512), dtype=np.uint16)
 
 
-def phantom(thickness_m: float = 0.6e-3, dent_m: float = 1.0e-3, seed: int = 0) -> Bscan:
+def seen_wall(
+    thickness_m: float = 0.6e-3, dent_m: float = 1.0e-3, seed: int = 0
+) -> tuple[Bscan, np.ndarray, np.ndarray]:
+    """A frame, and first and last row of its wall at the network's columns, in reduced rows; NaN without wall."""
     rng = np.random.default_rng(seed)
     lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
     depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
     outer = np.stack([lateral, depth], axis=1)
     section = Section(outer, outer + np.array([0.0, thickness_m]))
     optics = sample_optics(STUDY_OF_FRAMES.phantom, OCT, rng)
-    return render_bscan(Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), OCT, optics, rng)
-
-
-def true_rows(bscan: Bscan) -> tuple[np.ndarray, np.ndarray]:
-    """First and last row of the wall at the network's columns, in rows of the reduced frame; NaN without wall."""
+    bscan = render_bscan(Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), OCT, optics, rng)
     wall = bscan.truth_mask[:, np.rint(reduced_columns(512, HALF)).astype(int)] > 0
-    there = wall.any(axis=0)
-    outer, inner = wall.argmax(axis=0) - 0.5, 511.5 - wall[::-1].argmax(axis=0)
-    return tuple(np.where(there, (rows + 0.5) * STUDY.rows / 512 - 0.5, np.nan) for rows in (outer, inner))
-
-
-def seen_wall(*wall: float, seed: int = 0) -> tuple[Bscan, np.ndarray, np.ndarray]:
-    bscan = phantom(*wall, seed=seed)
-    return bscan, *true_rows(bscan)
+    ends = np.where(wall.any(axis=0), [wall.argmax(axis=0), 512 - wall[::-1].argmax(axis=0)], np.nan)
+    return bscan, *(ends * STUDY.rows / 512 - 0.5)
 
 
 def at_every_column(rows: np.ndarray) -> np.ndarray:
@@ -89,35 +82,23 @@ def test_the_thickness_does_not_jump_where_another_place_is_a_little_likelier() 
     assert (seen.inner_sd[30:50] > 4 * 15).all()
 
 
-def test_a_column_without_wall_says_so() -> None:
+def test_a_column_without_wall_or_with_its_inner_boundary_above_shows_none_and_a_wall_at_an_edge_continues() -> None:
     outer = np.where(np.arange(HALF) < 30, np.nan, 30.0)
     seen = fixed_finder(outer, outer + 20).find(FRAME)
     assert np.array_equal(seen.there, np.arange(HALF) >= 30)
     assert seen.outer_row[30:] == pytest.approx(4 * 30.5 - 0.5, abs=0.2)
-
-
-def test_an_inner_boundary_above_the_outer_one_is_not_a_wall() -> None:
-    seen = fixed_finder(np.full(HALF, 50.0), np.full(HALF, 40.0)).find(FRAME)
-    assert not seen.there.any()
-
-
-def test_boundaries_in_the_first_and_last_row_lie_beyond_the_frame() -> None:
+    assert not fixed_finder(np.full(HALF, 50.0), np.full(HALF, 40.0)).find(FRAME).there.any()
     seen = fixed_finder(np.full(HALF, 0.0), np.full(HALF, STUDY.rows - 1.0), sd=0.3).find(FRAME)
     assert (seen.outer_row < -0.5).all()
     assert (seen.inner_row > 511.0).all()
 
 
-def test_a_network_with_other_outputs_is_refused() -> None:
-    session = FixedSession(np.zeros((2, STUDY.rows, HALF)), np.zeros(HALF))
+def test_a_network_with_other_outputs_or_answers_that_are_not_finite_is_refused() -> None:
+    session = FixedSession(np.full((2, STUDY.rows, HALF), np.nan), np.ones(HALF))
     with pytest.raises(ModelError, match="drawn: inputs: found"):
         WallFinder(session, replace(STUDY, rows=64), "drawn")
-
-
-def test_answers_that_are_not_finite_are_an_error() -> None:
-    finder = fixed_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
-    finder.session = FixedSession(np.full((2, STUDY.rows, HALF), np.nan), np.ones(HALF))
     with pytest.raises(ModelError, match="numbers that are not finite"):
-        finder.find(FRAME)
+        FixedFinder(session, STUDY, "drawn").find(FRAME)
 
 
 def refined(frame: np.ndarray, finder: WallFinder, scale: PixelScale = SCALE) -> Segmentation:
@@ -130,8 +111,8 @@ def refined(frame: np.ndarray, finder: WallFinder, scale: PixelScale = SCALE) ->
 @pytest.mark.parametrize("dent_m", [0.0, 1.0e-3, 2.0e-3])
 @pytest.mark.parametrize("thickness_m", [0.45e-3, 0.8e-3])
 def test_the_refined_wall_is_as_good_as_the_other_way(thickness_m: float, dent_m: float) -> None:
-    bscan = phantom(thickness_m, dent_m, seed=3)
-    finder = fixed_finder(*true_rows(bscan), sd=1.0)
+    bscan, *wall = seen_wall(thickness_m, dent_m, seed=3)
+    finder = fixed_finder(*wall, sd=1.0)
     checked, other = refined(bscan.frame, finder), find_wall(bscan.frame, SCALE)
     assert checked.inner_found
     assert dice(checked.mask, bscan.truth_mask) > max(0.97, dice(other.mask, bscan.truth_mask) - 0.003)
@@ -140,48 +121,40 @@ def test_the_refined_wall_is_as_good_as_the_other_way(thickness_m: float, dent_m
 
 def test_a_needle_that_the_other_method_sees_is_kept_whichever_wall_is_shown() -> None:
     needle = SeenNeedle(angle_rad=0.4, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(280.0, -0.5), hidden=(250, 300))
-    bscan = phantom(seed=3)
+    bscan, outer, inner = seen_wall(seed=3)
     found = replace(find_wall(bscan.frame, SCALE), needle=needle)
-    outer, inner = true_rows(bscan)
     for shift in (0.0, 6.0):
         finder = fixed_finder(outer + shift, inner + shift)
         assert checked_by(finder, bscan.frame, SCALE, found, found).needle == needle
 
 
-def test_where_they_do_not_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most() -> None:
-    """Its lower boundary is given 0.8 rows too high on the left, where the edge is; 3 too low on the right: too far."""
+def test_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most_and_a_farther_edge_is_another_things() -> None:
+    """Its lower boundary is given 0.8 rows too high on the left, where the edge is; 3 too low on the right: too far.
+
+    Then its surface is given 3 rows too high: where `find_wall` sees the edge is not what it sees.
+    """
     bscan, outer, inner = seen_wall(0.6e-3, 0.0, seed=3)
     left = np.arange(HALF) < HALF // 2
     checked = refined(bscan.frame, fixed_finder(outer, np.where(left, inner - 0.8, inner + 3.0), sd=1.0))
     off = checked.inner_row - at_every_column(inner)
     assert np.nanmedian(np.abs(off[60:220])) < 2.0
     assert np.nanmedian(off[300:450]) == pytest.approx(12.0, abs=3.0)
-
-
-def test_an_edge_farther_than_a_row_of_the_network_is_another_things() -> None:
-    """Its surface is given 3 rows of its own too high: where `find_wall` sees the edge is not what it sees."""
-    bscan, outer, inner = seen_wall(0.6e-3, 0.0, seed=3)
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(outer - 3.0, inner, sd=0.5))
     assert np.nanmedian((checked.outer_row - at_every_column(outer))[60:450]) == pytest.approx(-12.0, abs=3.0)
     assert not checked.usable
 
 
-def test_a_wall_that_continues_beyond_the_frame_ends_a_millimetre_below_its_surface() -> None:
-    bscan, outer, _ = seen_wall(0.6e-3, 0.0)
+def test_a_wall_beyond_the_frame_ends_1_mm_below_its_surface_and_one_that_leaves_it_keeps_its_thickness() -> None:
+    bscan, outer, inner = seen_wall(0.6e-3, 0.0)
     below = np.full(HALF, STUDY.rows - 1.0)
-    finder = fixed_finder(outer, np.where(np.isfinite(outer), below, np.nan))
-    checked = refined(bscan.frame, finder)
+    checked = refined(bscan.frame, fixed_finder(outer, np.where(np.isfinite(outer), below, np.nan)))
     assert not checked.inner_found
     assert np.isnan(checked.thickness_m)
     deep = checked.inner_row - checked.outer_row
     inside = checked.inner_row < 500
     assert deep[inside] == pytest.approx(1e-3 * SCALE.refractive_index / SCALE.depth_m, rel=1e-3)
-
-
-def test_a_wall_that_leaves_the_frame_keeps_its_thickness() -> None:
-    bscan, outer, inner = seen_wall(0.6e-3, 0.0)
     middle = np.abs(np.arange(HALF) - HALF / 2) < HALF / 4
-    checked = refined(bscan.frame, fixed_finder(outer, np.where(middle, inner, STUDY.rows - 1.0)))
+    checked = refined(bscan.frame, fixed_finder(outer, np.where(middle, inner, below)))
     assert np.nanmedian(np.abs(checked.inner_row - at_every_column(inner))) < 3.0
     assert checked.thickness_m == pytest.approx(0.6e-3, rel=0.1)
 
@@ -210,13 +183,9 @@ def test_a_network_that_sees_another_wall_makes_the_frame_unusable(shift: tuple[
     assert replace(alike, first=without_wall(bscan.frame.shape, "")).disagreement == alike.disagreement < 0.1
 
 
-def test_a_network_that_is_unsure_does_not_contradict() -> None:
+def test_an_unsure_network_does_not_contradict_and_one_that_sees_half_of_the_wall_or_none_does() -> None:
     bscan, outer, inner = seen_wall()
     assert find_wall(bscan.frame, SCALE, finder=fixed_finder(outer, inner + 6.0, sd=4.0)).usable
-
-
-def test_a_network_that_sees_half_of_the_wall_or_none_makes_the_frame_unusable() -> None:
-    bscan, outer, inner = seen_wall()
     half = np.where(np.arange(HALF) < HALF // 2, np.nan, outer)
     checked = find_wall(bscan.frame, SCALE, finder=fixed_finder(half, inner))
     assert not checked.usable
@@ -252,15 +221,15 @@ def test_where_no_edge_is_near_the_networks_own_boundary_stays() -> None:
 
 @pytest.mark.parametrize("scale", [0.25, 4.0])
 def test_a_wall_is_refined_whatever_scale_a_frame_is_said_to_have(scale: float) -> None:
-    bscan = phantom(0.6e-3, 0.0)
+    bscan, *wall = seen_wall(0.6e-3, 0.0)
     size = PixelScale(lateral_m=SCALE.lateral_m * scale, depth_m=SCALE.depth_m * scale)
-    checked = refined(bscan.frame, fixed_finder(*true_rows(bscan), sd=1.0), size)
+    checked = refined(bscan.frame, fixed_finder(*wall, sd=1.0), size)
     assert dice(checked.mask, bscan.truth_mask) > 0.95
     assert checked.thickness_m == pytest.approx(0.6e-3 * scale, rel=0.1)
 
 
 def test_a_reduced_frame_has_its_noise_at_zero_and_its_tissue_at_one() -> None:
-    small = reduced_frame(phantom().frame, 128, 176)
+    small = reduced_frame(seen_wall()[0].frame, 128, 176)
     assert small.shape == (128, 176)
     assert abs(np.median(small)) < 0.2
     assert 0.9 < np.quantile(small, 0.99) < 1.1
@@ -292,22 +261,16 @@ def test_a_second_look_at_the_rows_about_a_wall_corrects_it_a_little(
     assert seen.outer_row == pytest.approx(4 * (40.5 + moved * believed) - 0.5, abs=0.5)
 
 
-def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once() -> None:
+def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once_and_one_at_the_edge_of_a_second_look_is_there() -> None:
     for outer in (np.full(HALF, 5.0), np.full(HALF, np.nan)):
         finder = LookedAt(fixed_finder(outer, outer + 115.0), fixed_finder(outer, outer + 20.0))
         finder.find(FRAME)
         assert finder.rows == [(0, 512)]
-
-
-def test_a_boundary_in_the_first_row_of_a_second_look_lies_in_the_frame() -> None:
     session = FixedSession(np.stack([distributions(np.full(HALF, row), 0.3) for row in (0.0, 40.0)]), np.ones(HALF))
     seen = WallFinder(session, STUDY, "drawn")._look(FRAME, 128, 384)
     assert seen.outer_row == pytest.approx(128.5, abs=0.5)
-
-
-def test_what_a_single_answer_sees_elsewhere_is_left_out_of_the_wall() -> None:
-    outer = np.where(np.arange(HALF) == 40, 52.0, 40.0)
-    assert fixed_finder(outer, outer + 20.0).find(FRAME).outer_row == pytest.approx(4 * 40.5 - 0.5, abs=0.5)
+    spike = np.where(np.arange(HALF) == 40, 52.0, 40.0)  # what a single answer sees elsewhere is left out of the wall
+    assert fixed_finder(spike, spike + 20.0).find(FRAME).outer_row == pytest.approx(4 * 40.5 - 0.5, abs=0.5)
 
 
 def test_an_unsure_network_that_takes_the_choroid_for_wall_leaves_its_end_to_the_other_way() -> None:
@@ -336,7 +299,7 @@ def test_an_inner_boundary_moves_to_the_edge_near_it_and_stays_where_none_is() -
 
 @pytest.mark.parametrize("grey", [400, 4095])
 def test_the_margins_of_a_page_are_black_to_the_search_and_saturate_nothing(grey: int) -> None:
-    bscan = phantom()
+    bscan = seen_wall()[0]
     page = np.full((592, 572), grey, dtype=np.uint16)
     page[30:542, 20:532] = bscan.frame
     wall, alone = find_wall(page, SCALE), find_wall(bscan.frame, SCALE)

@@ -3,8 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from math import exp, log, pi
+from pathlib import Path
 
 import numpy as np
+import pytest
 from analytic_library import analytic_library
 
 from ideal_boundaries import ideal_boundaries
@@ -22,6 +24,8 @@ from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Range, ReaderStudy, Study, fixed
 
+SHARED = Path(__file__).parents[3] / "shared"
+needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")
 LIBRARY = analytic_library()
 SMALL_LIBRARY = analytic_library(thicknesses=6, ratios=7, tips=28)  # for models that each test loads anew
 STUDY = Study()

@@ -5,7 +5,7 @@ the speckle in each layer that it holds, and varies as the mean of n independent
 fold over, the speckle of neighbouring cells is independent, and thin bright lines have none.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import log, pi, sqrt
 
@@ -39,15 +39,6 @@ class _Layer:
     falls_db_per_m: Reals
 
 
-@dataclass(frozen=True, eq=False)
-class _Line:
-    """A thin bright curve: depth of its middle (frame, column), full width (frame, 1), level, dB over the noise."""
-
-    depth_m: Reals
-    width_m: Reals
-    level_db: Reals
-
-
 def draw_reduced(
     depth_sbc: Reals,
     optics: Sequence[BscanOptics],
@@ -68,9 +59,9 @@ def draw_reduced(
     light_db = np.stack([_decibel(shaft.light * ~shaft.inside) for shaft in shafts]) if shafts else np.float32(0.0)
     layers = _layers(surface_m, wall_m, optics, oct_study, window)
     mean, variance = _speckled(layers, light_db, displayed, _looks(optics, oct_study, window), window)
-    for line in _lines(surface_m, wall_m[:, OUTER], optics, window):
-        share, _ = _covered(window, line.depth_m - 0.5 * line.width_m, line.depth_m + 0.5 * line.width_m)
-        bright = displayed.mean(_there(line.level_db) + light_db)
+    for depth_m, width_m, level_db in _lines(surface_m, wall_m[:, OUTER], optics, window):
+        share, _ = _covered(window, depth_m - 0.5 * width_m, depth_m + 0.5 * width_m)
+        bright = displayed.mean(_there(level_db) + light_db)
         mean += share * np.maximum(bright - mean, 0.0)
     if shafts:
         mean = np.maximum(mean, displayed.mean(np.stack([_decibel(shaft.skin) for shaft in shafts])))
@@ -173,23 +164,23 @@ def _there(level_db: Reals) -> Float:
     return np.nan_to_num(level_db, nan=NO_LIGHT_DB)[:, None].astype(np.float32)
 
 
-def _lines(surface_m: Reals, outer_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
-    """Return the mirror reflections of the surface and of a wall below a conjunctiva, and the frames' lines."""
+def _lines(
+    surface_m: Reals, outer_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow
+) -> Iterator[tuple[Reals, Reals, Reals]]:
+    """Yield depths of the middles (frame, column), full widths (frame, 1) and levels over the noise, dB, of thin lines.
+
+    These are the mirror reflections of the surface and of a wall below a conjunctiva, then the horizontal lines and
+    covers of frames, one per frame for each of the largest number.
+    """
     light, two_sigmas_m = _light(optics, window), 2.0 * amplitude_sigma(1.0) * _each(optics, "axial_resolution_m")
     interface = [-np.inf if each.conjunctiva is None else each.conjunctiva.interface_db for each in optics]
-    found = []
     for depth_m, reflection_db in (
         (surface_m, _each(optics, "reflection_db")),
         (outer_m, np.array(interface)[:, None]),
     ):
         slope = np.arctan(np.gradient(depth_m, window.column_m, axis=1))
         falls = DB * (slope / _each(optics, "reflection_angle_rad")) ** 2
-        found.append(_Line(depth_m, two_sigmas_m, light + np.maximum(reflection_db - falls, -DB * 30.0)))
-    return [*found, *_across(surface_m, optics, window)]
-
-
-def _across(surface_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
-    """Return the horizontal lines and the covers of frames: one line per frame for each of the largest number."""
+        yield depth_m, two_sigmas_m, light + np.maximum(reflection_db - falls, -DB * 30.0)
     highest_m = np.nanmin(np.minimum(surface_m, window.rows * window.row_m), axis=1)
     curves = [
         [(np.full(window.columns, line.depth_m), line.thickness_m, line.level_db) for line in each.lines]
@@ -198,12 +189,10 @@ def _across(surface_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow
         for each, top_m in zip(optics, highest_m, strict=True)
     ]  # fmt: skip
     nothing = (np.full(window.columns, np.inf), 0.0, NO_LIGHT_DB)
-    found = []
     for number in range(max(map(len, curves))):
         depths, widths, levels = zip(*(own[number] if number < len(own) else nothing for own in curves), strict=True)
         width_m = 2.0 * amplitude_sigma(1.0) * np.array(widths)[:, None]
-        found.append(_Line(np.stack(depths), width_m, np.array(levels)[:, None]))
-    return found
+        yield np.stack(depths), width_m, np.array(levels)[:, None]
 
 
 def _imaged(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow) -> tuple[Float, Float]:

@@ -123,7 +123,7 @@ class Picture:
 
 
 def empty_picture(window: Window) -> Picture:
-    """Return an empty drawing."""
+    """Return an empty tissue."""
     shape = (window.rows + window.above, window.columns)
     covered = np.zeros(window.columns, dtype=np.bool_)
     return Picture(window, np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32), [], covered)
@@ -144,23 +144,16 @@ PROFILE_WAVES = 1.5  # of its brightness over its depth, at most
 
 @dataclass(frozen=True)
 class Tissue:
-    """The visible wall: rows of the drawing, (column,), NaN without wall; `surface` may be the conjunctiva's."""
+    """A wall that is drawn into a picture: rows of the drawing, (column,), NaN without wall.
 
-    rays: Rays
-    surface: Floats
-    outer: Floats
-    inner: Floats
-    refractive_index: float
-
-
-@dataclass(frozen=True)
-class _Drawing:
-    """A wall (rows `outer` and `inner`, (column,)) that is drawn into a picture; `snr_db`: of the sclera's surface."""
+    `surface` may be the conjunctiva's; `snr_db`: of the sclera's surface.
+    """
 
     study: SceneTissueStudy
     wall: DrawnWall
     picture: Picture
     rays: Rays
+    surface: Floats
     outer: Floats
     inner: Floats
     snr_db: float
@@ -190,25 +183,25 @@ class _Drawing:
 
 
 def draw_tissue(study: SceneTissueStudy, wall: DrawnWall, picture: Picture, rng: np.random.Generator) -> Tissue:
-    """Draw the tissue into an empty picture; return the place of the wall."""
+    """Draw the tissue into an empty picture."""
     window = picture.window
     index = 1.0 if rng.random() < study.corrected_share else draw(study.refractive_index, rng)
     snr_db = draw(study.snr_db, rng)
     over_m = _conjunctiva(study, wall, rng)
     rays = rays_below(heights(wall.offset(-over_m), window), window, index)
     surface, outer, inner = window.row(rays.surface_m), rays.row_of(wall.outer), rays.row_of(wall.inner)
-    drawing = _Drawing(study, wall, picture, rays, outer, inner, snr_db, rng)
-    _fill_inside(drawing)
-    _fill_wall(drawing)
+    tissue = Tissue(study, wall, picture, rays, surface, outer, inner, snr_db, rng)
+    _fill_inside(tissue)
+    _fill_wall(tissue)
     if over_m.any():  # with Tenon's layer as its lower part
         middle = outer - draw(study.tenon_share, rng) * (outer - surface)
         attenuation = draw(study.attenuation_per_m, rng)
-        drawing.fill(surface, middle, drawing.light(draw(study.conjunctiva_db, rng)), attenuation)
-        drawing.fill(middle, outer, drawing.light(draw(study.tenon_db, rng)), attenuation)
-    _roughen(drawing, surface)
-    facing = drawing.facing()
-    picture.ridges.append(Ridge(surface, drawing.light(draw(study.reflection_db, rng)) * facing, RIDGE_ROWS))
-    return Tissue(rays, surface, outer, inner, index)
+        tissue.fill(surface, middle, tissue.light(draw(study.conjunctiva_db, rng)), attenuation)
+        tissue.fill(middle, outer, tissue.light(draw(study.tenon_db, rng)), attenuation)
+    _roughen(tissue)
+    facing = tissue.facing()
+    picture.ridges.append(Ridge(surface, tissue.light(draw(study.reflection_db, rng)) * facing, RIDGE_ROWS))
+    return tissue
 
 
 def _conjunctiva(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) -> Floats:
@@ -223,26 +216,26 @@ def _conjunctiva(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Genera
     return thickness_m * covered * swell
 
 
-def _fill_inside(drawing: _Drawing) -> None:
+def _fill_inside(tissue: Tissue) -> None:
     """Fill the inside of the eye: haze, light below the sclera, iris and lens, ciliary body and choroid."""
-    study, rng, wall, inner = drawing.study, drawing.rng, drawing.wall, drawing.inner
+    study, rng, wall, inner = tissue.study, tissue.rng, tissue.wall, tissue.inner
     if rng.random() < study.haze_share:
-        drawing.fill(inner, np.full(len(inner), np.inf), drawing.light(draw(study.haze_db, rng)), 0.0)
-    _fade_below(drawing, inner, 1.0 - drawing.cornea(1.0))
+        tissue.fill(inner, np.full(len(inner), np.inf), tissue.light(draw(study.haze_db, rng)), 0.0)
+    _fade_below(tissue, inner, 1.0 - tissue.cornea(1.0))
     uvea_m = _uvea(study, wall, rng) if rng.random() < study.uvea_share else np.zeros(len(wall.arc_m))
     if wall.limbus is not None:
-        _fill_iris_and_lens(drawing, wall.limbus, uvea_m)
+        _fill_iris_and_lens(tissue, wall.limbus, uvea_m)
     if uvea_m.any():
-        _fill_uvea(drawing, uvea_m)
+        _fill_uvea(tissue, uvea_m)
 
 
-def _fade_below(drawing: _Drawing, top: Floats, level: Floats) -> None:
+def _fade_below(tissue: Tissue, top: Floats, level: Floats) -> None:
     """Let the light of tissue, of a level (column,) over the sclera's, fade below its lower end, in some scenes."""
-    study, rng = drawing.study, drawing.rng
+    study, rng = tissue.study, tissue.rng
     length_m, level_db = draw(study.below_m, rng), draw(study.below_db, rng)
     if rng.random() < study.below_share:
-        length_rows = length_m * drawing.rays.stretch / drawing.picture.window.pixel_m
-        drawing.picture.fade(top, level * drawing.light(level_db), length_rows)
+        length_rows = length_m * tissue.rays.stretch / tissue.picture.window.pixel_m
+        tissue.picture.fade(top, level * tissue.light(level_db), length_rows)
 
 
 def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) -> Floats:
@@ -256,23 +249,23 @@ def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) ->
     return np.clip(beyond_m / rise_m, 0.0, 1.0) * (choroid_m + max(ciliary_m - choroid_m, 0.0) * falling)
 
 
-def _fill_uvea(drawing: _Drawing, thickness_m: Floats) -> None:
+def _fill_uvea(tissue: Tissue, thickness_m: Floats) -> None:
     """Fill ciliary body and choroid; a dark gap parts a layer that is as bright as the sclera from it."""
-    study, rng, wall, inner = drawing.study, drawing.rng, drawing.wall, drawing.inner
+    study, rng, wall, inner = tissue.study, tissue.rng, tissue.wall, tissue.inner
     level_db, gap_m, gap_db = draw(study.uvea_db, rng), draw(study.gap_m, rng), draw(study.gap_db, rng)
     attenuation = draw(study.uvea_attenuation_per_m, rng)
     parted = rng.random() < study.gap_share
-    bottom = drawing.rays.row_of(wall.offset(wall.thickness_m + thickness_m))
+    bottom = tissue.rays.row_of(wall.offset(wall.thickness_m + thickness_m))
     top = np.where(bottom > inner, inner, np.nan)
-    drawing.fill(top, bottom, drawing.light(level_db if parted else min(level_db, APART_DB)), attenuation)
+    tissue.fill(top, bottom, tissue.light(level_db if parted else min(level_db, APART_DB)), attenuation)
     if parted:
-        gap = inner + max(gap_m * drawing.rays.stretch / drawing.picture.window.pixel_m, GAP_ROWS)
-        drawing.fill(top, np.minimum(gap, bottom), drawing.light(gap_db), attenuation)
+        gap = inner + max(gap_m * tissue.rays.stretch / tissue.picture.window.pixel_m, GAP_ROWS)
+        tissue.fill(top, np.minimum(gap, bottom), tissue.light(gap_db), attenuation)
 
 
-def _fill_iris_and_lens(drawing: _Drawing, limbus: Limbus, uvea_m: Floats) -> None:
+def _fill_iris_and_lens(tissue: Tissue, limbus: Limbus, uvea_m: Floats) -> None:
     """Fill the iris, which begins on the face of the ciliary body, and the lens behind it."""
-    study, rng, wall = drawing.study, drawing.rng, drawing.wall
+    study, rng, wall = tissue.study, tissue.rng, tissue.wall
     root_arc_m = limbus.spur_m + draw(study.iris_root, rng) * draw(study.ciliary_rise_m, rng)
     deeper_m = draw(study.iris_depth_m, rng)
     face = wall.offset(wall.thickness_m + uvea_m)  # of the ciliary body, below the wall
@@ -286,18 +279,18 @@ def _fill_iris_and_lens(drawing: _Drawing, limbus: Limbus, uvea_m: Floats) -> No
     zero, below = wall.pose.place_points(np.array([[0.0, 0.0], [0.0, 1.0]]))
     plane_m = float(np.mean([(root - zero) @ (below - zero) for root in roots.values()])) + deeper_m
     if rng.random() < study.lens_share:
-        _fill_lens(drawing, plane_m)
+        _fill_lens(tissue, plane_m)
     if rng.random() < study.iris_share:
-        _fill_iris(drawing, roots, below - zero, plane_m)
+        _fill_iris(tissue, roots, below - zero, plane_m)
 
 
-def _fill_iris(drawing: _Drawing, roots: dict[float, Floats], down: Floats, plane_m: float) -> None:
+def _fill_iris(tissue: Tissue, roots: dict[float, Floats], down: Floats, plane_m: float) -> None:
     """Fill both halves of the iris, from their roots (side: place in the frame) to the pupil, and their pigment."""
-    study, rng, wall, picture = drawing.study, drawing.rng, drawing.wall, drawing.picture
+    study, rng, wall, picture = tissue.study, tissue.rng, tissue.wall, tissue.picture
     thick_m, bow_m, pupil_m = (draw(values, rng) for values in (study.iris_m, study.iris_bow_m, study.pupil_m))
     level_db, attenuation = draw(study.iris_db, rng), draw(study.iris_attenuation_per_m, rng)
     pigment_db, grain_db = level_db + draw(study.pigment_db, rng), draw(study.iris_grain_db, rng)
-    pigment_rows = draw(study.pigment_m, rng) * drawing.rays.stretch / picture.window.pixel_m
+    pigment_rows = draw(study.pigment_m, rng) * tissue.rays.stretch / picture.window.pixel_m
     grain = np.exp(_grains(picture, rng) * np.float32(grain_db * np.log(10.0) / 10.0))
     bump_m = 0.15 * thick_m * np.sin(rng.uniform(4.0, 14.0) * ALONG + rng.uniform(0.0, 6.0))
     upper_m, lower_m = bow_m * np.sin(np.pi * ALONG) + bump_m, thick_m * (1.0 - 0.5 * (1.0 - ALONG) ** 2)
@@ -306,10 +299,10 @@ def _fill_iris(drawing: _Drawing, roots: dict[float, Floats], down: Floats, plan
         middle = root + ALONG[:, None] * (pupil - root)
         crypts_m = _crypts(study, thick_m, float(np.linalg.norm(pupil - root)), rng)
         upper, lower = (middle + edge_m[:, None] * down for edge_m in (upper_m + crypts_m, upper_m + lower_m))
-        top, bottom = _between(drawing, np.concatenate([upper, lower[::-1]]))
-        _fade_below(drawing, bottom, np.full(len(bottom), ratios(level_db)))
-        drawing.fill(top, bottom, drawing.light(level_db), attenuation)
-        drawing.fill(np.maximum(bottom - pigment_rows, top), bottom, drawing.light(pigment_db), attenuation)
+        top, bottom = _between(tissue, np.concatenate([upper, lower[::-1]]))
+        _fade_below(tissue, bottom, np.full(len(bottom), ratios(level_db)))
+        tissue.fill(top, bottom, tissue.light(level_db), attenuation)
+        tissue.fill(np.maximum(bottom - pigment_rows, top), bottom, tissue.light(pigment_db), attenuation)
         picture.brighten(top, bottom, grain)
 
 
@@ -322,9 +315,9 @@ def _crypts(study: SceneTissueStudy, thick_m: float, length_m: float, rng: np.ra
     return np.minimum(depth_m, 0.4 * thick_m)
 
 
-def _fill_lens(drawing: _Drawing, plane_m: float) -> None:
+def _fill_lens(tissue: Tissue, plane_m: float) -> None:
     """Fill the lens, its layers within each other, with the bright layers of its capsule."""
-    study, rng, rays = drawing.study, drawing.rng, drawing.rays
+    study, rng, rays = tissue.study, tissue.rng, tissue.rays
     radius_m, front_m = draw(study.lens_radius_m, rng), plane_m + draw(study.lens_depth_m, rng)
     lateral = np.linspace(-LENS_HALF_M, LENS_HALF_M, 40)
     sag = radius_m - np.sqrt(radius_m**2 - lateral**2)
@@ -335,14 +328,14 @@ def _fill_lens(drawing: _Drawing, plane_m: float) -> None:
     centre = np.array([0.0, front_m + half_m])
     edges = []
     for size in LENS_LAYERS:
-        edges.append(_between(drawing, drawing.wall.pose.place_points(size * outline + centre)))
-        drawing.fill(*edges[-1], drawing.light(level_db + layer_db * rng.uniform(-1.0, 1.0)), LENS_ATTENUATION_PER_M)
+        edges.append(_between(tissue, tissue.wall.pose.place_points(size * outline + centre)))
+        tissue.fill(*edges[-1], tissue.light(level_db + layer_db * rng.uniform(-1.0, 1.0)), LENS_ATTENUATION_PER_M)
     top, bottom = edges[0]
-    capsule_rows = draw(study.capsule_m, rng) * rays.stretch / drawing.picture.window.pixel_m
+    capsule_rows = draw(study.capsule_m, rng) * rays.stretch / tissue.picture.window.pixel_m
     turned = ratios(-20.0 * np.minimum(np.abs(rays.slope_rad), 1.0))  # its mirror reflection is lost at a slope
-    capsule = drawing.light(draw(study.capsule_db, rng)) * turned
-    drawing.fill(top, np.minimum(top + capsule_rows, bottom), capsule, 0.0)
-    drawing.fill(np.maximum(bottom - capsule_rows, top), bottom, capsule * ratios(-rng.uniform(0.0, 12.0)), 0.0)
+    capsule = tissue.light(draw(study.capsule_db, rng)) * turned
+    tissue.fill(top, np.minimum(top + capsule_rows, bottom), capsule, 0.0)
+    tissue.fill(np.maximum(bottom - capsule_rows, top), bottom, capsule * ratios(-rng.uniform(0.0, 12.0)), 0.0)
 
 
 def outline_depths(outline: Floats, lateral_m: Floats) -> Floats | None:
@@ -351,54 +344,54 @@ def outline_depths(outline: Floats, lateral_m: Floats) -> Floats | None:
     return None if len(crossings) < 2 else np.where(np.isfinite(crossings[:2]), crossings[:2], np.nan)
 
 
-def _between(drawing: _Drawing, outline: Floats) -> tuple[Floats, Floats]:
+def _between(tissue: Tissue, outline: Floats) -> tuple[Floats, Floats]:
     """Return the rows between which a closed outline inside the wall is seen, (column,), NaN outside of it."""
-    edges = outline_depths(outline, drawing.rays.window.grid_m)
+    edges = outline_depths(outline, tissue.rays.window.grid_m)
     if edges is None:
-        return (np.full(drawing.rays.window.columns, np.nan),) * 2
-    top, bottom = (drawing.rays.row(edge) for edge in edges)
-    return np.maximum(top, drawing.inner), bottom
+        return (np.full(tissue.rays.window.columns, np.nan),) * 2
+    top, bottom = (tissue.rays.row(edge) for edge in edges)
+    return np.maximum(top, tissue.inner), bottom
 
 
-def _fill_wall(drawing: _Drawing) -> None:
+def _fill_wall(tissue: Tissue) -> None:
     """Fill the wall, layer by layer; the cornea's backscatter falls with the angle of the light to its normal."""
-    study, rng, outer, inner = drawing.study, drawing.rng, drawing.outer, drawing.inner
+    study, rng, outer, inner = tissue.study, tissue.rng, tissue.outer, tissue.inner
     most_db, width_rad = draw(study.angle_fall_db, rng), draw(study.angle_width_rad, rng)
-    fall_db = most_db * (1.0 - np.exp(-((drawing.rays.slope_rad / width_rad) ** 2) / 2))
+    fall_db = most_db * (1.0 - np.exp(-((tissue.rays.slope_rad / width_rad) ** 2) / 2))
     cornea_db = draw(study.cornea_db, rng) - fall_db
     waves, phase = rng.uniform(0.0, PROFILE_WAVES), rng.uniform(0.0, 2.0 * np.pi)
     profile_db, attenuation = draw(study.profile_db, rng), draw(study.attenuation_per_m, rng)
     for above, below in pairwise(np.linspace(0.0, 1.0, WALL_LAYERS + 1)):
         share = float(above + below) / 2
-        level_db = drawing.cornea(share) * cornea_db
+        level_db = tissue.cornea(share) * cornea_db
         level_db = level_db + profile_db * np.sin(2.0 * np.pi * waves * share + phase)
         top, bottom = outer + above * (inner - outer), outer + below * (inner - outer)
-        drawing.fill(top, bottom, drawing.light(level_db), attenuation)
+        tissue.fill(top, bottom, tissue.light(level_db), attenuation)
     for _ in range(int(draw(study.scar_count, rng))):
-        _scar(drawing)
-    if drawing.wall.limbus is not None:
-        _fill_faces(drawing, cornea_db)
+        _scar(tissue)
+    if tissue.wall.limbus is not None:
+        _fill_faces(tissue, cornea_db)
 
 
-def _fill_faces(drawing: _Drawing, cornea_db: Floats) -> None:
+def _fill_faces(tissue: Tissue, cornea_db: Floats) -> None:
     """Draw the cornea's two faces: its epithelium, and the mirror reflection of its inner boundary."""
-    study, rng, outer, inner = drawing.study, drawing.rng, drawing.outer, drawing.inner
-    cornea = drawing.cornea(0.0)
-    rows = draw(study.epithelium_m, rng) * drawing.rays.stretch / drawing.picture.window.pixel_m
+    study, rng, outer, inner = tissue.study, tissue.rng, tissue.outer, tissue.inner
+    cornea = tissue.cornea(0.0)
+    rows = draw(study.epithelium_m, rng) * tissue.rays.stretch / tissue.picture.window.pixel_m
     epithelium = np.where(cornea > 0.5, outer, np.nan)
     gain = 10.0 ** (draw(study.epithelium_db, rng) * cornea / 10.0)
-    drawing.picture.brighten(epithelium, np.minimum(outer + rows, inner), gain)
-    facing = drawing.facing()
-    cornea = drawing.cornea(1.0)
-    intensity = drawing.light(cornea * cornea_db + draw(study.boundary_db, rng)) * facing * cornea
-    drawing.picture.ridges.append(Ridge(inner, intensity, RIDGE_ROWS))
+    tissue.picture.brighten(epithelium, np.minimum(outer + rows, inner), gain)
+    facing = tissue.facing()
+    cornea = tissue.cornea(1.0)
+    intensity = tissue.light(cornea * cornea_db + draw(study.boundary_db, rng)) * facing * cornea
+    tissue.picture.ridges.append(Ridge(inner, intensity, RIDGE_ROWS))
 
 
-def _scar(drawing: _Drawing) -> None:
+def _scar(tissue: Tissue) -> None:
     """Draw a spot in the wall, dark or bright, and its shadow."""
-    study, rng, picture, outer, inner = drawing.study, drawing.rng, drawing.picture, drawing.outer, drawing.inner
+    study, rng, picture, outer, inner = tissue.study, tissue.rng, tissue.picture, tissue.outer, tissue.inner
     window = picture.window
-    half_m, half_rows = draw(study.scar_m, rng), draw(study.scar_height_m, rng) * drawing.rays.stretch / window.pixel_m
+    half_m, half_rows = draw(study.scar_m, rng), draw(study.scar_height_m, rng) * tissue.rays.stretch / window.pixel_m
     share, across = rng.random(), (window.lateral_m - rng.uniform(*window.lateral_m[[0, -1]])) / half_m
     middle = outer + share * (inner - outer)
     near = np.exp(-(across**2) - ((picture.rows - middle) / half_rows) ** 2)
@@ -420,9 +413,9 @@ def _grains(picture: Picture, rng: np.random.Generator, length_m: float = GRAIN_
     return cv2.resize(drawn, shape[::-1], interpolation=cv2.INTER_LINEAR).astype(np.float32, copy=False)
 
 
-def _roughen(drawing: _Drawing, surface: Floats) -> None:
+def _roughen(tissue: Tissue) -> None:
     """Give the tissue a texture of long grains along its surface."""
-    study, rng, picture = drawing.study, drawing.rng, drawing.picture
+    study, rng, picture, surface = tissue.study, tissue.rng, tissue.picture, tissue.surface
     shape = picture.scatter.shape
     smooth = _grains(picture, rng, draw(study.texture_length_m, rng), draw(study.texture_height_m, rng))
     shift = np.nan_to_num(surface - np.nanmean(surface) if np.isfinite(surface).any() else surface, nan=0.0)

@@ -313,5 +313,5 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
     outer_row, inner_row = np.where(shown, outer, np.nan), np.where(shown, inner, np.nan)
     seen, judged = judged_columns(frame, surface_row, outer_row, inner_row)
     outer_row, inner_row = np.where(seen, outer_row, np.nan), np.where(seen, inner_row, np.nan)
-    scale = PixelScale(lateral_m=window.step_m, depth_m=window.pixel_m, refractive_index=tissue.refractive_index)
+    scale = PixelScale(lateral_m=window.step_m, depth_m=window.pixel_m, refractive_index=tissue.rays.stretch)
     return Scene(frame, scale, outer_row, inner_row, judged, picture.covered & ~judged)

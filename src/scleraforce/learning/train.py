@@ -185,7 +185,7 @@ def train_wall_finder(
     """Train the wall finder on scenes that workers draw (a process on each other core), and write its model folder."""
     check_place(out)
     device, finder = chosen_device(device), study.wall_finder
-    fitted = wall_finder.fit_wall_finder(study.scenes, finder, workers or _other_cores(), progress, device)
+    fitted = wall_finder.fit_wall_finder(study, workers or _other_cores(), progress, device)
     provenance = _provenance(WALL_FINDER, study, finder.seed, device, {"scenes_seed": str(study.scenes.seed)})
     graph = wall_finder.finder_bytes(fitted.network, provenance)
     runs = WallFinder(network_session(graph, NETWORK_FILE, 1), finder, NETWORK_FILE)
@@ -194,7 +194,7 @@ def train_wall_finder(
         "provenance": provenance,
         "scenes": {"training": finder.batches * finder.batch_size, "validation": finder.validation_scenes},
         "batches": finder.batches,
-        "metrics": wall_finder.measure_finder(runs, study.scenes, finder.validation_scenes, finder.rows),
+        "metrics": wall_finder.measure_finder(runs, study),
         "curves": {"training_loss": curve(fitted.training_loss)},
     }
     return _written(out, study, graph, record)

@@ -140,14 +140,12 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
     return VirtualEye(model=model, wall=wall, stated=stated, forms=forms, drift=drift, largest_n=largest_n)
 
 
-def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
-    """Draw frames of an eye with even forces (`frames_under`)."""
-    return frames_under(eye, study, rng.uniform(0.0, eye.largest_n, count), rng)
-
-
-def frames_under(eye: VirtualEye, study: Study, forces_n: Floats, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
-    """Draw frames of an eye under forces (frame,), N, with errors like the segmentation's."""
+def draw_frames(
+    eye: VirtualEye, study: Study, forces: Floats | int, rng: np.random.Generator
+) -> tuple[VirtualFrame, ...]:
+    """Draw frames of an eye under forces (frame,), N, or a number of even ones, with errors like the segmentation's."""
     reader = study.reader
+    forces_n = rng.uniform(0.0, eye.largest_n, forces) if isinstance(forces, int) else forces
     lateral_m, depth_m = draw(reader.lateral_m, rng), draw(reader.surface_depth_m, rng)
     pose = np.array([lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0])
     pixel_m = study.slice.pixel_m / FINER
@@ -338,7 +336,7 @@ def calibrated_otherwise(
     dared_n = rng.uniform(LEAST_LARGEST_N, eye.largest_n)
     forces_n = np.concatenate([[dared_n], rng.uniform(LEAST_N, dared_n, count - 1)])
     read_n = rng.uniform(0.0, eye.largest_n, FRAMES - CALIBRATED)
-    frames = frames_under(eye, study, np.concatenate([forces_n, read_n]), rng)
+    frames = draw_frames(eye, study, np.concatenate([forces_n, read_n]), rng)
     try:
         return calibrated(eye, frames, study, library, rng, range(count))
     except CalibrationError:

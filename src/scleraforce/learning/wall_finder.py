@@ -27,7 +27,7 @@ from scleraforce.segmentation.wall_finder import (
     reduced_frame,
     rows_about,
 )
-from scleraforce.study import ScenesStudy, WallFinderStudy
+from scleraforce.study import Study, WallFinderStudy
 
 Float = NDArray[np.float32]
 
@@ -120,23 +120,23 @@ class SceneBatch:
     weight: Float
 
 
-def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first: int = 0) -> SceneBatch:
-    """Draw a batch, the same for the same studies and number; `first` is the number of the first scene of batch 0."""
-    begin = first + number * study.batch_size
-    samples = [_sample(scenes, study, begin + n) for n in range(study.batch_size)]
+def scene_batch(study: Study, number: int, first: int = 0) -> SceneBatch:
+    """Draw a batch, the same for the same study and number; `first` is the number of the first scene of batch 0."""
+    size = study.wall_finder.batch_size
+    samples = [_sample(study, first + number * size + n) for n in range(size)]
     return SceneBatch(*map(np.stack, zip(*samples, strict=True)))
 
 
-def _sample(scenes: ScenesStudy, study: WallFinderStudy, number: int) -> tuple[Float, Float, Float]:
+def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
     """Draw a scene, and return its part of a `SceneBatch`."""
-    scene = draw_scene(scenes, number)
-    top, bottom = _shown_rows(scene, np.random.default_rng([scenes.seed, number, LOOK]))
-    own = np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp)
+    scene, finder = draw_scene(study.scenes, number), study.wall_finder
+    top, bottom = _shown_rows(scene, np.random.default_rng([study.scenes.seed, number, LOOK]))
+    own = np.rint(reduced_columns(scene.frame.shape[1], finder.columns // 2)).astype(np.intp)
     truth = np.stack([scene.outer_row[own], scene.inner_row[own]])
-    reduced = (truth - top + 0.5) * study.rows / (bottom - top) - 0.5
-    boundaries = np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32)  # kept inside of the reduced frame
+    reduced = (truth - top + 0.5) * finder.rows / (bottom - top) - 0.5
+    boundaries = np.clip(reduced, 0.0, finder.rows - 1.0).astype(np.float32)  # kept inside of the reduced frame
     weight = scene.judged[own] + np.float32(COVERED_WEIGHT) * scene.covered[own]
-    return reduced_frame(scene.frame[top:bottom], study.rows, study.columns), boundaries, weight
+    return reduced_frame(scene.frame[top:bottom], finder.rows, finder.columns), boundaries, weight
 
 
 def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
@@ -148,19 +148,16 @@ def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
 
 
 def fit_wall_finder(
-    scenes: ScenesStudy,
-    study: WallFinderStudy,
-    workers: int,
-    progress: Callable[[int], object] | None = None,
-    device: str = "cpu",
+    study: Study, workers: int, progress: Callable[[int], object] | None = None, device: str = "cpu"
 ) -> Fitted[WallFinderNetwork]:
     """Train the network; scenes and weights are the same for any number of workers (0: none), on the same machine."""
+    finder = study.wall_finder
     return trained(
-        lambda: WallFinderNetwork(study),
-        lambda network, _, batch: [(_loss(network, batch, study), 1)],
-        drawn_ahead(partial(scene_batch, scenes, study), range(study.batches), workers),
-        study,
-        study.batches,
+        lambda: WallFinderNetwork(finder),
+        lambda network, _, batch: [(_loss(network, batch, finder), 1)],
+        drawn_ahead(partial(scene_batch, study), range(finder.batches), workers),
+        finder,
+        finder.batches,
         progress,
         device=device,
     )
@@ -202,17 +199,17 @@ def finder_loss(
     return entropy + RANKED_WEIGHT * below.square().sum(dim=1).mean() + WALL_WEIGHT * wall
 
 
-def measure_finder(finder: WallFinder, scenes: ScenesStudy, count: int, rows: int) -> dict[str, float]:
-    """Return `metrics` of `model.json`, of `count` new scenes; `rows`: of the finder's reduced frame.
+def measure_finder(finder: WallFinder, study: Study) -> dict[str, float]:
+    """Return `metrics` of `model.json`, of `[wall_finder] validation_scenes` new scenes.
 
     Dice of the scenes that show wall, its 5th percentile too; median errors of the boundaries in reduced rows; coverage
     of 1.645 standard deviations; share of columns with the right decision on wall.
     """
     shares, errors, right = [], [], []
-    for number in range(count):
-        scene = draw_scene(scenes, VALIDATION_SCENES + number)
+    for number in range(study.wall_finder.validation_scenes):
+        scene = draw_scene(study.scenes, VALIDATION_SCENES + number)
         seen = finder.find(scene.frame)
-        errors.append(_errors(scene, seen, rows))
+        errors.append(_errors(scene, seen, study.wall_finder.rows))
         at = seen.frame_column
         right.append((np.isfinite(scene.outer_row[at]) == seen.there)[scene.judged[at]])
         if scene.mask.any():
