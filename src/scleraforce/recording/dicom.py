@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime, tzinfo
 from io import BytesIO
 from pathlib import Path
@@ -54,19 +55,10 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
             notes.append("this scanner writes A-scans along the rows: rows and columns were exchanged")
         depth, lateral, scale_fault = scans.one_size(_pixel_sizes(dataset))
         times, times_fault = _times(dataset, count)
-        scan = Scan(
-            names=scans.frame_names(path, count),
-            rows=rows,
-            columns=columns,
-            pictures=lambda: _pictures(path, data, dark_large),
-            bits=_bits(dataset),
-            depth_pixel_m=depth,
-            lateral_pixel_m=lateral,
-            times=times,
-            notes=tuple(notes),
-            scale_fault=scale_fault,
-            times_fault=times_fault,
-        ).of_file(path)
+        names, bits = scans.frame_names(path, count), _bits(dataset)
+        scan = Scan(names, rows, columns, lambda: _pictures(path, data, dark_large), bits=bits, notes=tuple(notes))
+        scan = replace(scan, depth_pixel_m=depth, lateral_pixel_m=lateral, scale_fault=scale_fault)
+        scan = replace(scan, times=times, times_fault=times_fault).of_file(path)
     return scan.turned() if maker in A_SCANS_ALONG_ROWS else scan
 
 

@@ -60,18 +60,10 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             (f"Orientation {orientation}: the frames were turned as it states", orientation != ORIENTATIONS[0]),
         ):
             notes += [note] if holds else []
-        scan = Scan(
-            names=scans.frame_names(path, count),
-            rows=rows,
-            columns=columns,
-            pictures=lambda: _pictures(path, data, (count, rows, columns)),
-            bits=8 if file.series[0].dtype == np.uint8 else None,
-            depth_pixel_m=depth,
-            lateral_pixel_m=lateral,
-            times=times,
-            notes=tuple(dict.fromkeys(notes)),
-            scale_fault=scale_fault,
-        ).of_file(path)
+        names, bits = scans.frame_names(path, count), 8 if file.series[0].dtype == np.uint8 else None
+        scan = Scan(names, rows, columns, lambda: _pictures(path, data, (count, rows, columns)), bits=bits, times=times)
+        scan = replace(scan, depth_pixel_m=depth, lateral_pixel_m=lateral, scale_fault=scale_fault)
+        scan = replace(scan, notes=tuple(dict.fromkeys(notes))).of_file(path)
     # From the fifth orientation on, rows and columns change places, with their sizes.
     shown = scan.turned() if orientation in ORIENTATIONS[4:] else scan
     return replace(shown, pictures=lambda: (scans.as_shown(picture, orientation) for picture in scan.pictures()))

@@ -417,15 +417,10 @@ def read_thorlabs(path: Path) -> Scan:
         scans.check_bytes(stated)
         if count < 1 or stated != rows * columns * count * SAMPLE.itemsize:
             raise FrameError(f"{name} has {stated} bytes; the header says {rows} x {columns} x {count} floats")
-        return Scan(
-            names=scans.frame_names(path, count),
-            rows=rows,
-            columns=columns,
-            pictures=lambda: _pictures(path, name, (columns, rows)),
-            depth_pixel_m=_pixel_m(header, entry, "Z", rows),
-            lateral_pixel_m=_pixel_m(header, entry, "X", columns),
-            notes=tuple(f"{HEADER} states RefractiveIndex = {each.text}" for each in header.iter("RefractiveIndex")),
-        ).of_file(path)
+        depth_m, lateral_m = _pixel_m(header, entry, "Z", rows), _pixel_m(header, entry, "X", columns)
+        notes = tuple(f"{HEADER} states RefractiveIndex = {each.text}" for each in header.iter("RefractiveIndex"))
+        scan = Scan(scans.frame_names(path, count), rows, columns, lambda: _pictures(path, name, (columns, rows)))
+        return replace(scan, depth_pixel_m=depth_m, lateral_pixel_m=lateral_m, notes=notes).of_file(path)
 
 
 def _oct_header(archive: ZipFile) -> ElementTree.Element:
