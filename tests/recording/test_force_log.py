@@ -133,10 +133,14 @@ def test_a_column_that_flags_every_sample_is_refused_unless_it_is_not_the_status
     text = "time_s,status,fz_n\n0.00,7,1\n0.01,7,2\n"
     with pytest.raises(RecordingError, match=r"log\.csv:2: status: '7', .*every sample .* --column status=status:any"):
         log_of(tmp_path, text)
-    np.testing.assert_allclose(log_of(tmp_path, text, "status=status:any")[0].force_n("fz"), [1.0, 2.0])
-    log, _ = log_of(tmp_path, "time_s,error,fz_n\n0.00,0.25,1\n0.01,0,2\n")  # a measured error
-    assert np.isfinite(log.force_n("fz")).all()
-    assert "not taken for the sensor's status" in log.notes[0]
+    measured = "time_s,error,fz_n\n0.00,0.25,1\n0.01,0,2\n"
+    for given, columns, note in [
+        (text, ["status=status:any"], "^$"),
+        (measured, [], "not taken for the sensor's status"),
+    ]:
+        log, _ = log_of(tmp_path, given, *columns)
+        assert (log.force_n("fz") == [1.0, 2.0]).all()
+        assert re.search(note, " ".join(log.notes))
 
 
 def even_log(*forces_n: float) -> str:
@@ -285,12 +289,9 @@ def test_the_order_of_day_and_month_is_asked_unless_a_value_above_12_decides(tmp
     text = "Time;fz_n\n5/6/2026 10:15:30.250;1\n5/6/2026 10:15:30.260;2\n"
     with pytest.raises(UnansweredError, match=r"Time: '5/6/2026 10:15:30.250': is the day or the month first"):
         log_of(tmp_path, text)
-    sixth_of_may_s, fifth_of_june_s = (
-        log_of(tmp_path, text, f"time=Time:{order}")[0].time_s[0] for order in ("mdy", "dmy")
-    )
-    assert fifth_of_june_s - sixth_of_may_s == 30 * 86400.0
-    night = "Time;fz_n\n12/6/2026 23:59:59.990;1\n13/6/2026 00:00:00.000;2\n"
-    _, columns = log_of(tmp_path, night)
+    may_s, june_s = (log_of(tmp_path, text, f"time=Time:{order}")[0].time_s[0] for order in ("mdy", "dmy"))
+    assert june_s - may_s == 30 * 86400.0  # the 6th of May, the 5th of June
+    _, columns = log_of(tmp_path, "Time;fz_n\n12/6/2026 23:59:59.990;1\n13/6/2026 00:00:00.000;2\n")
     assert columns[0].answer() == "time=Time:dmy"
 
 
@@ -302,10 +303,7 @@ def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
         (f"{wide}\n0.00{row}\n0.01{row}\n", r"log\.csv:2: 49 fields; the header above has 47 names"),
         (f"{wide}\n0.00{row[:-4]}\n0.01{row[:-4]}\n0.02{row}\n", r"log\.csv:4: 49 fields; the header has 47;"),
         ("a\nb\ntime_s,fz_n\n0.0,1\n0.1,x\n", r"log\.csv:5: fz_n: 'x'"),
-        ("set\ntime_s,fz_n\n0.0,1\n0.1,1\n0.1,1\n", r"log\.csv:5: time_s: 0\.1 does not come after 0\.1"),
-        ("time_s,fz_n\n0.0,1\n0.01,inf\n", r"log\.csv:3: fz_n: 'inf' is not a number|fz_n: inf is not a finite"),
         ("time_s,fz_n\n0.0,1\nnan,1\n", r"log\.csv:3: time_s: nan is not a finite number"),
-        ("time_s,fz_n\n0.0,1\n", r"log\.csv: fewer than two samples"),
         ("1,2\n3,4\n", r"log\.csv: no header"),
         ("", r"log\.csv: no header"),
     ]:

@@ -109,17 +109,15 @@ def unit_fault(recording: Recording, labels: Sequence[float | str | None], class
 def _trial(
     recording: Recording, frame: FrameEntry, label: float | str | None, classes: ClassesStudy, max_force_n: float | None
 ) -> Trial:
-    excluded = "pierced" if frame.pierced else label if isinstance(label, str) else None
-    if not isinstance(label, float):
-        return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=None, target=None, excluded=excluded)
-    if label < -classes.bounds_n[0] and not frame.pierced:
-        found = f"would pull with {-from_si(label, 'mn'):.1f} mN at the time of {frame.file}, {frame.time_s:g} s"
+    force_n, reason = (label, None) if isinstance(label, float) else (None, label)
+    if force_n is not None and force_n < -classes.bounds_n[0] and not frame.pierced:
+        found = f"would pull with {-from_si(force_n, 'mn'):.1f} mN at the time of {frame.file}, {frame.time_s:g} s"
         way = "check contact_sign, and that the log starts before the first contact"
         raise RecordingError(f"{recording.path / 'forces.csv'}: the needle {found}; {way}")
-    if max_force_n is not None and label > max_force_n:
-        excluded = excluded or f"above the largest force of the study, {from_si(max_force_n, 'mn'):g} mN"
-    target = classes.classify(label)
-    return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=label, target=target, excluded=excluded)
+    if force_n is not None and max_force_n is not None and force_n > max_force_n:
+        reason = f"above the largest force of the study, {from_si(max_force_n, 'mn'):g} mN"
+    target, excluded = None if force_n is None else classes.classify(force_n), "pierced" if frame.pierced else reason
+    return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=force_n, target=target, excluded=excluded)
 
 
 def contact_force(log: ForceLog, info: ForceInfo) -> Floats:
