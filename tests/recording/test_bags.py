@@ -1,6 +1,7 @@
 """ROS bags of both generations, written by rosbags and read by their capture stamps."""
 
 import re
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from tempfile import mkdtemp
@@ -124,45 +125,37 @@ def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> N
 
 
 def test_images_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
-    for field, value, message in [
-        ("encoding", "bayer_rggb8", "/t: encoding 'bayer_rggb8'; one of mono8"),
-        ("height", ROWS + 1, r"/t: damaged: .* bytes for 25 rows of 86"),
+    text, image = "std_msgs/msg/String", HERE.image(START_NS, FRAMES[0])
+    for sent, kind, found in [
+        (replace(image, encoding="bayer_rggb8"), IMAGE, "/t: encoding 'bayer_rggb8'; one of mono8"),
+        (replace(image, height=ROWS + 1), IMAGE, r"/t: damaged: .* bytes for 25 rows of 86"),
+        (ROS2.types[text]("hello"), text, rf"a topic of images.*nor of forces.*there are /t \({text}\)"),
     ]:
-        image = HERE.image(START_NS, FRAMES[0])
-        setattr(image, field, value)
-        with pytest.raises(FrameError, match=message):
-            read_bag(bag_of(tmp_path, [image]))
-    text = ROS2.types["std_msgs/msg/String"]("hello")
-    with pytest.raises(InputError, match=r"a topic of images.*nor of forces.*there are /t \(std_msgs/msg/String\)"):
-        read_bag(bag_of(tmp_path, [text], "std_msgs/msg/String"))
+        with pytest.raises(InputError, match=found):
+            read_bag(bag_of(tmp_path, [sent], kind))
 
 
 def write_topic(folder: Path, kind: str, sent: list, definitions: list[str] | None = None) -> Path:
     """Write a bag of one topic from (publisher, arrival in ns, message, type)."""
-    path = Path(mkdtemp(dir=folder)) / ("a.bag" if kind == "ros1" else "a.mcap")
-    channels = {}
+    path, kinds = Path(mkdtemp(dir=folder)) / "a", {publisher: name for publisher, _, _, name in sent}
     if kind == "ros1":
         with Writer1(path) as writer:
-            for publisher, arrived_ns, message, name in sent:
-                if publisher not in channels:
-                    own = {"typestore": ROS1, "callerid": f"/p{publisher}"}
-                    channels[publisher] = writer.add_connection("/t", name, **own)
-                writer.write(channels[publisher], arrived_ns, ROS1.serialize_ros1(message, name))
-        return path
+            own = {who: {"typestore": ROS1, "callerid": f"/p{who}"} for who in kinds}
+            channels = {who: writer.add_connection("/t", name, **own[who]) for who, name in kinds.items()}
+            for who, arrived_ns, message, name in sent:
+                writer.write(channels[who], arrived_ns, ROS1.serialize_ros1(message, name))
+        return path.rename(path.with_suffix(".bag"))
     with path.open("wb") as file:
-        writer = McapWriter(file)
+        writer, channels = McapWriter(file), {}
         writer.start(profile="ros2")
-        for publisher, arrived_ns, message, name in sent:
-            if publisher not in channels:
-                text = definitions[publisher] if definitions else ROS2.generate_msgdef(name, ros_version=2)[0]
-                schema = writer.register_schema(name=name, encoding="ros2msg", data=text.encode())
-                channels[publisher] = writer.register_channel(
-                    topic="/t", message_encoding="cdr", schema_id=schema, metadata={"publisher": str(publisher)}
-                )
-            data = bytes(ROS2.serialize_cdr(message, name))
-            writer.add_message(channels[publisher], arrived_ns, data, arrived_ns)
+        for who, name in kinds.items():
+            text = definitions[who] if definitions else ROS2.generate_msgdef(name, ros_version=2)[0]
+            schema = writer.register_schema(name, "ros2msg", text.encode())
+            channels[who] = writer.register_channel("/t", "cdr", schema, {"publisher": str(who)})
+        for who, arrived_ns, message, name in sent:
+            writer.add_message(channels[who], arrived_ns, bytes(ROS2.serialize_cdr(message, name)), arrived_ns)
         writer.finish()
-    return path
+    return path.rename(path.with_suffix(".mcap"))
 
 
 def test_forces_of_two_publishers_in_turns_are_sorted_by_stamp(tmp_path: Path) -> None:

@@ -7,13 +7,12 @@ from functools import partial
 from itertools import permutations
 from pathlib import Path
 from tempfile import mkdtemp
-from zipfile import ZipFile
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
-from foreign_files import COLUMNS, FRAMES, ROWS, pictures_of, write_dicom, write_log
+from foreign_files import COLUMNS, FRAMES, ROWS, pictures_of, write_dicom, write_log, write_oct
 from pydicom.uid import RLELossless
 from ros_bag import write_bag
 from small_recordings import write_small_recording
@@ -35,13 +34,6 @@ from scleraforce.recording.sources import ImportOptions, files_of, gather, on_on
 
 nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
 metaimageio = pytest.importorskip("metaimageio")
-
-
-def write_oct(path: Path) -> None:
-    with ZipFile(path, "w") as archive:
-        sizes = 'SizeZ="24" SizeX="40" SizeY="5" RangeZ="1" RangeX="2"'
-        archive.writestr("Header.xml", f"<O><DataFile {sizes}>data\\Intensity.data</DataFile></O>")
-        archive.writestr("data\\Intensity.data", FRAMES.astype("<f4").tobytes())
 
 
 def write_rle(path: Path) -> None:

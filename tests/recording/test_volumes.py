@@ -4,12 +4,11 @@ import gzip
 import zlib
 from itertools import product
 from pathlib import Path
-from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import pytest
 from effects import less_than
-from foreign_files import COLUMNS, COUNT, FRAMES, ROWS, pictures_of, plus_fields, sizes_of
+from foreign_files import COLUMNS, COUNT, FRAMES, ROWS, oct_entry, pictures_of, plus_fields, sizes_of, write_oct
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.sources import read_scan, source_kind
@@ -304,34 +303,14 @@ def test_a_sequence_of_plus_has_its_own_times_and_leaves_out_invalid_frames(tmp_
 INTENSITY = FRAMES.astype(np.float32) / 100.0 - 20.0  # dB
 
 
-def entry(name: str = "data\\Intensity.data", count: int = COUNT, rows: int = ROWS) -> str:
-    return (
-        f'<DataFile Type="Real" SizeZ="{rows}" SizeX="{COLUMNS}" SizeY="{count}" RangeZ="0.096" RangeX="0.6" '
-        f'RangeY="1" BytesPerPixel="4">{name}</DataFile>'
-    )
-
-
-def write_oct(path: Path, header: str, data: bytes, name: str = "data\\Intensity.data") -> Path:
-    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
-        archive.writestr("Header.xml", f'<?xml version="1.0"?><Ocity><DataFiles>{header}</DataFiles></Ocity>')
-        archive.writestr("data\\VideoImage.data", bytes(10))
-        archive.writestr(name, data)
-    return path
-
-
-def column_major(frames: np.ndarray) -> bytes:
-    """Depth fastest, then the A-scan, then the B-scan."""
-    return b"".join(np.asarray(frame, dtype="<f4").tobytes(order="F") for frame in frames)
-
-
 def test_the_intensity_comes_back_with_its_scale(tmp_path: Path) -> None:
-    single = entry(count=1).replace(' SizeY="1"', "")  # one B-scan has no third size
+    single = oct_entry(count=1).replace(' SizeY="1"', "")  # one B-scan has no third size
     for name, header, frames in [
-        ("data\\Intensity.data", '<DataFile Type="Raw">data\\Spectral0.data</DataFile>' + entry(), INTENSITY),
-        ("data/Intensity.data", entry(), INTENSITY),
+        ("data\\Intensity.data", '<DataFile Type="Raw">data\\Spectral0.data</DataFile>' + oct_entry(), INTENSITY),
+        ("data/Intensity.data", oct_entry(), INTENSITY),
         ("data/Intensity.data", single, INTENSITY[:1]),
     ]:
-        path = write_oct(tmp_path / "a.oct", header, column_major(frames), name)
+        path = write_oct(tmp_path / "a.oct", header, frames, name)
         assert source_kind(path) == "thorlabs"
         scan = read_scan(path, "thorlabs")
         np.testing.assert_array_equal(pictures_of(scan), frames)
@@ -340,17 +319,20 @@ def test_the_intensity_comes_back_with_its_scale(tmp_path: Path) -> None:
 
 def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     for header, message in [
-        (entry(rows=ROWS + 1), "the header says 25 x 40 x 5 floats"),
-        (entry(rows=10**7), "a frame may have"),
-        (entry(count=0), "the header says 24 x 40 x 0 floats"),
-        (entry("data\\Spectral0.data"), "no processed intensity"),
-        (entry() + entry("data\\VideoImage.data").replace("VideoImage", "Intensity"), "2 files of intensity"),
-        (entry().replace(f'SizeZ="{ROWS}"', ""), "has no SizeZ"),
-        (entry().replace(f'SizeX="{COLUMNS}"', ""), "has no SizeX"),
-        (entry().replace('BytesPerPixel="4"', 'BytesPerPixel="2"'), "BytesPerPixel = 2"),
-        (f"{entry()}<Image><SizeReal><SizeZ>0.192</SizeZ></SizeReal></Image>", "SizeZ 0.192 mm, .* RangeZ is 0.096 mm"),
+        (oct_entry(rows=ROWS + 1), "the header says 25 x 40 x 5 floats"),
+        (oct_entry(rows=10**7), "a frame may have"),
+        (oct_entry(count=0), "the header says 24 x 40 x 0 floats"),
+        (oct_entry("data\\Spectral0.data"), "no processed intensity"),
+        (oct_entry() + oct_entry("data\\VideoImage.data").replace("VideoImage", "Intensity"), "2 files of intensity"),
+        (oct_entry().replace(f'SizeZ="{ROWS}"', ""), "has no SizeZ"),
+        (oct_entry().replace(f'SizeX="{COLUMNS}"', ""), "has no SizeX"),
+        (oct_entry().replace('BytesPerPixel="4"', 'BytesPerPixel="2"'), "BytesPerPixel = 2"),
+        (
+            f"{oct_entry()}<Image><SizeReal><SizeZ>0.192</SizeZ></SizeReal></Image>",
+            "SizeZ 0.192 mm, .* RangeZ is 0.096 mm",
+        ),
         ("<DataFile>", "damaged or an unknown kind of Thorlabs"),
-        ('<!DOCTYPE a [<!ENTITY b "c">]>' + entry(), "defines entities"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]>' + oct_entry(), "defines entities"),
     ]:
         with pytest.raises(FrameError, match=message):
-            read_thorlabs(write_oct(tmp_path / "a.oct", header, column_major(INTENSITY)))
+            read_thorlabs(write_oct(tmp_path / "a.oct", header, INTENSITY))

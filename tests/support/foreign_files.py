@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 from pydicom.dataset import FileDataset, FileMetaDataset
@@ -66,6 +67,25 @@ def write_dicom(path: Path, pixels: np.ndarray, **tags: Any) -> FileDataset:
         setattr(dataset, name, value)
     dataset.save_as(path)
     return dataset
+
+
+INTENSITY_FILE = "data\\Intensity.data"
+
+
+def oct_entry(name: str = INTENSITY_FILE, count: int = COUNT, rows: int = ROWS) -> str:
+    """Return an entry of the header of Thorlabs' .oct."""
+    sizes = f'SizeZ="{rows}" SizeX="{COLUMNS}" SizeY="{count}" RangeZ="0.096" RangeX="0.6" RangeY="1"'
+    return f'<DataFile Type="Real" {sizes} BytesPerPixel="4">{name}</DataFile>'
+
+
+def write_oct(path: Path, header: str | None = None, frames: np.ndarray = FRAMES, name: str = INTENSITY_FILE) -> Path:
+    """Write Thorlabs' .oct: depth fastest, then the A-scan, then the B-scan."""
+    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
+        entries = header or oct_entry()
+        archive.writestr("Header.xml", f'<?xml version="1.0"?><Ocity><DataFiles>{entries}</DataFiles></Ocity>')
+        archive.writestr("data\\VideoImage.data", bytes(10))
+        archive.writestr(name, np.asarray(frames, dtype="<f4").swapaxes(1, 2).tobytes())
+    return path
 
 
 def plus_fields(stamps, states=("OK",) * COUNT) -> dict[str, object]:
