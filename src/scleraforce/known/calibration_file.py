@@ -253,11 +253,10 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     the modulus is unknown, and the globe too where the frames contradict its declaration: it is unknown in the file
     then.
     """
-    modulus = calibrated_modulus(summary, eye)
-    own = summary.eyes.get(eye)
+    modulus, own = calibrated_modulus(summary, eye), summary.eyes.get(eye)
     if own is not None and not own.usable:
         return replace(known, modulus=None, globe=None if own.globe.kind == "unknown" else known.globe)
-    if own is None or modulus is None or modulus.source != "own":
+    if own is None:
         relaxation = known.relaxation or population_relaxation(summary)
         known = replace(known, modulus=modulus, stiffening=summary.population_stiffening, relaxation=relaxation)
         leans = [eye.lean_rad for eye in summary.eyes.values() if eye.usable]
@@ -275,7 +274,6 @@ def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None
     eyes = [one for one in found if one is not None]
     if not eyes or len(eyes) < len(found) or len({one.times_s for one in eyes}) > 1:
         return None
-
     joined: dict[str, Any] = {"source": "population", "times_s": eyes[0].times_s}
     for mean, covariance in MOMENTS.items():
         means = np.array([getattr(one, mean) for one in eyes])
