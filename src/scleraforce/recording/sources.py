@@ -40,7 +40,7 @@ OPTION = "option"  # the source of a value given by an option or an argument
 SINCE_1970_S = 1e8  # a clock beyond counts from 1970
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512
-MATROSKA, SQLITE, MCAP = b"\x1a\x45\xdf\xa3", b"SQLite format 3\0", b"\x89MCAP0\r\n"
+SQLITE, MCAP = b"SQLite format 3\0", b"\x89MCAP0\r\n"
 NIFTI_NAMES = (".nii", ".nii.gz")
 TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
 HEADERS = {".img": (".hdr",), ".raw": (".mhd", ".nhdr"), ".zraw": (".mhd",), ".gz": (".nhdr",)}  # of files of pixels
@@ -164,7 +164,10 @@ def _known_kind(name: str, head: bytes) -> str | None:
         ("numpy", head.startswith(b"\x93NUMPY")),
         ("nrrd", head.startswith(b"NRRD")),
         ("bag", head.startswith((b"#ROSBAG", SQLITE, MCAP))),
-        ("film", head.startswith(MATROSKA) or head[4:8] == b"ftyp" or (head[:4] == b"RIFF" and head[8:12] == b"AVI ")),
+        (
+            "film",
+            head.startswith(images.MATROSKA) or head[4:8] == b"ftyp" or (head[:4] == b"RIFF" and head[8:12] == b"AVI "),
+        ),
         ("nifti", head[344:347] in (b"n+1", b"ni1") or head[4:7] == b"n+2"),
         ("metaimage", re.match(rb"\s*(ObjectType|NDims|Comment)\s*=", head)),
         ("numpy", name.endswith(".npz")),
