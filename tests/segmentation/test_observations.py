@@ -1,11 +1,24 @@
+"""A frame's boundaries in metres, points on them with their noise, and its wall drawn into slices."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
 
+from scleraforce.mechanics.contact import Section, SliceWindow
+from scleraforce.mechanics.slices import fill_section
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.observations import Boundaries, observe_points, roughness, segmented_boundaries
+from scleraforce.segmentation.observations import (
+    Boundaries,
+    boundary_slice,
+    boundary_slices,
+    observe_points,
+    roughness,
+    segmented_boundaries,
+)
+from scleraforce.study import SliceStudy
 
 LATERAL = (np.arange(500) - 249.5) * 30e-6
 
@@ -75,3 +88,64 @@ def test_inner_boundary_is_unseen_where_the_frame_ends_or_the_wall_is_uneven() -
     assert np.isnan(seen.depth_m[1, 251:]).all()
     missing = segmented_boundaries(segmentation(outer, inner, np.nan, found=False), scale)
     assert np.isnan(missing.depth_m[1]).all()
+
+
+SLICE = SliceStudy()
+SCALE = PixelScale(lateral_m=15e-3 / 512, depth_m=4e-3 / 512)
+WINDOW = SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=0.1e-3)
+
+
+@pytest.mark.parametrize("dent_m", [0.0, 1.0e-3, 3.0e-3, 4.5e-3])
+@pytest.mark.parametrize("shift_m", [0.0, 0.037e-3])
+def test_the_slice_is_that_of_the_section_with_the_same_curves(dent_m: float, shift_m: float):
+    x = (np.arange(512) + 0.5) * SCALE.lateral_m - 7.5e-3
+    outer_m = 0.31e-3 + shift_m + x**2 / 24e-3 + dent_m * np.exp(-(x**2) / (2 * 1.5e-3**2))
+    inner_m = outer_m + 0.6e-3
+    section = Section(np.stack([x, outer_m], axis=1), np.stack([x, inner_m], axis=1))
+    rows = (curve / SCALE.depth_m - 0.5 for curve in (outer_m, inner_m))
+    drawn = boundary_slice(Segmentation(*rows, 512, True, "", True, thickness_m=0.5e-3), SCALE, SLICE)
+    np.testing.assert_array_equal(drawn, fill_section(section, WINDOW))
+    assert drawn.shape == (40, 140)
+    assert set(np.unique(drawn)) == {0, 255}
+
+
+def test_a_pixel_whose_middle_lies_on_the_surface_is_wall_and_one_on_the_inner_boundary_is_not():
+    found = Segmentation(np.full(140, 3.0), np.full(140, 6.0), 40, True, "", True, thickness_m=0.3e-3)
+    scale = PixelScale(lateral_m=SLICE.pixel_m, depth_m=SLICE.pixel_m)
+    drawn = boundary_slice(found, scale, SLICE)
+    assert np.flatnonzero(drawn.all(axis=1)).tolist() == np.flatnonzero(drawn.any(axis=1)).tolist() == [3, 4, 5]
+
+
+def depths_by_arrays(found: Segmentation, scale: PixelScale) -> np.ndarray:
+    """Return the depth of both boundaries at the centres of the slice's columns, (2, columns), m, NaN without wall."""
+    outer_row, inner_row = found.outer_row, found.inner_row
+    middle = np.arange(SLICE.columns) + 0.5 - SLICE.columns / 2
+    at = middle * SLICE.pixel_m / scale.lateral_m + len(outer_row) / 2 - 0.5
+    nearest, inside = np.rint(at).astype(int).clip(0, len(outer_row) - 1), (at >= -0.5) & (at <= len(outer_row) - 0.5)
+    there = np.isfinite(outer_row) & np.isfinite(inner_row)
+    known, columns = there[nearest] & inside, np.flatnonzero(there)
+    if not known.any():
+        return np.full((2, len(at)), np.nan)
+    outer_m, inner_m = (
+        (np.interp(at, columns, rows[columns]) + 0.5) * scale.depth_m for rows in (outer_row, inner_row)
+    )
+    inner_m = (inner_m - outer_m) / scale.refractive_index + outer_m
+    return np.where(known, np.stack([outer_m, inner_m]), np.nan)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1, 0.9, 1.0]))
+def test_slices_agree_with_depths_by_arrays(seed: int, missing: float):
+    """Any boundaries, of any scanner, with holes in each of them."""
+    rng = np.random.default_rng(seed)
+    columns = int(rng.integers(16, 700))
+    outer_row = rng.uniform(-20.0, 300.0, columns)
+    inner_row = outer_row + rng.uniform(-3.0, 90.0, columns)
+    outer_row[rng.random(columns) < missing] = inner_row[rng.random(columns) < 0.05] = np.nan
+    scale = PixelScale(
+        lateral_m=rng.uniform(5e-6, 90e-6), depth_m=rng.uniform(3e-6, 30e-6), refractive_index=rng.uniform(1.0, 1.5)
+    )
+    found = Segmentation(outer_row, inner_row, 512, True, "", True, thickness_m=0.5e-3)
+    drawn, _, _ = boundary_slices(found, scale, SLICE, (0.0, 0.3, -0.3))
+    depths_m = depths_by_arrays(found, scale)
+    middle_m = (np.arange(40)[:, None] + 0.5 + np.array([0.0, 0.3, -0.3])[:, None, None]) * SLICE.pixel_m
+    np.testing.assert_array_equal(drawn, 255 * ((middle_m >= depths_m[0]) & (middle_m < depths_m[1])))

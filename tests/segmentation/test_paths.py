@@ -40,25 +40,19 @@ def check_path(astray: int, reach: int, rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(best_path(score, reach), naive_best_path(score, reach))
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_no_other_path_has_a_larger_sum(seed: int) -> None:
+@pytest.mark.parametrize("seed", range(12))
+def test_no_other_path_has_a_larger_sum_also_where_steps_are_free(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    score, cost = rng.normal(size=(5, 4)).astype(np.float32), rng.uniform(0.0, 1.0, 4).astype(np.float32)
+    score, cost = (
+        rng.normal(size=(5, 4)).astype(np.float32),
+        (rng.uniform(0.0, 1.0, 4) * (rng.random(4) < 0.7)).astype(np.float32),
+    )
 
     def total(path: tuple[int, ...]) -> float:
         return float(score[np.arange(5), path].sum() - (cost * np.abs(np.diff(path))).sum())
 
     best = max(product(range(4), repeat=5), key=total)
     assert tuple(smooth_path(score, cost)) == best
-
-
-def test_a_step_is_free_where_its_cost_is_nothing() -> None:
-    score = np.zeros((6, 20), dtype=np.float32)
-    score[:3, 2], score[3:, 15] = 1.0, 1.0
-    cost = np.full(5, 10.0, dtype=np.float32)
-    assert len(set(smooth_path(score, cost).tolist())) == 1
-    cost[2] = 0.0
-    assert smooth_path(score, cost).tolist() == [2, 2, 2, 15, 15, 15]
 
 
 @pytest.mark.parametrize("window", [2, 3, 8, 12, 13, 40])
