@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 LONG_COMMANDS = {"demo", "doctor", "simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
 SLOW_COMMANDS = {*LONG_COMMANDS, "import"}
-SLOW_CALLS = re.compile(r"\b(sf\.train|sf\.calibrate|linear_sections|FiniteWall)\(")
+SLOW_CALLS = re.compile(r"\b(sf\.train|sf\.calibrate|LinearSections|FiniteWall)\(")
 # Modules whose examples train and solve.
 SLOW_MODULES = {f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")}
 LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", "{eval-rst}", ""}

@@ -12,9 +12,19 @@ from effects import contents
 from scleraforce import study as st
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.laboratory.phantom import phantom_truth, plan_moving_phantom, plan_phantom, render_frame, write_phantom
+from scleraforce.laboratory.phantom import (
+    PhantomPlan,
+    needle_tip,
+    phantom_truth,
+    plan_moving_phantom,
+    plan_phantom,
+    plan_sections,
+    render_frame,
+    with_travel,
+    write_phantom,
+)
 from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
-from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
+from scleraforce.laboratory.virtual_eye import LinearSections, PhantomEye, paper_eyes, study_sections
 from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
 from scleraforce.recording.folder import read_recording, true_forces
@@ -128,13 +138,23 @@ def test_impossible_forces_motions_and_eyes_are_errors():
     for changes in ({"rate_hz": 0.0}, {"ramp_n_per_s": -1.0}, {"hold_s": float("nan")}):
         with pytest.raises(RecordingError, match=f"eye eye-x: {next(iter(changes)).split('_')[0]}: "):
             plan(**changes)
+    for puncture_n, said in (
+        (-0.01, "forces: "),
+        (0.035, "puncture: 35 mN; must be "),
+        (5.0, "forces: 5000 mN; up to"),
+    ):
+        with pytest.raises(RecordingError, match=f"eye eye-x: {said}"):
+            plan(puncture_n=puncture_n)
+    turning = replace(MOVING_STUDY, phantom=replace(MOVING_STUDY.phantom, eye_drift_rad=st.fixed(0.02)))
+    with pytest.raises(RecordingError, match="puncture: of an eye that keeps still"):
+        plan_sections(plan(turning, puncture_n=0.04), study_sections(EYE, turning))
     for field, value in {"thickness_m": 5e-2, "iop_pa": -1.0, "id": "a/b", "gap_m": float("nan")}.items():
         with pytest.raises(InputError, match=f"{field}: "):
             replace(EYE, **{field: value})
 
 
 def test_linear_sections_scale_with_the_force_and_start_from_the_loaded_wall():
-    rest, one, two = linear_sections(EYE, STUDY)([0.0, 0.01, 0.02])
+    rest, one, two = LinearSections(EYE, STUDY)([0.0, 0.01, 0.02])
     middle = len(rest.outer) // 2
     depth_m = [section.outer[middle, 1] for section in (rest, one, two)]
     assert depth_m[1] - depth_m[0] > 0.1e-3
@@ -192,6 +212,7 @@ def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(tmp
         ([str(out)], "exists already"),
         ([str(tmp_path / "x"), "--forces-mn", "many"], "'many' is not a list of forces in mN"),
         ([str(tmp_path / "x"), "--hold-s", "2"], "give --rate-hz too"),
+        ([str(tmp_path / "x"), "--puncture-mn", "20"], "give --rate-hz too"),
     ):
         assert run([*arguments, *refused]) == 2
         assert said in capsys.readouterr().err
@@ -272,6 +293,70 @@ def test_a_recording_of_it_is_labelled_with_the_force_at_each_frame(tmp_path) ->
     assert "push" not in truth["frames"][0]
     frame, section = moving.frames[200], list(flat_sections(moving.forces_n))[200]
     assert (recording.frame(recording.frames[200]) == render_frame(frame, section, MOVING_STUDY).frame).all()
+
+
+@pytest.fixture(scope="module")
+def through() -> tuple[PhantomPlan, LinearSections]:
+    sections_at = LinearSections(EYE, MOVING_STUDY)
+    return with_travel(plan(rate_hz=200.0, puncture_n=0.04), sections_at), sections_at
+
+
+def test_through_the_wall_the_force_falls_within_milliseconds_and_friction_turns_with_the_needle(through) -> None:
+    pierced, _ = through
+    puncture, times_s = pierced.path.puncture, np.array([frame.time_s for frame in pierced.frames])
+    forces_n, travels_m = np.array(pierced.forces_n), np.array([frame.travel.travel_m for frame in pierced.frames])
+    assert puncture.force_n == 0.04
+    after_s = np.array([0.0, puncture.fall_s / 2, puncture.fall_s]) + puncture.time_s
+    left_n = puncture.friction_fraction * 0.04
+    assert pierced.path.felt_n(after_s) == pytest.approx([0.04, (0.04 + left_n) / 2, left_n])
+    assert puncture.fall_s <= 4e-3
+    on = (times_s > puncture.time_s + puncture.fall_s) & (times_s < puncture.driven_s[-2])
+    assert forces_n[on] == pytest.approx(left_n)
+    assert (np.diff(travels_m[on]) > 0.0).all(), "the needle continues"
+    before = (times_s > puncture.time_s - 0.1) & (times_s < puncture.time_s)
+    assert np.diff(travels_m[on]).mean() == pytest.approx(np.diff(travels_m[before]).mean())
+    back = (times_s > puncture.driven_s[-2]) & (times_s < puncture.out_s)
+    assert (np.diff(travels_m[back]) < 0.0).all()
+    assert forces_n[back].min() == pytest.approx(-left_n)
+    assert forces_n[times_s > puncture.out_s + puncture.fall_s].tolist() == []
+    assert pierced.path.felt_n(np.array([puncture.out_s + puncture.fall_s, 99.0])) == pytest.approx([0.0, 0.0])
+    inside_m = [frame.travel.inside_m for frame in pierced.frames]
+    assert inside_m[np.flatnonzero(times_s < puncture.out_s)[-1]] == pytest.approx(0.0, abs=5e-5)
+
+
+def test_the_dent_springs_back_is_pulled_outwards_and_a_track_stays_as_deep_as_the_needle_was(through) -> None:
+    pierced, sections_at = through
+    sections, _ = plan_sections(pierced, sections_at)
+    rest = sections_at([0.0])[0]
+    tops_m = np.array([needle_tip(frame, section)[1] - frame.pose.depth_m for frame, section in
+                       zip(pierced.frames, sections, strict=True)])  # fmt: skip
+    rest_m = needle_tip(pierced.frames[0], rest)[1] - pierced.frames[0].pose.depth_m
+    ratio = (tops_m - rest_m) / np.maximum(np.abs(pierced.forces_n), 1e-9)
+    assert (np.sign(tops_m - rest_m) == np.sign(pierced.forces_n))[np.abs(pierced.forces_n) > 1e-3].all()
+    assert np.ptp(np.abs(ratio[np.abs(pierced.forces_n) > 5e-3])) < 0.1 * np.abs(ratio).max()
+    place = len(pierced.frames) - 1
+    tracked, section = pierced.frames[place], sections[place]
+    without = render_frame(replace(tracked, travel=None), section, MOVING_STUDY).frame
+    seen = render_frame(tracked, section, MOVING_STUDY).frame
+    rows, columns = np.nonzero(seen != without)
+    pixel_m = MOVING_STUDY.oct.depth_m / MOVING_STUDY.oct.rows
+    assert tracked.travel.track_m == max(frame.travel.track_m for frame in pierced.frames)
+    assert 0 < np.ptp(columns) <= 10
+    assert np.ptp(rows) * pixel_m <= tracked.travel.track_m + 8 * pixel_m
+
+
+def test_a_recording_of_it_has_the_travel_and_only_its_truth_the_puncture(through, tmp_path) -> None:
+    pierced, sections_at = through
+    few = replace(pierced, frames=pierced.frames[::40])
+    write_phantom(tmp_path / "rec", few, sections_at, MOVING_STUDY)
+    recording, truth = read_recording(tmp_path / "rec"), json.loads((tmp_path / "rec" / "truth.json").read_text())
+    assert [entry.pierced for entry in recording.frames] == [None] * len(few.frames)
+    travels_m = [frame.travel.travel_m for frame in few.frames]
+    assert [entry.travel_m for entry in recording.frames] == pytest.approx(travels_m, abs=1e-6)
+    assert truth["puncture"]["time_s"] == pierced.path.puncture.time_s
+    assert [frame["pierced"] for frame in truth["frames"]] == [
+        entry.time_s > pierced.path.puncture.time_s for entry in recording.frames
+    ]
 
 
 PUSHES_FORCES_N = (0.002, 0.02, 0.0, 0.055)

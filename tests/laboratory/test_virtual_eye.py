@@ -17,10 +17,10 @@ from scleraforce.laboratory.virtual_eye import (
     STILL,
     BentSections,
     EyeTurn,
+    LinearSections,
     PhantomEye,
     TurnedSections,
     draw_turns,
-    linear_sections,
     study_sections,
     turned_plane,
 )
@@ -76,7 +76,7 @@ def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
     plain = replace(STUDY, form=st.FormStudy(), eye=st.EyeStudy(density_kg_m3=0.0))
     eye = replace(EYE, iop_pa=0.0)
     forces_n = (0.0, 1e-4)
-    (rest, bent), (linear_rest, linear) = (BentSections(eye, plain)(forces_n), linear_sections(eye, plain)(forces_n))
+    (rest, bent), (linear_rest, linear) = (BentSections(eye, plain)(forces_n), LinearSections(eye, plain)(forces_n))
     moved, linear_moved = bent.outer - rest.outer, linear.outer - linear_rest.outer
     assert np.abs(moved - linear_moved).max() < 0.005 * np.abs(linear_moved).max()
 

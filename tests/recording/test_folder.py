@@ -91,6 +91,7 @@ def test_faults_are_named_with_file_line_and_field(folder):
         ("frames.csv", "0.8", "0.2", r"frames.csv:3: time_s: 0.2 does not come after 0.2"),
         ("frames.csv", "0.8", "nan", r"frames.csv:3: time_s: 'nan' is not a finite number"),
         ("frames.csv", "time_s", "time", r"frames.csv:1: unknown column 'time'; known: file, time_s, pierced"),
+        ("frames.csv", "time_s\na.png,0.2", "time_s,travel_m\na.png,0.2,5", r"frames.csv:2: travel_m: '5' is not a"),
         ("frames.csv", "file,time_s", "file", r"frames.csv:1: column time_s is missing; found: file"),
         ("frames.csv", "a.png,0.2\nb.png,0.8\n", "", r"frames.csv: no frames"),
         ("frames.csv", "file,time_s\na.png,0.2\nb.png,0.8\n", "", r"frames.csv: empty; the first line names"),
@@ -204,7 +205,7 @@ def test_tables_are_read_however_they_are_written(tmp_path: Path) -> None:
         np.testing.assert_allclose(log.force_n("fz"), -np.arange(60) / 1000)
         (tmp_path / "frames.csv").write_bytes(form(FRAMES))
         frames = read_frame_list(tmp_path / "frames.csv")
-        assert frames == (FrameEntry("a.png", 0.2), FrameEntry("b, c.png", 0.5, pierced=True))
+        assert frames == (FrameEntry("a.png", 0.2, pierced=False), FrameEntry("b, c.png", 0.5, pierced=True))
 
 
 def test_a_log_that_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from waiting import FUSE_S
 
 from scleraforce.cli.main import run
 from scleraforce.errors import FrameError, LinkError
-from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status, Text, encode
+from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status, Text, Transform, encode
 from scleraforce.recording.folder import OctInfo, read_recording
 from scleraforce.replay import player as module
 from scleraforce.replay.player import STATED_S, AnswerLog, Player, ScannerClient, frame_message
@@ -118,6 +118,21 @@ def test_the_force_log_goes_along_in_its_time(tmp_path) -> None:
     assert times_s == pytest.approx((log.time_s[:58] - 1.0).tolist(), abs=1e-6)
     order = [event.header.time_s for event in client.monitor.received]
     assert order == sorted(order)
+
+
+def test_the_needles_travel_goes_out_just_before_its_frame(tmp_path) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=3)
+    lines = (path / "frames.csv").read_text().splitlines()
+    given = ("travel_m", "0.001", "", "0.0025")
+    (path / "frames.csv").write_text("\n".join(f"{line},{more}" for line, more in zip(lines, given, strict=True)))
+    player, client = clocked_player(path, version=2)
+    player.play()
+    came = [event for event in client.monitor.received if not isinstance(event.message, Sensor)]
+    sent = [type(event.message).__name__ for event in came]
+    assert sent == ["Transform", "Image", "Image", "Transform", "Image"]
+    poses = [event for event in came if isinstance(event.message, Transform)]
+    assert [event.message.travel_mm for event in poses] == pytest.approx([1.0, 2.5])
+    assert {event.header.device for event in poses} == {"NeedlePose"}
 
 
 def test_the_times_of_a_late_replay_show_its_delay_but_for_50_ms(tmp_path) -> None:

@@ -14,7 +14,7 @@ from poses import sample_pose
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.light import Cover, Line, Pose, sample_optics
-from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
+from scleraforce.laboratory.virtual_eye import LinearSections, PhantomEye
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader.metrics import dice
 from scleraforce.recording.pixels import PixelScale
@@ -56,7 +56,7 @@ def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_ask
     study = replace(STUDY, mesh=replace(STUDY.mesh, divisions=8, level=0))
     for number in range(5):
         eye = PhantomEye(id=f"{number}", iop_pa=266.0, **{name: rng.uniform(*ends) for name, ends in EYES.items()})
-        for section in linear_sections(eye, study)(list(rng.uniform(0.0, 0.06, 8))):
+        for section in LinearSections(eye, study)(list(rng.uniform(0.0, 0.06, 8))):
             optics = sample_optics(study.phantom, study.oct, rng)
             bscan = render_bscan(sample_pose(study.phantom, rng).place(section), study.oct, optics, rng)
             reached.append(dice(find_wall(bscan.frame, SCALE).mask, bscan.truth_mask))

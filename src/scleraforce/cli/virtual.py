@@ -6,6 +6,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from scleraforce.cli.options import PATH, Quantity, in_si, new_file, options
 from scleraforce.cli.output import Command, Report, count_bar, share_bar
@@ -113,6 +114,8 @@ class _Forces(click.ParamType[tuple[float, ...]]):
 @click.option("--ramp-mn-per-s", "ramp_n_per_s", type=click.FloatRange(0.01, 1e5), callback=in_si("mn_per_s"),
               help="Rate of change of a moving needle's force; default: 20.")  # fmt: skip
 @click.option("--hold-s", type=click.FloatRange(0, 3600), help="Time at each turning point; default: 1.")
+@click.option("--puncture-mn", "puncture_n", type=Quantity("force_mn"), help="Force at which a moving needle goes "
+              "through the wall, after --forces-mn, none by default; frames.csv gets its travel.")  # fmt: skip
 @options("thickness_m", "youngs_modulus_pa", "iop_pa", "gap_m", "polar_angle_rad", default=STUDYS,
          thickness_m="600", polar_angle_rad="35")  # fmt: skip
 @click.option("--azimuth-deg", "azimuth_rad", type=float, callback=in_si("deg"),
@@ -139,9 +142,16 @@ def phantom(out: Path, study: Study, name: str, forces_n: tuple[float, ...], see
     from scleraforce.notebook.virtual import declared, given
 
     study = declared(study, *(values.pop(key) for key in ("mechanics", "globe", "rigidity_pa13_per_m3")))
-    moves = given(**{key: values.pop(key) for key in ("rate_hz", "ramp_n_per_s", "hold_s")})
+    moves = given(**{key: values.pop(key) for key in ("rate_hz", "ramp_n_per_s", "hold_s", "puncture_n")})
     if moves and "rate_hz" not in moves:
-        raise click.UsageError("--ramp-mn-per-s and --hold-s are of a needle that moves; give --rate-hz too")
+        raise click.UsageError(
+            "--ramp-mn-per-s, --hold-s, --puncture-mn are of a needle that moves; give --rate-hz too"
+        )
+    if (
+        "puncture_n" in moves
+        and click.get_current_context().get_parameter_source("forces_n") is ParameterSource.DEFAULT
+    ):
+        forces_n = ()
     eye, seed = given(**values), study.phantom.seed if seed is None else seed
     eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
     made = sf.phantom(out, study, forces_n=forces_n, eye=name, seed=seed, counting=count_bar, **eye, **moves)

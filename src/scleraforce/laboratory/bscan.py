@@ -34,6 +34,7 @@ from scleraforce.study import OctStudy
 
 SKIN_M = 10e-6  # thickness of the bright edge, and at least SKIN_COLUMNS of a column
 SKIN_COLUMNS = 0.5
+TRACK_DB, HOLE_M = -12.0, 30e-6  # of the light from torn tissue; how far above its hole the surface is gone
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,10 @@ class DrawnShaft:
     inside: Flags
     light: Float
     skin: Float
+
+    def over(self, other: "DrawnShaft") -> "DrawnShaft":
+        """Return both, one over the other."""
+        return DrawnShaft(self.inside | other.inside, self.light * other.light, self.skin + other.skin)
 
 
 def draw_shaft(shaft: NeedleShaft, tip_m: Floats, tilt_rad: float, oct_study: OctStudy) -> DrawnShaft:
@@ -65,6 +70,19 @@ def draw_shaft(shaft: NeedleShaft, tip_m: Floats, tilt_rad: float, oct_study: Oc
     level = decibel(shaft.level_db) * np.where(upward, 1.0, decibel(shaft.far_edge_db))
     skin = level * np.exp(-np.square(within_m / skin_m))
     return DrawnShaft(inside[above:], light[above:].astype(np.float32), skin[above:].astype(np.float32))
+
+
+def draw_track(
+    hole_m: Floats, angle_rad: float, half_width_m: float, length_m: float, oct_study: OctStudy
+) -> DrawnShaft:
+    """Draw what a needle leaves behind: a dim slit from its hole, (lateral, depth) as a shaft's tip, along its path."""
+    depth_m, lateral_m = oct_study.depth_m / oct_study.rows, oct_study.width_m / oct_study.columns
+    down = (np.arange(oct_study.rows) + 0.5)[:, None] * depth_m - hole_m[1]
+    across = (np.arange(oct_study.columns) + 0.5) * lateral_m - oct_study.width_m / 2 - hole_m[0]
+    along_m, aside_m = down * cos(angle_rad) - across * sin(angle_rad), across * cos(angle_rad) + down * sin(angle_rad)
+    inside = (np.abs(aside_m) <= max(half_width_m, lateral_m)) & (along_m >= -HOLE_M) & (along_m <= length_m)
+    light = np.where(inside, decibel(TRACK_DB), 1.0).astype(np.float32)
+    return DrawnShaft(np.zeros(light.shape, dtype=bool), light, np.zeros_like(light))
 
 
 def _signed_distances(shaft: NeedleShaft, across: Floats, down: Floats, tilt_rad: float) -> tuple[Floats, Floats]:

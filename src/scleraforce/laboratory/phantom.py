@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
-from math import cos
+from math import cos, sin, sqrt
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -18,9 +18,18 @@ from scleraforce import __version__
 from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
 from scleraforce.laboratory import pushes, virtual_eye
-from scleraforce.laboratory.bscan import Bscan, draw_shaft, render_bscan
+from scleraforce.laboratory.bscan import Bscan, DrawnShaft, draw_shaft, draw_track, render_bscan
 from scleraforce.laboratory.light import BscanOptics, Pose, Press, sample_conjunctiva, sample_needle, sample_optics
-from scleraforce.laboratory.virtual_eye import EyeTurn, LeakingSections, PhantomEye, SectionsAt, TurnedSections
+from scleraforce.laboratory.virtual_eye import (
+    BentSections,
+    EyeTurn,
+    LeakingSections,
+    LinearSections,
+    PhantomEye,
+    SectionsAt,
+    TurnedSections,
+    blended,
+)
 from scleraforce.mechanics.contact import Contact, Section
 from scleraforce.mechanics.form import thickness_factor
 from scleraforce.mechanics.relaxation import PronySeries
@@ -28,8 +37,11 @@ from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.fields import NEEDLE_FORCE
+from scleraforce.units import from_si
 
-OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN, TISSUE = range(10)  # the streams of a recording
+OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN, TISSUE, PUNCTURE = range(
+    11
+)  # the streams of a recording
 
 DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
 
@@ -80,12 +92,26 @@ def stream(eye: PhantomEye, seed: int, *numbers: int) -> np.random.Generator:
 AXIS, CONTACT_SIGN = "fz", -1
 TAIL_S = 1.5  # of the log, after the needle's last motion
 HELD_AVERAGE_S, MOVING_AVERAGE_S = 2.0, 0.1  # of a label: a needle that moves changes sooner
+TRAVEL_FORCES = 64  # at which a travel is known
 FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samples on both sides
 
 
 @dataclass(frozen=True)
+class Travel:
+    """Of a needle that goes through the wall: its tip's travel from rest, its length inside, and the track's, m.
+
+    `gap_m`: of the plane from the track.
+    """
+
+    travel_m: float
+    inside_m: float
+    track_m: float
+    gap_m: float
+
+
+@dataclass(frozen=True)
 class PhantomFrame:
-    """One frame: time, pose, optics, the key of its random numbers, its push and its turn, if any."""
+    """One frame: time, pose, optics, the key of its random numbers, its push, turn and needle's travel, if any."""
 
     file: str
     time_s: float
@@ -94,6 +120,7 @@ class PhantomFrame:
     seed: tuple[int, ...]
     push: pushes.Push | None = None
     turn: EyeTurn | None = None
+    travel: "Travel | None" = None
 
 
 @dataclass(frozen=True)
@@ -179,13 +206,20 @@ def plan_moving_phantom(
     rate_hz: float,
     ramp_n_per_s: float,
     hold_s: float,
+    puncture_n: float | None = None,
 ) -> PhantomPlan:
     """Draw a virtual acquisition of a needle that a robot moves while frames are taken at a steady rate.
+
+    With `puncture_n` the needle goes through the wall at that elastic force, after the others, which may be none.
 
     Shift of the eye, signal over noise and mirror reflection are drawn every second, and change smoothly from one to
     the next; all else is drawn once.
     """
-    _check_forces(eye, forces_n)
+    _check_forces(eye, [*forces_n, *([] if puncture_n is None else [puncture_n])])
+    if puncture_n is not None and not puncture_n > max(forces_n, default=0.0):
+        raise RecordingError(
+            f"eye {eye.id}: puncture: {from_si(puncture_n, 'mn'):g} mN; must be above 0 and above the forces before it"
+        )
     given = {"rate": (rate_hz, 0.1, 1000.0), "ramp": (ramp_n_per_s, 1e-5, 100.0), "hold": (hold_s, 0.0, 3600.0)}
     for name, (value, low, high) in given.items():
         if not low <= value <= high:
@@ -193,6 +227,8 @@ def plan_moving_phantom(
     scanner, place = sample_scanner(eye, study, seed)
     relaxation, rng = draw_relaxation(eye, study, seed), stream(eye, seed, PUSHES)
     path = pushes.plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, relaxation, rng)
+    if puncture_n is not None:
+        path = pushes.plan_puncture(path, puncture_n, ramp_n_per_s, hold_s, stream(eye, seed, PUNCTURE))
     count = int((path.times_s[-1] - FIRST_S) * rate_hz + 1e-6) + 1
     times_s = [round(FIRST_S + index / rate_hz, pushes.TIME_DIGITS) for index in range(count)]
     drift = draw_changes(eye, study, seed, np.array(times_s))
@@ -237,7 +273,7 @@ def _pressed(frame: PhantomFrame, eye: PhantomEye, force_n: float, study: Study)
     layer, radius_m = frame.optics.conjunctiva, 0.5 * study.needle.outer_diameter_m
     if layer is None:
         return frame
-    press = Press(force_n=force_n, radius_m=radius_m, gap_m=eye.gap_m, lateral_m=frame.pose.lateral_m)
+    press = Press(force_n=max(force_n, 0.0), radius_m=radius_m, gap_m=eye.gap_m, lateral_m=frame.pose.lateral_m)
     return replace(frame, optics=replace(frame.optics, conjunctiva=replace(layer, press=press)))
 
 
@@ -254,6 +290,8 @@ def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> tuple[Sequence[
     Raises:
         RecordingError: the eye turns and the sections cannot.
     """
+    if plan.path.puncture is not None:
+        return _pierced_sections(plan, sections_at)
     if isinstance(sections_at, LeakingSections):
         return sections_at.along(plan.normal_at, [frame.time_s for frame in plan.frames])
     found_pa = virtual_eye.pressures_pa(plan.eye, sections_at, plan.normal_n, plan.turns)
@@ -264,11 +302,72 @@ def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> tuple[Sequence[
     return sections_at.turned(plan.normal_n, plan.turns), found_pa
 
 
+def _pierced_sections(plan: PhantomPlan, sections_at: SectionsAt) -> tuple[Sequence[Section], Sequence[float]]:
+    """Return sections, in which friction pulls the wall outwards by the dent that it makes inwards, and pressures."""
+    found, pressed_n = _still(plan, sections_at), np.abs(plan.normal_n).tolist()
+    rest, *pressed = found([0.0, *pressed_n])
+    mirrored = np.array([2.0, -1.0])  # of the wall at rest, and under the opposite force
+    return [
+        blended([rest, section], mirrored) if normal_n < 0.0 else section
+        for normal_n, section in zip(plan.normal_n, pressed, strict=True)
+    ], virtual_eye.pressures_pa(plan.eye, found, pressed_n)
+
+
+def _still(plan: PhantomPlan, sections_at: SectionsAt) -> LinearSections | BentSections:
+    """Return the sections of an eye that can be pierced."""
+    if isinstance(sections_at, LeakingSections) or not isinstance(sections_at, LinearSections | BentSections):
+        raise RecordingError(f"eye {plan.eye.id}: puncture: of an eye that keeps still and does not leak")
+    return sections_at
+
+
+def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
+    """Return a plan whose frames have the needle's travel, if it goes through the wall; else the same plan.
+
+    Beyond the puncture the needle travels as fast as just before it.
+    """
+    puncture = plan.path.puncture
+    if puncture is None:
+        return plan
+    normal = 1.0 if plan.tilt_rad else cos(plan.lean[0] or 0.0)
+    grid_n = np.linspace(0.0, puncture.force_n, TRAVEL_FORCES)
+    grid_m = np.array(_still(plan, sections_at).travels_m((normal * grid_n).tolist()))
+    slope = (grid_m[-1] - grid_m[-2]) / (grid_n[-1] - grid_n[-2])
+
+    def travel_m(force_n: Floats) -> Floats:
+        """Return the tip's travel, of a force below 0 as far outwards."""
+        beyond_m = slope * np.maximum(np.abs(force_n) - puncture.force_n, 0.0)
+        return np.asarray(np.sign(force_n) * (np.interp(np.abs(force_n), grid_n, grid_m) + beyond_m))
+
+    times_s = np.array([frame.time_s for frame in plan.frames])
+    tip_m = travel_m(np.interp(times_s, puncture.driven_s, puncture.driven_n))
+    inside = plan.path.pierced(times_s) & (times_s < puncture.out_s)
+    length_m = np.where(inside, np.maximum(tip_m - travel_m(plan.path.elastic_n(times_s)), 0.0), 0.0)
+    lengths_m = np.column_stack([tip_m, length_m, np.maximum.accumulate(length_m)]).tolist()
+    travels = [Travel(travel_m, inside_m, track_m, plan.eye.gap_m) for travel_m, inside_m, track_m in lengths_m]
+    frames = (replace(frame, travel=travel) for frame, travel in zip(plan.frames, travels, strict=True))
+    return replace(plan, frames=tuple(frames))
+
+
+def _seen_needle(frame: PhantomFrame, section: Section, study: Study) -> DrawnShaft | None:
+    """Draw the shaft and the track of a frame, None if it has neither."""
+    needle, tip_m, travel = frame.optics.needle, np.array(needle_tip(frame, section)), frame.travel
+    angle_rad = frame.pose.tilt_rad + (needle.angle_rad if needle else 0.0)
+    axis = np.array([-sin(angle_rad), cos(angle_rad)])
+    shaft = None
+    if needle is not None:
+        inside_m = travel.inside_m if travel else 0.0
+        shaft = draw_shaft(needle, tip_m + inside_m * axis, frame.pose.tilt_rad, study.oct)
+    if travel is None or not travel.track_m:
+        return shaft
+    across_m2 = (0.5 * study.needle.outer_diameter_m) ** 2 - travel.gap_m**2
+    cut_m = sqrt(max(across_m2, 0.0)) if travel.inside_m else 0.0  # it closes behind the needle
+    track = draw_track(tip_m, angle_rad, cut_m, travel.track_m, study.oct)
+    return track if shaft is None else shaft.over(track)
+
+
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
     """Form one frame of a plan, from the section under its force."""
-    rng, needle, shaft = np.random.default_rng(frame.seed), frame.optics.needle, None
-    if needle is not None:
-        shaft = draw_shaft(needle, np.array(needle_tip(frame, section)), frame.pose.tilt_rad, study.oct)
+    rng, shaft = np.random.default_rng(frame.seed), _seen_needle(frame, section, study)
     return render_bscan(frame.pose.place(section), study.oct, frame.optics, rng, shaft)
 
 
@@ -288,7 +387,9 @@ def write_phantom(
     try:
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
-        with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment)) as writer:
+        plan = with_travel(plan, sections_at)
+        more = () if plan.path.puncture is None else ("travel_m",)
+        with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment, more)) as writer:
             sections, found_pa = plan_sections(plan, sections_at)
             axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
             stop_s = plan.path.times_s[-1] + TAIL_S
@@ -297,7 +398,8 @@ def write_phantom(
             truth = json.dumps(phantom_truth(plan, study, found_pa), indent=1, allow_nan=False)
             (partial / "truth.json").write_text(truth + "\n", encoding="utf-8")
             for frame, section in zip(plan.frames, sections, strict=True):
-                writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame)
+                travel = () if frame.travel is None else (f"{frame.travel.travel_m:.6f}",)
+                writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame, travel)
                 if progress is not None:
                     progress(1)
         partial.rename(out)
@@ -343,6 +445,7 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
         "needle": {**asdict(study.needle), "lean_rad": plan.lean[0]},
         "sensor": asdict(plan.sensor),
         **({} if plan.frames[0].push else {"path": {"times_s": plan.path.times_s, "forces_n": plan.path.forces_n}}),
+        **({"puncture": asdict(plan.path.puncture)} if plan.path.puncture else {}),
         "frames": [
             {
                 "file": frame.file,
@@ -353,6 +456,8 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
                 "target": study.classes.classify(force_n),
                 **({"push": asdict(frame.push)} if frame.push else {}),
                 "pose": asdict(frame.pose),
+                **({"pierced": frame.time_s > plan.path.puncture.time_s} if plan.path.puncture else {}),
+                **({"needle": asdict(frame.travel)} if frame.travel else {}),
                 **({"turn": _turn_truth(plan.eye, frame.turn, study)} if frame.turn else {}),
                 "optics": asdict(frame.optics),
                 "seed": list(frame.seed),

@@ -1,11 +1,11 @@
 """A virtual force log: a needle's motion, in pushes or continuous, and its reading by a force sensor."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scleraforce.arrays import Floats
+from scleraforce.arrays import Flags, Floats
 from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.study import PhantomStudy, draw
@@ -41,25 +41,52 @@ class Push:
 UNIT_PUSH = (0.0, 1.0, 1.0, 0.0)  # at the corners
 
 
+FALL_S, FRICTION = (1e-3, 4e-3), (0.15, 0.4)  # ranges of a puncture's fall, and of the friction over its force
+
+
+@dataclass(frozen=True, kw_only=True)
+class Puncture:
+    """The needle goes through the wall at `time_s`: its force falls from `force_n` to the friction within `fall_s`.
+
+    The friction along the shaft, a share of `force_n`, pulls the wall outwards as soon as the needle goes back, until
+    it is out at `out_s`. `driven_s`, `driven_n`: the needle's travel, as the elastic force of a wall that bears it.
+    """
+
+    time_s: float
+    force_n: float
+    fall_s: float
+    friction_fraction: float
+    out_s: float
+    driven_s: tuple[float, ...]
+    driven_n: tuple[float, ...]
+
+
 @dataclass(frozen=True)
 class NeedlePath:
     """A needle's travel, as the elastic force of the dents that it makes, and the tissue's relaxation.
 
-    The elastic force is straight between turning points, (points,) each, and constant beyond them.
+    The elastic force is straight between turning points, (points,) each, and constant beyond them. After a `puncture`
+    it is the friction along the shaft, below 0 while the wall is pulled outwards, and nothing relaxes.
     """
 
     times_s: tuple[float, ...]
     forces_n: tuple[float, ...]
     relaxation: PronySeries = ELASTIC
+    puncture: Puncture | None = None
 
     def felt_n(self, time_s: Floats) -> Floats:
         """Return the true contact force in N at each time, shape of `time_s`."""
-        return np.maximum(self.relaxation.felt_along(self.times_s, self.forces_n, time_s), 0.0)
+        felt_n = np.maximum(self.relaxation.felt_along(self.times_s, self.forces_n, time_s), 0.0)
+        return np.where(self.pierced(time_s), np.interp(time_s, self.times_s, self.forces_n), felt_n)
+
+    def pierced(self, time_s: Floats) -> Flags:
+        """Return whether the needle has pierced the wall, at each time."""
+        return np.asarray(time_s) > (np.inf if self.puncture is None else self.puncture.time_s)
 
     def elastic_n(self, time_s: Floats) -> Floats:
         """Return the elastic force in N, whose dent the wall shows, at each time; 0 where the needle has let go."""
         driven_n = np.interp(time_s, self.times_s, self.forces_n)
-        return np.where(self.felt_n(time_s) > 0.0, driven_n, 0.0)
+        return np.where((self.felt_n(time_s) > 0.0) | self.pierced(time_s), driven_n, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +146,29 @@ def plan_path(
         times_s += [reached_s, reached_s + hold_s]
         path_n += [force_n, force_n]
     return NeedlePath(tuple(times_s), tuple(path_n), relaxation)
+
+
+def plan_puncture(
+    path: NeedlePath, puncture_n: float, ramp_n_per_s: float, hold_s: float, rng: np.random.Generator
+) -> NeedlePath:
+    """Let a path go through the wall at an elastic force that it has not reached, travel on for a hold, and come out.
+
+    On its way back the shaft sticks until the friction is turned, and slips until the tip is at the outer surface of
+    the wall, which the friction has pulled outwards.
+    """
+    at_s = path.times_s[-1] + (puncture_n - path.forces_n[-1]) / ramp_n_per_s
+    fall_s, friction = rng.uniform(*FALL_S), rng.uniform(*FRICTION)
+    left_n, turns_s = friction * puncture_n, at_s + hold_s + fall_s
+    pulled_s = turns_s + 2.0 * left_n / ramp_n_per_s  # from the friction inwards to that outwards
+    out_s = turns_s + hold_s + fall_s + (puncture_n + left_n) / ramp_n_per_s
+    driven_n = puncture_n + ramp_n_per_s * (turns_s - at_s), -left_n
+    puncture = Puncture(
+        time_s=at_s, force_n=puncture_n, fall_s=fall_s, friction_fraction=friction, out_s=out_s,
+        driven_s=(*path.times_s, turns_s, out_s), driven_n=(*path.forces_n, *driven_n),
+    )  # fmt: skip
+    times_s = (*path.times_s, at_s, at_s + fall_s, turns_s, pulled_s, out_s, out_s + fall_s)
+    forces_n = (*path.forces_n, puncture_n, left_n, left_n, -left_n, -left_n, 0.0)
+    return replace(path, times_s=times_s, forces_n=forces_n, puncture=puncture)
 
 
 def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> ForceSensor:

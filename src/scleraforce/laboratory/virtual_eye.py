@@ -85,7 +85,7 @@ class TurnedSections:
         """Return the sections at each force and turn."""
         at_knots = [knot(forces_n) for knot in self.knots]
         each = zip(turns, *at_knots, strict=True)
-        return [_blended(sections, knot_weights(turn, self.reach_rad)) for turn, *sections in each]
+        return [blended(sections, knot_weights(turn, self.reach_rad)) for turn, *sections in each]
 
 
 def knot_turns(reach_rad: float) -> tuple[EyeTurn, ...]:
@@ -99,7 +99,7 @@ def knot_weights(turn: EyeTurn, reach_rad: float) -> Floats:
     return np.array([1.0 - x - y, x, y])
 
 
-def _blended(sections: Sequence[Section], weights: Floats) -> Section:
+def blended(sections: Sequence[Section], weights: Floats) -> Section:
     """Return the weighted sum of sections, point by point along their curves, as far as all of them reach."""
     blended = []
     for curves in zip(*((section.outer, section.inner) for section in sections), strict=True):
@@ -165,10 +165,10 @@ def study_sections(eye: PhantomEye, study: Study, progress: Progress | None = No
     """
     if study.mechanics.kind == "finite-strain" and study.globe.leak_time_s:
         return LeakingSections(eye, study, progress)
-    eyes, report, knots = turned_eyes(eye, study), progress or (lambda _: None), []
+    eyes, report, knots = turned_eyes(eye, study), progress or (lambda _: None), list[SectionsAt]()
     for number, (turned, own) in enumerate(eyes):
         if study.mechanics.kind == "linear":
-            knots.append(linear_sections(turned, own))
+            knots.append(LinearSections(turned, own))
         else:
             share = partial(lambda before, part: report((before + part) / len(eyes)), number)
             knots.append(BentSections(turned, own, share))
@@ -211,6 +211,11 @@ class BentSections:
             states_fnc = np.stack([bent.path.displacement_nc(force_n) for force_n in part])
             sections += cut_sections(bent.mesh, [self.eye.plane], states_fnc, np.eye(len(part))[None])[0]
         return sections
+
+    def travels_m(self, forces_n: Sequence[float]) -> list[float]:
+        """Return the tip's inward displacement from rest at each force, m."""
+        path = self._bent_to(forces_n).path
+        return [path.travel_m(force_n) for force_n in forces_n]
 
     def pressures_pa(self, forces_n: Sequence[float]) -> list[float]:
         """Return the eye pressure at each force in Pa."""
@@ -267,7 +272,7 @@ class LeakingSections(BentSections):
 
         left_m3 = np.interp(times_s, clock_s, leaked(pressed)).tolist()
         each = zip(left_m3, *(knot(at_n) for knot in knots), strict=True)
-        return [_blended(sections, weights(left)) for left, *sections in each], [
+        return [blended(sections, weights(left)) for left, *sections in each], [
             pressed(force, left) for force, left in zip(at_n, left_m3, strict=True)
         ]
 
@@ -295,20 +300,28 @@ def linear_wall(
     return LinearWall(mesh, study.eye.poisson_ratio, springs=springs, springs_modulus_pa=youngs_modulus_pa)
 
 
-def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
-    """Return the function that gives an eye's sections for needle forces in N, from linear mechanics, factored once."""
-    plane = eye.plane
-    wall = linear_wall(study, "phantom", eye.thickness_m, plane.contact, eye.youngs_modulus_pa)
-    needle_nc = wall.needle_cnc([plane.contact], study.needle.outer_diameter_m / 2)[0]
-    modes_knc = np.stack([wall.pressure_nc, wall.gravity_nc, needle_nc])
-    weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
+class LinearSections:
+    """An eye's sections for needle forces in N, from linear mechanics, factored once."""
 
-    def sections_at(forces_n: Sequence[float]) -> Sequence[Section]:
-        weights_fk = np.array([[eye.iop_pa, weight_n_m3, force_n] for force_n in forces_n]) / eye.youngs_modulus_pa
+    def __init__(self, eye: PhantomEye, study: Study) -> None:
+        self._eye, plane = eye, eye.plane
+        wall = linear_wall(study, "phantom", eye.thickness_m, plane.contact, eye.youngs_modulus_pa)
+        self._needle_nc = wall.needle_cnc([plane.contact], study.needle.outer_diameter_m / 2)[0]
+        self._mesh, self._modes_knc = wall.mesh, np.stack([wall.pressure_nc, wall.gravity_nc, self._needle_nc])
+        self._weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
+
+    def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
+        """Return the sections."""
+        loads = [[self._eye.iop_pa, self._weight_n_m3, force_n] for force_n in forces_n]
+        weights_fk = np.array(loads) / self._eye.youngs_modulus_pa
         parts = [weights_fk[start : start + WEIGHTS_AT_ONCE] for start in range(0, len(weights_fk), WEIGHTS_AT_ONCE)]
-        return [section for part in parts for section in cut_sections(wall.mesh, [plane], modes_knc, part[None])[0]]
+        plane, modes_knc = self._eye.plane, self._modes_knc
+        return [section for part in parts for section in cut_sections(self._mesh, [plane], modes_knc, part[None])[0]]
 
-    return sections_at
+    def travels_m(self, forces_n: Sequence[float]) -> list[float]:
+        """Return the tip's inward displacement from rest at each force, m."""
+        unit_m = tip_displacement(self._mesh, self._eye.plane.contact, self._needle_nc) / self._eye.youngs_modulus_pa
+        return [force_n * unit_m for force_n in forces_n]
 
 
 def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:

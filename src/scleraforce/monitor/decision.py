@@ -154,13 +154,13 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
     to_bound = None
     if upper_n is not None and verdict.force_n is not None and not now.pierced:
         to_bound = time_to_bound(rise, verdict.force_n, upper_n, limits.bound_n)
-    harmful = harm(verdict, limits)
-    if harmful:
-        return _Finding(Signal.ALARM, harmful[1], harmful[0], to_bound)
-    if fall := unexplained_fall(now.dents, limits):
+    harmful, fall = harm(verdict, limits), unexplained_fall(now.dents, limits)
+    if fall and not (harmful and limits.reports_pierced):
         from_mn, to_mn, within_ms = from_si(fall.from_n, "mn"), from_si(fall.to_n, "mn"), from_si(fall.within_s, "ms")
         reason = f"pierced: the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within {within_ms:.0f} ms"
         return _Finding(Signal.PIERCED if limits.reports_pierced else Signal.ALARM, reason, Cause.PIERCED)
+    if harmful:
+        return _Finding(Signal.ALARM, harmful[1], harmful[0], to_bound)
     if rise is not None and upper_n is not None and verdict.force_n is not None:
         risen_n = risen_force(rise, limits.reaction_s, limits.rate_deviations)
         if risen_n is not None and risen_n + upper_n - verdict.force_n >= limits.bound_n:

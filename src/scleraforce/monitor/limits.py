@@ -52,7 +52,7 @@ class MonitorLimits:
     opinion_s: float = 0.5
     reports_pierced: bool = False
     fall_share: float = 0.4
-    fall_n: float = 3e-3
+    fall_n: float = 2e-3
     fall_s: float = 0.03
     retraction_m_s: float = 5e-3
     stiffness_n_m: float = 60.0

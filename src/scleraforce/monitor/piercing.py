@@ -58,7 +58,7 @@ def _explained_n(dents: tuple[Dent, ...], place: int, limits: MonitorLimits) -> 
         unseen_m = limits.retraction_m_s * (high.age_s + low.age_s)
         back_m = min(back_m, max(max(before) - min(after), 0.0) + unseen_m)
     moved_n = limits.stiffness_n_m * (back_m + limits.eye_m_s * within_s)
-    return moved_n + limits.rate_deviations * sqrt(2.0) * noise_n([dent.force_n for dent in dents[: place + 1]])
+    return moved_n + limits.rate_deviations * noise_n([dent.force_n for dent in dents[: place + 1]])
 
 
 def noise_n(forces_n: list[float]) -> float:

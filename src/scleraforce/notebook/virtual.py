@@ -106,6 +106,7 @@ def phantom(
     rate_hz: float | None = None,
     ramp_n_per_s: float | None = None,
     hold_s: float | None = None,
+    puncture_n: float | None = None,
     progress: Callable[[int], object] | None = None,
     counting: Counting | None = None,
 ) -> Recording:
@@ -131,6 +132,7 @@ def phantom(
         rate_hz: frames a second of a needle that moves; None: it is held at each force.
         ramp_n_per_s: how fast the force of a moving needle changes; None: 0.02.
         hold_s: how long a moving needle stays at each force; None: 1.
+        puncture_n: force at which a moving needle goes through the wall, after the others; its travel is recorded.
         progress: called with 1 after each frame.
         counting: for bars, in place of `progress`: a context manager of a title ("load path" in per cent, "frames")
             and its steps.
@@ -162,15 +164,17 @@ def phantom(
         tilt_rad=tilt_rad,
     )
     seed = study.phantom.seed if seed is None else seed
+    if rate_hz is None and puncture_n is not None:
+        raise InputError("puncture_n: of a needle that moves; give rate_hz too")
     if rate_hz is None:
         plan = plan_phantom(pushed, tuple(forces_n), study, seed)
     else:
         moves = {"rate_hz": rate_hz, "ramp_n_per_s": 20e-3, "hold_s": 1.0}
-        moves |= given(ramp_n_per_s=ramp_n_per_s, hold_s=hold_s)
+        moves |= given(ramp_n_per_s=ramp_n_per_s, hold_s=hold_s, puncture_n=puncture_n)
         plan = plan_moving_phantom(pushed, tuple(forces_n), study, seed, **moves)
     with counting("load path", 100) as advance:
         sections_at = study_sections(pushed, study, by_percent(advance))
-        sections_at([max(plan.forces_n)])  # a load path is computed here, once: frames are quick then
+        sections_at([max(*plan.forces_n, puncture_n or 0.0)])  # a load path is computed here, once
     with counting("frames", len(plan.frames)) as advance:
         write_phantom(Path(out), plan, sections_at, study, advance)
     return read_recording(out)

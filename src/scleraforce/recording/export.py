@@ -30,7 +30,7 @@ def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
     """Return file, time, piercing and label of each frame; no label without a force log."""
     each = zip(recording.frames, label_frames(recording, classes), strict=True)
     return [
-        {"file": frame.file, "time_s": frame.time_s, "pierced": frame.pierced,
+        {"file": frame.file, "time_s": frame.time_s, "pierced": bool(frame.pierced),
          "measured_force_mn": from_si(trial.measured_force_n, "mn"), "target": trial.target}
         for frame, trial in each
     ]  # fmt: skip

@@ -229,12 +229,13 @@ def _row_numbers(
 
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
-FRAME_COLUMNS = ("file", "time_s", "pierced", "held_s")
+FRAME_COLUMNS = ("file", "time_s", "pierced", "travel_m", "held_s")
 GOOD_SAMPLE_RATE_HZ = 100.0
 # A push takes 0.2 s or more: at fewer samples a second it has less than four, and a clock in ms is read as one in s.
 MIN_SAMPLE_RATE_HZ = 20.0
 # Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand times what such a sensor bears.
 LARGEST_TIME_S, LARGEST_FORCE_N = 1e10, 1e6
+LARGEST_TRAVEL_M = 1.0  # of a needle: metres, not mm
 # A sample is not a force beyond 1,000 times the median distance from the log's median (or the sensor's step, if that is
 # larger), but never below 3 N: no needle pushes an eye by more, and on a quiet log 60 mN are 1,000 times its noise.
 IMPLAUSIBLE_RATIO, LEAST_IMPLAUSIBLE_N = 1000.0, 3.0
@@ -244,15 +245,17 @@ MOST_IMPLAUSIBLE = 1.0 / 3.0  # of the samples; with more, the log's usual size 
 
 @dataclass(frozen=True)
 class FrameEntry:
-    """A line of frames.csv: name below `frames/`, time on the log's clock, whether the needle had pierced.
+    """A line of frames.csv: name below `frames/`, time on the log's clock, whether the needle had pierced, if stated.
 
-    `held_s`: the time since the needle's push, which it has held since; None if it is not known.
+    `travel_m`: the needle's travel along its axis, inwards, from any start. `held_s`: the time since the needle's push,
+    which it has held since. None: not known.
     """
 
     file: str
     time_s: float
-    pierced: bool = False
+    pierced: bool | None = None
     held_s: float | None = None
+    travel_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -286,7 +289,8 @@ class ForceLog:
 def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     """Read frames.csv, in its order."""
     table = _read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
-    mark = decimal_mark(table, tuple(table.names.index(name) for name in ("time_s", "held_s") if name in table.names))
+    numbers = ("time_s", "travel_m", "held_s")
+    mark = decimal_mark(table, tuple(table.names.index(name) for name in numbers if name in table.names))
     entries: list[FrameEntry] = []
     seen: dict[str, int] = {}
     for index, line in enumerate(table.numbers):
@@ -395,7 +399,7 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
     inside = not PurePosixPath(file).is_absolute() and ".." not in PurePosixPath(file).parts
     if not file or "\\" in file or not file.isprintable() or not inside:
         raise RecordingError(f"{place}: file: {file!r} is not a name below frames/")
-    pierced = row.get("pierced", "0")
+    pierced = row.get("pierced", "")
     if pierced not in ("", "0", "1"):
         raise RecordingError(f"{place}: pierced: {pierced!r}; give 0 or 1")
     time_s = number(row["time_s"], mark)
@@ -404,4 +408,9 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
     held_s = number(row["held_s"], mark) if row.get("held_s") else None
     if row.get("held_s") and (held_s is None or not 0.0 <= held_s <= LARGEST_TIME_S):
         raise RecordingError(f"{place}: held_s: {row['held_s']!r} is not a number of seconds, 0 or more")
-    return FrameEntry(file, time_s, pierced == "1", held_s)
+    travel_m = number(row["travel_m"], mark) if row.get("travel_m") else None
+    if row.get("travel_m") and (travel_m is None or not abs(travel_m) <= LARGEST_TRAVEL_M):
+        raise RecordingError(
+            f"{place}: travel_m: {row['travel_m']!r} is not a number of metres within {LARGEST_TRAVEL_M:g} m"
+        )
+    return FrameEntry(file, time_s, pierced == "1" if pierced else None, held_s, travel_m)

@@ -61,20 +61,23 @@ PAGE_BYTES = 4096
 
 
 class RecordingWriter:
-    """Writer of recording.toml, which begins with `comment`, frames/ and frames.csv of a new folder."""
+    """Writer of recording.toml, which begins with `comment`, frames/ and frames.csv of a new folder.
 
-    def __init__(self, folder: Path, info: RecordingInfo, comment: str) -> None:
+    `more` are columns of frames.csv beside file and time.
+    """
+
+    def __init__(self, folder: Path, info: RecordingInfo, comment: str, more: tuple[str, ...] = ()) -> None:
         self.folder = folder
         folder.mkdir(parents=True)
         (folder / "frames").mkdir()
         _write(folder / "recording.toml", f"# {comment}\n\n{format_record(info)}".encode())
         self._png = PngBuffer(info.oct.rows, info.oct.columns)
-        self._table = _Table(folder / "frames.csv", ("file", "time_s"))
+        self._table = _Table(folder / "frames.csv", ("file", "time_s", *more))
 
-    def add(self, file: str, time_s: float, pixels: Counts) -> None:
-        """Add a frame (row, column) that is later than the others."""
+    def add(self, file: str, time_s: float, pixels: Counts, more: Sequence[str] = ()) -> None:
+        """Add a frame (row, column) that is later than the others, and its values of the other columns."""
         _write(self.folder / "frames" / file, self._png.encode(pixels))
-        self._table.add(file, f"{time_s:.6f}")
+        self._table.add(file, f"{time_s:.6f}", *more)
 
     def close(self) -> None:
         """Close the table."""

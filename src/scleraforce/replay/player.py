@@ -18,12 +18,12 @@ import numpy as np
 
 from scleraforce.errors import InputError, LinkError
 from scleraforce.monitor.events import Cause, State
-from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, Sensor, Status, Text, encode
-from scleraforce.openigtlink.messages import HEADER_BYTES, unpack_header
+from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, Sensor, Status, Text, Transform, encode
+from scleraforce.openigtlink.messages import HEADER_BYTES, IDENTITY, unpack_header
 from scleraforce.recording.folder import OctInfo, Recording
 from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry
-from scleraforce.service.messages import READING_DEVICE, STATUS_DEVICE
+from scleraforce.service.messages import NEEDLE_DEVICE, READING_DEVICE, STATUS_DEVICE
 from scleraforce.service.watchdog import stamp_time
 from scleraforce.units import from_si
 
@@ -42,7 +42,7 @@ class Unstamped:
     """A message that is encoded except for the time in its header; `message_id` is 0 in version 1."""
 
     def __init__(self, message: Message, device: str, version: int, message_id: int = 0) -> None:
-        message_id = message_id if version > 1 else 0
+        message_id, self.device = message_id if version > 1 else 0, device
         self._bytes = bytearray(encode(message, device, version=version, message_id=message_id))
         self._message_id = message_id
 
@@ -354,7 +354,7 @@ class Player:
         """Play until a time of the recording, or its end; then wait a moment for the last answer."""
         entries = [entry for entry in self.recording.frames if entry.time_s < stop_s]
         forces = (force for force in self._forces() if force.time_s < min(stop_s, self.recording.frames[-1].time_s))
-        for timed in merge(self.frames(entries), forces):
+        for timed in merge(self.frames(entries), forces, self._poses(entries)):
             self.send(timed)
         if stop_s == float("inf"):
             self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
@@ -399,7 +399,7 @@ class Player:
             self.last = timed.number
             self.log.sent(timed.number, timed.message.frame_id, sent_s)
         else:
-            self.forces_sent += 1
+            self.forces_sent += timed.message.device == FORCE_DEVICE
         self._watch()
         return sent_s
 
@@ -425,6 +425,13 @@ class Player:
     def _read(self, entry: FrameEntry, number: int) -> Timed:
         pixels = self.recording.frame(entry)
         return Timed(entry.time_s, number, frame_message(pixels, self.recording.info.oct, number, self.version))
+
+    def _poses(self, entries: list[FrameEntry]) -> Iterator[Timed]:
+        """Yield the needle's travel at each frame, if the recording has it; it goes out just before the frame."""
+        for entry in entries:
+            if entry.travel_m is not None:
+                pose = Transform((*IDENTITY[:9], 0.0, 0.0, from_si(entry.travel_m, "mm")))
+                yield Timed(entry.time_s, 0, Unstamped(pose, NEEDLE_DEVICE, self.version))
 
     def _forces(self) -> Iterator[Timed]:
         """Yield the force log as SENSOR: three forces, and three torques if logged; otherwise the contact force."""

@@ -17,7 +17,7 @@ from scleraforce.arrays import Bytes, Places
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.result import Calibration, EyeCalibration, parse_calibration
 from scleraforce.known.calibration_file import open_calibration, read_calibration
-from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes, simulate_eye
+from scleraforce.laboratory.virtual_eye import LinearSections, PhantomEye, paper_eyes, simulate_eye
 from scleraforce.learning.dataset import open_dataset
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
@@ -168,7 +168,7 @@ def _walls_figure(run: Run, reader: Evaluation) -> html.Html:
     linear, finite = (_stated_eye(run, path, looks[0]) for path in (run.bent_linear, run.bent_finite_strain))
     computed = {
         "finite strain": _finite_sections(run_library(run), finite, forces_n),
-        "linear": linear_sections(linear, run.study)(forces_n),
+        "linear": LinearSections(linear, run.study)(forces_n),
     }
     drawn = draw_computed_walls(looks, computed)
     caption = said("walls", eye=linear.id)
@@ -391,7 +391,7 @@ def _pair(answer: FrameAnswer, study: Study) -> frame_figures.SlicePair:
     (look,) = look_at_all([answer])
     measured = look.slice(study.slice)
     force_n = max(answer.measured_force_n or 0.0, 0.0)
-    unloaded, section = linear_sections(eye_of(look.recording, study), study)([0.0, force_n])
+    unloaded, section = LinearSections(eye_of(look.recording, study), study)([0.0, force_n])
     laid = _laid_on(section, float(unloaded.outer[:, 1].min()), measured, study)
     return frame_figures.SlicePair(look, measured, laid, study.slice.pixel_m)
 

@@ -10,7 +10,7 @@ from scleraforce.calibration.calibrate import calibration_passes
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.known.calibration_file import open_calibration, read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import linear_sections, paper_eyes
+from scleraforce.laboratory.virtual_eye import LinearSections, paper_eyes
 from scleraforce.learning.dataset import open_dataset
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.learning.train import train_classifier
@@ -121,7 +121,7 @@ def _write_eyes(run: Run, progress: Progress, *, to_the_bounds: bool = False) ->
     folder.mkdir()
     for eye, forces_n in paper_eyes(study, to_the_bounds=to_the_bounds):
         plan = plan_phantom(eye, forces_n, study, study.phantom.seed + to_the_bounds)
-        write_phantom(folder / eye.id, plan, linear_sections(eye, study), study, progress)
+        write_phantom(folder / eye.id, plan, LinearSections(eye, study), study, progress)
 
 
 def _calibrate(run: Run, progress: Progress) -> None:
