@@ -164,7 +164,7 @@ def result(problem: Problem, unknown: Floats, placed: Placed, cost: float) -> Bo
         force_n=force, interval_n=(low_n, high_n), draws_n=draws_n, contact_m=unknown[at.LATERAL],
         tip_m=unknown[at.TIP], misfit_m=misfit * fit_frame.OUTER_SD_M,
         outliers=float(np.mean((residual > fit_frame.OUTLIER_SD * max(1.0, misfit)) & ~layer)),
-        wall_bmc=formed_wall(problem.walls, unknown), unknown=unknown, sd=np.linalg.norm(spread_uz, axis=1),
+        wall_bmc=formed_wall(problem.walls, unknown), unknown=unknown, spread=spread_uz.T,
         iop_pa=iop_pa, tension=iop_pa / np.exp(unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS], loss=cost,
     )  # fmt: skip
 

@@ -82,7 +82,7 @@ def drawn_fit(draws_n: np.ndarray) -> BoundaryFit:
     return BoundaryFit(
         force_n=float(median_n), interval_n=(float(low_n), float(high_n)), draws_n=draws_n, contact_m=0.0, tip_m=1e-3,
         misfit_m=3e-6, outliers=0.0, wall_bmc=np.zeros((2, 2, 2)), iop_pa=300.0, tension=0.02, loss=0.0,
-        unknown=np.zeros(len(NAMES)), sd=np.zeros(len(NAMES)),
+        unknown=np.zeros(len(NAMES)), spread=np.zeros((len(NAMES), len(NAMES))),
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ an eye that is not an even sphere is added at rest (`library.unknowns`); how it 
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -60,7 +60,8 @@ class BoundaryFit:
     is the contact's lateral place from the frame's middle, `tip_m` its depth of indentation. `misfit_m` is the robust
     root mean square distance from the wall, `outliers` the share of columns farther off than a segmented wall ever is,
     not counting an inner boundary at the end of a layer below the wall. `wall_bmc` (boundary, point, 2) is the wall in
-    the frame, m; `unknown` and `sd` (unknown,) are the values in the order of `NAMES`. `iop_pa` is the pressure in the
+    the frame, m; `unknown` (unknown,) are the values in the order of `NAMES`, and `spread` (number, unknown) says how
+    standard normal numbers draw about them. `iop_pa` is the pressure in the
     eye under the needle, `tension` that times the eye's radius over E times thickness. `loss` is the cost of boundaries
     and prior, in squares of standard deviations.
     """
@@ -74,10 +75,15 @@ class BoundaryFit:
     outliers: float
     wall_bmc: Floats
     unknown: Floats
-    sd: Floats
+    spread: Floats
     iop_pa: float
     tension: float
     loss: float
+
+    @cached_property
+    def sd(self) -> Floats:
+        """Standard deviations of the unknowns (unknown,)."""
+        return np.asarray(np.sqrt((self.spread**2).sum(axis=0)))
 
     def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
         """Return the probability of each class; no class is ever certain, as the number of draws is finite."""
@@ -106,7 +112,7 @@ def fit_boundaries(
     law, off, count = law_of(prior.globe), prior.discrepancy, len(at.NAMES)
     terms = np.array([[off.level, off.level_sd, *off.level_by], [off.growth, off.growth_sd, *off.growth_by]])
     wall_bmc = np.empty((2, 2 * len(library.node_angles()), 2))
-    fitted = Fitted(np.empty(count), np.empty(count), np.empty(DRAWS), wall_bmc, np.empty(6))
+    fitted = Fitted(np.empty(count), np.empty((count, count)), np.empty(DRAWS), wall_bmc, np.empty(6))
     has_fit = fit_frame(
         library.tables,
         volume_paths(library, prior.globe.can_be_sealed),
@@ -134,7 +140,7 @@ def fit_boundaries(
         outliers=outliers,
         wall_bmc=fitted.wall_bmc,
         unknown=unknown,
-        sd=fitted.sd,
+        spread=fitted.spread,
         iop_pa=float(np.exp(unknown[law.pressure])),
         tension=float(np.exp(unknown[law.pressure] - unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS]),
         loss=cost,

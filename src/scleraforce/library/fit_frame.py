@@ -55,11 +55,12 @@ class Doubt(NamedTuple):
 class Fitted(NamedTuple):
     """A frame's fit as plain arrays (`fit.BoundaryFit`).
 
-    `numbers` (6,): force, ends of its interval, misfit over the SDs, share of outliers, cost.
+    `spread` (number, unknown): how standard normal numbers draw about the unknowns. `numbers` (6,): force, ends of its
+    interval, misfit over the SDs, share of outliers, cost.
     """
 
     unknown: Floats
-    sd: Floats
+    spread: Floats
     draws_n: Floats
     wall_bmc: Floats
     numbers: Floats
@@ -89,7 +90,7 @@ def fit_frame(
     places = at_m[:count], outer, smoothing_m
     scene = scene_of(tables, law.pressure, places, belief.mean[at.GAP], belief.mean[at.THICKNESS])
     problem, work = Problem(scene, law, depth_m[:count], sd_m[:count], as_one, belief), search_loops.work_of(scene)
-    unknown, spread = fitted.unknown, np.empty((UNKNOWNS, UNKNOWNS))
+    unknown, spread = fitted.unknown, fitted.spread
     if len(begun):
         unknown[:] = begun
         search_loops.keep_inside(tables, unknown)
@@ -106,7 +107,7 @@ def fit_frame(
         if not law.is_open:
             cost = _beyond(problem, surface, borne_n, cost, work, unknown)
             cost = _along_valley(problem, cost, work, unknown, spread)
-    _conclude(problem, cost, doubt, work, spread, fitted)
+    _conclude(problem, cost, doubt, work, fitted)
     return True
 
 
@@ -210,9 +211,10 @@ def _along_valley(problem: Problem, best: float, work: Work, unknown: Floats, sp
 
 
 @compiled_part
-def _conclude(problem: Problem, cost: float, doubt: Doubt, work: Work, spread: Floats, fitted: Fitted) -> None:
+def _conclude(problem: Problem, cost: float, doubt: Doubt, work: Work, fitted: Fitted) -> None:
     """Write the fit with its uncertainty: the curvature's, with the noise estimated from the misfit (Birge)."""
-    unknown, depths, draws_n, places = fitted.unknown, work.depths, fitted.draws_n, len(problem.depth_m)
+    unknown, spread, draws_n = fitted.unknown, fitted.spread, fitted.draws_n
+    depths, places = work.depths, len(problem.depth_m)
     _, nodes = search_loops.evaluate(problem, unknown, work)
     seen, off = depths.seen, work.off
     size, lost = np.where(seen, np.abs(off), np.inf), 0
@@ -222,8 +224,6 @@ def _conclude(problem: Problem, cost: float, doubt: Doubt, work: Work, spread: F
         lost += size[place] > OUTLIER_SD * max(1.0, misfit) and not is_layer
     search_loops.find_spread(problem, unknown, nodes, min(max(misfit, LEAST_NOISE), MOST_NOISE), work, spread)
     _draw_forces(problem, unknown, spread, doubt, draws_n)
-    for place in range(UNKNOWNS):
-        fitted.sd[place] = np.sqrt((spread[:, place] ** 2).sum())
     formed_section(problem.scene, unknown, work.wall, fitted.wall_bmc)
     fitted.numbers[:3] = np.quantile(draws_n, np.array([0.5, INTERVAL[0], INTERVAL[1]]))
     fitted.numbers[3], fitted.numbers[4], fitted.numbers[5] = misfit, lost / places, cost

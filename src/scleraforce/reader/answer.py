@@ -8,6 +8,7 @@ from scleraforce.known import one_lean
 from scleraforce.library.fit import BoundaryFit
 from scleraforce.library.unknowns import LATERAL
 from scleraforce.monitor.events import Verdict
+from scleraforce.reader.where import NOWHERE, Places
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle, needle_entry
 from scleraforce.units import from_si
@@ -102,7 +103,8 @@ class Answer:
     once; `force_n` is the force on the needle now, along it where `lean_rad` has the ends of its angle from the wall's
     normal. Where nothing says the lean, it is the part along the normal, or, of an eye that was calibrated so, along a
     needle that leans as it did then. `readings` holds the reading of each method by its name, and `fit` the wall of the
-    library that fits the frame best. `segmentation` is the wall that was read.
+    library that fits the frame best; `places` says where the needle is, with intervals. `segmentation` is the wall that
+    was read.
     """
 
     predicted: int
@@ -118,6 +120,7 @@ class Answer:
     can_calibrate: bool = False
     readings: tuple[tuple[str, Reading], ...] = ()
     fit: BoundaryFit | None = None
+    places: Places = NOWHERE
     segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -142,19 +145,22 @@ class Answer:
 
     def as_json(self) -> dict[str, Any]:
         """Return the answer's keys in `read --json` and `evaluate --json`."""
+        places = self.places.as_json()
+        if self.places.lean_rad is None:
+            places["lean_deg"] = from_si(one_lean(self.lean_rad), "deg")
         return {
             "predicted": self.predicted,
             "probabilities": self.probabilities,
             "predicted_force_mn": from_si(self.force_n, "mn"),
             "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
             "elastic_force_mn": from_si(self.elastic_force_n, "mn"),
+            **places,
             "contact_mm": from_si(self.contact_m, "mm"),
             "time_to_bound_ms": None,  # a single frame shows no rise
             "time_to_bound_ms_interval": None,
             "pressure_pa": self.iop_at_dent_pa,
             "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "needle": needle_entry(self.needle),
-            "lean_deg": from_si(one_lean(self.lean_rad), "deg"),
             "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
             "usable": self.usable,
             "reason": self.reason,

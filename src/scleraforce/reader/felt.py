@@ -21,10 +21,9 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.known import NINETY_PERCENT, NOTHING_KNOWN, Known
 from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.library.unknowns import ROTATION
 from scleraforce.mechanics.relaxation import line_weights
 from scleraforce.reader.answer import Answer, Reading
-from scleraforce.study.fields import allowed
+from scleraforce.reader.where import shaft_lean
 
 Given = TypeVar("Given", Answer, Reading)
 
@@ -161,14 +160,8 @@ def _contradicted(ends_rad: tuple[float, float], azimuth_rad: float | None, seen
 
 
 def seen_lean(answer: Answer) -> float | None:
-    """Return the angle from the wall's normal to the shaft in the picture, towards growing columns on its way up.
-
-    None if no shaft is seen, or one that no needle has: farther off the normal than a lean may be declared.
-    """
-    if answer.needle is None or answer.fit is None:
-        return None
-    seen_rad = answer.needle.angle_rad - float(answer.fit.unknown[ROTATION])
-    return seen_rad if abs(seen_rad) <= (allowed("lean_rad").high or 0.0) else None
+    """Return the lean of the shaft that an answer sees, `where.shaft_lean`."""
+    return shaft_lean(answer.fit, answer.needle)
 
 
 @dataclass(frozen=True, eq=False)

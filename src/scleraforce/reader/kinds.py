@@ -23,6 +23,7 @@ from scleraforce.reader.at_rest import unless_at_rest
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.networks import ForceNetwork
+from scleraforce.reader.where import places_of
 from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
@@ -272,6 +273,8 @@ class ForceReader(Reader):
             answer = self._checked({"network": self.network.read(seen.cuts, known), "fit": by_fit}, leaves)
         if not seen.dent_leaves:  # an eye at rest does not leave the frame in its middle
             answer = unless_at_rest(answer, fit, boundaries, self.study)
+        if answer.usable:
+            answer = replace(answer, places=places_of(fit, prior, library, known, seen.needle))
         return replace(answer, can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
 
     def _checked(self, readings: Mapping[str, Reading], leaves: bool) -> Answer:

@@ -1,0 +1,137 @@
+"""Where the needle is, from one frame: contact, dent, gap and lean, each with its 90 % interval.
+
+The values are the fit's, a normal posterior about its unknowns. What the picture does not tell is None: without a dent
+nothing is, and an unknown whose posterior is hardly narrower than its prior is not. A gap that was given is an
+observation like another. The model's own error comes on top (`MODEL_SD`).
+"""
+
+from dataclasses import dataclass
+from math import hypot, radians
+from typing import Any
+
+import numpy as np
+
+from scleraforce.arrays import Floats
+from scleraforce.known import NINETY_PERCENT, Known
+from scleraforce.library import unknowns as at
+from scleraforce.library.fit import BoundaryFit, law_of
+from scleraforce.library.prior import Prior
+from scleraforce.library.responses import Library
+from scleraforce.segmentation.needle import SeenNeedle
+from scleraforce.study.fields import allowed
+from scleraforce.units import HumanUnit, from_si
+
+NARROWER = 0.5  # of the prior's standard deviation: a wider posterior is hardly the picture's
+LEAST_DENT = 3.0  # standard deviations of it: a shallower dent is none
+MODEL_SD: dict[str, float] = {"contact_m": 0.0, "contact_depth_m": 0.0, "dent_m": 0.0, "gap_m": 0.0}
+SHAFT_SD_RAD = radians(1.0)  # of a shaft's angle in a picture
+STEP = 1e-3  # of derivatives, in standard deviations
+
+
+@dataclass(frozen=True)
+class Place:
+    """A length or angle, in m or rad, with the ends of its 90 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, value: float, sd: float, least: float = -np.inf) -> "Place":
+        """Return the place of a normal distribution, its interval cut off at `least`."""
+        return cls(value, max(value - NINETY_PERCENT * sd, least), value + NINETY_PERCENT * sd)
+
+    @property
+    def unsigned(self) -> "Place":
+        """The place of the absolute value."""
+        ends = abs(self.low), abs(self.high)
+        return Place(abs(self.value), 0.0 if self.low < 0.0 < self.high else min(ends), max(ends))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Places:
+    """What a frame tells of the needle's place; None where it does not.
+
+    `contact_m`: the contact's lateral place from the frame's middle; `contact_depth_m`: of the dented surface at the
+    contact, below the frame's top; `dent_m`: its depth from the undented wall at the pressure under the needle;
+    `gap_m`: distance of the plane from the needle's axis; `lean_rad`: angle in the plane from the wall's normal at the
+    contact to a shaft in the picture, above 0 towards growing columns on its way up.
+    """
+
+    contact_m: Place | None = None
+    contact_depth_m: Place | None = None
+    dent_m: Place | None = None
+    gap_m: Place | None = None
+    lean_rad: Place | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the keys in `read --json`, without the contact's place, of which the answer has one anyway."""
+        found: dict[str, Any] = {}
+        units: tuple[tuple[str, HumanUnit], ...] = (
+            ("contact", "mm"), ("contact_depth", "mm"), ("dent", "mm"), ("gap", "mm"), ("lean", "deg")
+        )  # fmt: skip
+        for name, unit in units:
+            place = getattr(self, f"{name}_{'rad' if unit == 'deg' else 'm'}")
+            place = place and place.unsigned if unit == "deg" else place
+            ends = None if place is None else [from_si(place.low, unit), from_si(place.high, unit)]
+            found |= {f"{name}_{unit}": from_si(place and place.value, unit), f"{name}_{unit}_interval": ends}
+        return found
+
+
+NOWHERE = Places()
+
+
+def places_of(
+    fit: BoundaryFit, prior: Prior, library: Library, known: Known, needle: SeenNeedle | None, factor: float = 1.0
+) -> Places:
+    """Return what a frame's fit tells of the needle's place.
+
+    Its standard deviations are stretched by a `factor`.
+    """
+    unknown, sd = fit.unknown, factor * fit.sd
+    lean = None
+    if (angle_rad := shaft_lean(fit, needle)) is not None:
+        lean = Place.of(angle_rad, hypot(sd[at.ROTATION], SHAFT_SD_RAD))
+    if unknown[at.TIP] < LEAST_DENT * sd[at.TIP]:
+        return Places(lean_rad=lean)
+    shown = sd < NARROWER * prior.sd
+    depth_m, depth_sd_m = contact_depth(fit, prior, library)
+    return Places(
+        contact_m=_place("contact_m", unknown[at.LATERAL], sd[at.LATERAL]) if shown[at.LATERAL] else None,
+        contact_depth_m=_place("contact_depth_m", depth_m, factor * depth_sd_m),
+        dent_m=_place("dent_m", unknown[at.TIP], sd[at.TIP], 0.0) if shown[at.TIP] else None,
+        gap_m=_place("gap_m", unknown[at.GAP], sd[at.GAP], 0.0) if shown[at.GAP] or known.gap_m is not None else None,
+        lean_rad=lean,
+    )
+
+
+def _place(name: str, value: float, sd: float, least: float = -np.inf) -> Place:
+    return Place.of(float(value), hypot(sd, MODEL_SD[name]), least)
+
+
+def contact_depth(fit: BoundaryFit, prior: Prior, library: Library) -> tuple[float, float]:
+    """Return the depth of the dented surface on the needle's axis below the frame's top, m, and its SD."""
+    law = law_of(prior.globe)
+    steps = STEP * fit.spread
+    places_m = _depths(np.concatenate([fit.unknown[None], fit.unknown + steps]), law.pressure, library)
+    return float(places_m[0]), float(np.linalg.norm(places_m[1:] - places_m[0]) / STEP)
+
+
+def _depths(unknown_su: Floats, pressure: int, library: Library) -> Floats:
+    size, modulus = np.exp(unknown_su[:, at.SIZE]), np.exp(unknown_su[:, at.MODULUS])
+    thickness = np.clip(unknown_su[:, at.THICKNESS] / size, *library.thickness_m[[0, -1]])
+    ratio = np.clip(np.exp(unknown_su[:, pressure]) / modulus, *library.iop_ratio_ends(thickness))
+    tip = np.clip(unknown_su[:, at.TIP] / size, 0.0, library.tip_m[-1])
+    on_axis_m = library.shapes(thickness, ratio, tip)[:, 0, 0, 1]
+    return np.asarray(size * on_axis_m * np.cos(unknown_su[:, at.ROTATION]) + unknown_su[:, at.DEPTH])
+
+
+def shaft_lean(fit: BoundaryFit | None, needle: SeenNeedle | None) -> float | None:
+    """Return the angle from the wall's normal to the shaft in the picture, towards growing columns on its way up.
+
+    None if no shaft is seen, or one that no needle has: farther off the normal than a lean may be declared.
+    """
+    if needle is None or fit is None:
+        return None
+    seen_rad = needle.angle_rad - float(fit.unknown[at.ROTATION])
+    return seen_rad if abs(seen_rad) <= (allowed("lean_rad").high or 0.0) else None
