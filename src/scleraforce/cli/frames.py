@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
     Look = Callable[[Path], tuple[ScaledFrame, Segmentation]]
 
+# Places of the needle that `read` prints, with their units.
+PLACES = {"contact_mm": " mm", "dent_mm": " mm", "gap_mm": " mm", "lean_deg": "°"}
 RIGIDITY, STIFFENING, LEAN = "rigidity_mmhg13_per_ul", "stiffening", "lean_deg"
 WORDS = {  # name and unit of each key, for people
     "youngs_modulus_mpa": ("modulus", " MPa"),
@@ -335,6 +337,13 @@ def _answer_line(path: Path, answer: "Answer") -> str:
         words += f", {from_si(answer.force_n, 'mn'):.1f} mN (90 %: {low} to {high})"
     if answer.iop_at_dent_pa is not None:
         words += f", {from_si(answer.iop_at_dent_pa, 'mmhg'):.1f} mmHg at the dent"
+    places = answer.as_json()
+    found = [
+        f"{key.partition('_')[0]} {places[key]:.2f}{unit} ({ends[0]:.2f} to {ends[1]:.2f})"
+        for key, unit in PLACES.items()
+        if (ends := places[f"{key}_interval"]) is not None
+    ]
+    words += "\n" + wrapped(", ".join(found), "  ") if found else ""
     return "\n".join([words, *(wrapped(warning, "  warning: ") for warning in answer.warnings)])
 
 

@@ -33,7 +33,7 @@ from scleraforce.known import KnownGlobe
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit_frame import OUTER_SD_M, Doubt, Fitted, fit_frame
 from scleraforce.library.fit_loops import Law
-from scleraforce.library.prior import Prior
+from scleraforce.library.prior import Prior, form_size
 from scleraforce.library.responses import Library
 from scleraforce.library.sealed import volume_paths
 from scleraforce.library.search_loops import Belief
@@ -42,6 +42,8 @@ from scleraforce.study.eye import RIGIDITY_LAWS
 # Beyond it a surface is not a wall. Virtual eyes reach 9 um, with a cornea in view 13 um.
 NO_WALL_M = 20e-6
 DRAWS = 512
+# Frames of even walls lie nearer to an even wall of the library, frames of uneven walls farther from it.
+LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
 
 
 @lru_cache(maxsize=64)
@@ -84,6 +86,11 @@ class BoundaryFit:
     def sd(self) -> Floats:
         """Standard deviations of the unknowns (unknown,)."""
         return np.asarray(np.sqrt((self.spread**2).sum(axis=0)))
+
+    @property
+    def is_uneven(self) -> bool:
+        """True if the wall is not an even sphere, by the frame's misfit or the form."""
+        return self.misfit_m > LARGEST_MISFIT_M or form_size(self.unknown) > LARGEST_FORM
 
     def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
         """Return the probability of each class; no class is ever certain, as the number of draws is finite."""

@@ -24,7 +24,6 @@ from scleraforce.arrays import Floats
 from scleraforce.errors import ModelError
 from scleraforce.known import UNKNOWN, Known, KnownGlobe
 from scleraforce.library.fit import BoundaryFit
-from scleraforce.library.prior import form_size
 from scleraforce.reader.answer import METHODS, Reading
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.study import ReaderStudy
@@ -41,8 +40,6 @@ FIT_TRAITS: Mapping[str, tuple[str, ...]] = {
     OWN: (*GLOBE_TRAITS, UNEVEN, LIGHT, *OF_CALIBRATION),
     OTHER: (*GLOBE_TRAITS, UNEVEN, LIGHT),
 }
-# Of the fit: frames of even walls lie nearer to an even wall of the library, frames of uneven walls farther from it.
-LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
 # Of 140 virtual eyes of the library that were not declared open, calibrated on frames of their own, 90 % of the scores
 # of even walls stayed below 0.6 at smaller tensions; of all walls below 1.6 at larger ones.
 SLACK_TENSION = 0.05
@@ -78,8 +75,7 @@ def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> t
 
 def _of_fit(fit: BoundaryFit, force_n: float, globe: KnownGlobe) -> tuple[str, ...]:
     taut = globe.can_be_sealed and fit.tension > SLACK_TENSION
-    even = fit.misfit_m <= LARGEST_MISFIT_M and form_size(fit.unknown) <= LARGEST_FORM
-    found = {UNEVEN: not even, LIGHT: force_n < LIGHTEST_N}
+    found = {UNEVEN: fit.is_uneven, LIGHT: force_n < LIGHTEST_N}
     return TAUT if taut else globe.kind, *(trait for trait, has in found.items() if has)
 
 

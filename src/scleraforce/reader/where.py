@@ -1,8 +1,8 @@
 """Where the needle is, from one frame: contact, dent, gap and lean, each with its 90 % interval.
 
 The values are the fit's, a normal posterior about its unknowns. What the picture does not tell is None: without a dent
-nothing is, and an unknown whose posterior is hardly narrower than its prior is not. A gap that was given is an
-observation like another. The model's own error comes on top (`MODEL_SD`).
+nothing is, and an unknown whose posterior is hardly narrower than its prior is not. A gap that was given is one more
+observation. To the fit's own uncertainty comes that of its model: walls are uneven, and bend otherwise beside the pole.
 """
 
 from dataclasses import dataclass
@@ -21,9 +21,14 @@ from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.study.fields import allowed
 from scleraforce.units import HumanUnit, from_si
 
+Error = tuple[float, float, float]
+
 NARROWER = 0.5  # of the prior's standard deviation: a wider posterior is hardly the picture's
 LEAST_DENT = 3.0  # standard deviations of it: a shallower dent is none
-MODEL_SD: dict[str, float] = {"contact_m": 0.0, "contact_depth_m": 0.0, "dent_m": 0.0, "gap_m": 0.0}
+# Of walls of the library beside fifteen in 3-D (benchmarks/bench_where.py, seed 2): standard deviations in m, and per m
+# of dent, and how many times as large they are of walls that are not even.
+CONTACT_ERROR, DEPTH_ERROR = (20e-6, 0.02, 2.0), (15e-6, 0.025, 1.5)
+DENT_ERROR, GAP_ERROR = (15e-6, 0.025, 1.5), (30e-6, 0.01, 2.0)
 SHAFT_SD_RAD = radians(1.0)  # of a shaft's angle in a picture
 STEP = 1e-3  # of derivatives, in standard deviations
 
@@ -39,7 +44,7 @@ class Place:
     @classmethod
     def of(cls, value: float, sd: float, least: float = -np.inf) -> "Place":
         """Return the place of a normal distribution, its interval cut off at `least`."""
-        return cls(value, max(value - NINETY_PERCENT * sd, least), value + NINETY_PERCENT * sd)
+        return cls(value, max(value - NINETY_PERCENT * float(sd), least), value + NINETY_PERCENT * float(sd))
 
     @property
     def unsigned(self) -> "Place":
@@ -81,32 +86,32 @@ class Places:
 NOWHERE = Places()
 
 
-def places_of(
-    fit: BoundaryFit, prior: Prior, library: Library, known: Known, needle: SeenNeedle | None, factor: float = 1.0
-) -> Places:
-    """Return what a frame's fit tells of the needle's place.
-
-    Its standard deviations are stretched by a `factor`.
-    """
-    unknown, sd = fit.unknown, factor * fit.sd
+def places_of(fit: BoundaryFit, prior: Prior, library: Library, known: Known, needle: SeenNeedle | None) -> Places:
+    """Return what a frame's fit tells of the needle's place; `known` and the `prior` are those of the fit."""
     lean = None
     if (angle_rad := shaft_lean(fit, needle)) is not None:
-        lean = Place.of(angle_rad, hypot(sd[at.ROTATION], SHAFT_SD_RAD))
-    if unknown[at.TIP] < LEAST_DENT * sd[at.TIP]:
+        lean = Place.of(angle_rad, hypot(fit.sd[at.ROTATION], SHAFT_SD_RAD))
+    dent_m = float(fit.unknown[at.TIP])
+    if dent_m < LEAST_DENT * hypot(fit.sd[at.TIP], DENT_ERROR[0]):
         return Places(lean_rad=lean)
-    shown = sd < NARROWER * prior.sd
+
+    def with_error(sd: float, error: Error) -> float:
+        uneven = error[2] if fit.is_uneven else 1.0
+        return hypot(sd, uneven * error[0], uneven * error[1] * dent_m)
+
+    def place(which: int, error: Error, given: bool = False, least: float = -np.inf) -> Place | None:
+        sd = with_error(float(fit.sd[which]), error)
+        told = given or sd < NARROWER * prior.sd[which]
+        return Place.of(float(fit.unknown[which]), min(sd, prior.sd[which]), least) if told else None
+
     depth_m, depth_sd_m = contact_depth(fit, prior, library)
     return Places(
-        contact_m=_place("contact_m", unknown[at.LATERAL], sd[at.LATERAL]) if shown[at.LATERAL] else None,
-        contact_depth_m=_place("contact_depth_m", depth_m, factor * depth_sd_m),
-        dent_m=_place("dent_m", unknown[at.TIP], sd[at.TIP], 0.0) if shown[at.TIP] else None,
-        gap_m=_place("gap_m", unknown[at.GAP], sd[at.GAP], 0.0) if shown[at.GAP] or known.gap_m is not None else None,
+        contact_m=place(at.LATERAL, CONTACT_ERROR),
+        contact_depth_m=Place.of(depth_m, with_error(depth_sd_m, DEPTH_ERROR)),
+        dent_m=place(at.TIP, DENT_ERROR, least=0.0),
+        gap_m=place(at.GAP, GAP_ERROR, known.gap_m is not None, 0.0),
         lean_rad=lean,
     )
-
-
-def _place(name: str, value: float, sd: float, least: float = -np.inf) -> Place:
-    return Place.of(float(value), hypot(sd, MODEL_SD[name]), least)
 
 
 def contact_depth(fit: BoundaryFit, prior: Prior, library: Library) -> tuple[float, float]:

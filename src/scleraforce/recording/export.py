@@ -67,11 +67,16 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
     ... # doctest: +NORMALIZE_WHITESPACE
     {'file': 'a.png', 'interval_low_mn': 1.0, 'interval_high_mn': 2.0, 'needle_tip_lateral_mm': 0.5,
      'needle_tip_depth_mm': 3.0, 'probabilities_0': 1.0}
+    >>> flat({"dent_mm": 1.0, "dent_mm_interval": [0.9, 1.1]})
+    {'dent_mm': 1.0, 'dent_mm_low': 0.9, 'dent_mm_high': 1.1}
     """
     columns: dict[str, Any] = {}
     for key, value in row.items():
         if key in PAIRS:
             columns |= zip(PAIRS[key], value if isinstance(value, list) else (None, None), strict=False)
+        elif key.endswith("_interval"):
+            ends = value if isinstance(value, list) else (None, None)
+            columns |= zip((key.replace("_interval", end) for end in ("_low", "_high")), ends, strict=False)
         elif isinstance(value, Mapping | list):
             inner = dict(enumerate(value)) if isinstance(value, list) else value
             columns |= {f"{key}_{name}": entry for name, entry in flat({str(n): v for n, v in inner.items()}).items()}

@@ -1,0 +1,136 @@
+"""Places of the needle from one frame, against virtual eyes in three dimensions: errors, and intervals that hold.
+
+    python benchmarks/bench_where.py [--groups plain harder sealed] [--eyes 6] [--frames 12] [--seed 43] [--needles]
+
+Eyes are those of `make figures` by other seeds: each is bent in 3-D, and pushed with forces up to 60 mN. Frames are
+drawn as phantoms, each with a pose of its own, and read by `default` with E, IOP and thickness of calipers and gauges
+(`KNOWN_ERRORS`), once with the gap and once without. The contact is where the needle's axis meets the dented surface.
+With `--needles` a shaft crosses the picture at a lean of up to 35 degrees, and the gap is within the needle's radius.
+"""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import pi, radians
+
+import numpy as np
+
+import scleraforce as sf
+from figures.eyes import FigureEye
+from figures.groups import draw_eyes
+from figures.sections import compute_eye
+from scleraforce.known import Known, Modulus, known_globe
+from scleraforce.laboratory.phantom import plan_phantom, plan_sections, render_frame
+from scleraforce.mechanics.loads import tip_at
+from scleraforce.reader import Reader
+from scleraforce.reader.where import Place
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.study import Range, Study, fixed
+from scleraforce.units import HumanUnit, from_si
+
+KNOWN_ERRORS = {"modulus": 0.02, "iop": 0.03, "thickness_m": 10e-6, "gap_m": 20e-6}  # E and IOP: relative
+NAMES = ("contact_m", "contact_depth_m", "dent_m", "gap_m", "lean_rad")
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A place that was read, None where it was not, beside the true one."""
+
+    true: float
+    place: Place | None
+
+
+def main() -> None:
+    """Read the frames of each group and print its table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--groups", nargs="+", default=["plain", "harder", "sealed"])
+    parser.add_argument("--eyes", type=int, default=6)
+    parser.add_argument("--frames", type=int, default=12)
+    parser.add_argument("--seed", type=int, default=43)
+    parser.add_argument("--needles", action="store_true")
+    given, reader = parser.parse_args(), sf.load_model("default")
+    for group in given.groups:
+        found = defaultdict[tuple[str, str], list[Seen]](list)
+        for eye in draw_eyes(group, given.eyes, Study(), given.seed):
+            for name, gap, seen in readings(reader, eye, given.frames, given.seed, given.needles):
+                found[name, gap].append(seen)
+            print(f"{eye.name}: done", flush=True)
+        print(f"\n{group}\n{table(found)}\n", flush=True)
+
+
+def readings(
+    reader: Reader, drawn: FigureEye, frames: int, seed: int, needles: bool
+) -> Iterator[tuple[str, str, Seen]]:
+    """Yield the name of each place, whether the gap was given, and what was read, of all usable frames of an eye."""
+    rng = np.random.default_rng((seed, drawn.seed))
+    if needles:
+        drawn = with_needle(drawn, rng)
+    computed = compute_eye(drawn)
+    path, mesh, plane = computed.bent[0].path, computed.bent[0].mesh, drawn.eye.plane
+    forces_n = (computed.largest_n * np.sqrt(rng.uniform(0.0, 1.0, frames))).tolist()
+    plan = plan_phantom(drawn.eye, tuple(forces_n), drawn.study, seed)
+    sections, _ = plan_sections(plan, computed.sections_at)
+    down, across = (tip_at(mesh, plane.contact, axis) for axis in (plane.depth, plane.lateral))
+    scale, known = PixelScale.of(drawn.study.oct), stated(drawn, rng)
+    for frame, section, force_n in zip(plan.frames, sections, plan.normal_n, strict=True):
+        moved_nc = path.displacement_nc(force_n)
+        contact_m = np.array([[float((across * moved_nc).sum()), float((down * moved_nc).sum())]])
+        at_m = frame.pose.place_points(contact_m)[0]
+        shaft = frame.optics.needle
+        true = (*at_m.tolist(), path.tip_m(force_n), drawn.eye.gap_m, shaft.angle_rad if shaft else np.nan)
+        pixels = render_frame(frame, section, drawn.study).frame
+        for gap in ("given", "not given"):
+            answer = reader.read(pixels, scale, known if gap == "given" else replace(known, gap_m=None))
+            if answer.usable:
+                for name, value in zip(NAMES, true, strict=True):
+                    yield name, gap, Seen(value, getattr(answer.places, name))
+
+
+def with_needle(drawn: FigureEye, rng: np.random.Generator) -> FigureEye:
+    """Return an eye whose needle is in the picture and leans in it."""
+    phantom = replace(
+        drawn.study.phantom, needle_count=fixed(1), needle_angle_rad=Range(min=radians(-35.0), max=radians(35.0)),
+        needle_lean_rad=fixed(0.0),
+    )  # fmt: skip
+    gap_m = rng.uniform(0.0, 0.8) * drawn.study.needle.outer_diameter_m / 2
+    return replace(drawn, eye=replace(drawn.eye, gap_m=gap_m), study=replace(drawn.study, phantom=phantom))
+
+
+def stated(drawn: FigureEye, rng: np.random.Generator) -> Known:
+    """Return what is known of an eye, with its errors."""
+    eye, globe = drawn.eye, drawn.study.globe
+    off = {name: rng.normal(0.0, sd) for name, sd in KNOWN_ERRORS.items()}
+    modulus_pa = eye.youngs_modulus_pa * (1.0 + off["modulus"])
+    return Known(
+        modulus=Modulus(mean_pa=modulus_pa, sd_pa=KNOWN_ERRORS["modulus"] * modulus_pa, source="option"),
+        iop_pa=eye.iop_pa * (1.0 + off["iop"]),
+        thickness_m=eye.thickness_m + off["thickness_m"],
+        gap_m=max(eye.gap_m + off["gap_m"], 0.0),
+        polar_rad=eye.polar_rad,
+        direction_rad=float(np.remainder(eye.direction_rad + pi, 2.0 * pi) - pi),
+        globe=known_globe(globe.kind, None),
+    )
+
+
+def table(found: dict[tuple[str, str], list[Seen]]) -> str:
+    """Return the errors and the intervals that hold, as Markdown."""
+    lines = [
+        "| place | gap | told | error: rms, 90 % | half interval: median | intervals that hold |",
+        "|---|---|---|---|---|---|",
+    ]
+    for (name, gap), all_seen in sorted(found.items()):
+        known = [(seen.true, seen.place) for seen in all_seen if seen.place is not None and np.isfinite(seen.true)]
+        if not known:
+            continue
+        unit: HumanUnit = "deg" if name.endswith("rad") else "mm"
+        off = from_si(1.0, unit) * np.array([place.value - true for true, place in known])
+        half = from_si(1.0, unit) * np.median([place.high - place.low for _, place in known]) / 2.0
+        held = np.mean([place.low <= true <= place.high for true, place in known])
+        told, rms, most = len(known) / len(all_seen), np.sqrt((off**2).mean()), np.quantile(np.abs(off), 0.9)
+        lines.append(f"| {name} | {gap} | {told:.0%} | {rms:.3f}, {most:.3f} {unit} | {half:.3f} {unit} | {held:.0%} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
