@@ -1,4 +1,4 @@
-"""Where the needle is, from one frame: exact without noise, intervals that hold with it, null where nothing tells."""
+"""The needle's place from one frame: exact without noise, intervals that hold with it, null where nothing tells."""
 
 from dataclasses import replace
 

@@ -336,8 +336,8 @@ def bend_eye(
     goal_n = max(max_force_n, LEAST_FORCE_N)
     # The dent of a shallow linear shell without pressure under a point force (Reissner, J. Math. Phys. 25, 1946).
     stiffness = youngs_modulus_pa * thickness_m**2 / study.eye.radius_m
-    linear_m_per_n = sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0 / stiffness
-    travel_m = max(max_travel_m, linear_m_per_n * LEAST_FORCE_N)
+    linear = sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0
+    travel_m = max(max_travel_m, linear * LEAST_FORCE_N / stiffness)
     walk = partial(
         wall.load_path,
         needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
@@ -348,7 +348,7 @@ def bend_eye(
         max_tip_m=max_tip_m,
         max_travel_m=travel_m,
         globe=study_globe(study.globe),
-        largest_step_m=min(LARGEST_STEP_M, min(linear_m_per_n * goal_n, travel_m) / STEPS_TO_LINEAR_TIP),
+        largest_step_m=min(LARGEST_STEP_M, min(linear * goal_n / stiffness, travel_m) / STEPS_TO_LINEAR_TIP),
         as_far_as_found=as_far_as_found,
         progress=progress,
     )

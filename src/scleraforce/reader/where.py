@@ -1,8 +1,9 @@
-"""Where the needle is, from one frame: contact, dent, gap and lean, each with its 90 % interval.
+"""The needle's place from one frame: contact, dent, gap and lean, each with its 90 % interval.
 
-The values are the fit's, a normal posterior about its unknowns. What the picture does not tell is None: without a dent
-nothing is, and an unknown whose posterior is hardly narrower than its prior is not. A gap that was given is one more
-observation. To the fit's own uncertainty comes that of its model: walls are uneven, and bend otherwise beside the pole.
+The values are the fit's, a normal posterior about its unknowns. The picture may not tell one, which is then missing
+(None): without a dent all are, and so is an unknown whose posterior is hardly narrower than its prior. A gap that was
+given is one more observation. To the fit's own uncertainty comes that of its model: walls are uneven, and bend
+otherwise beside the pole.
 """
 
 from dataclasses import dataclass
@@ -24,11 +25,11 @@ from scleraforce.units import HumanUnit, from_si
 Error = tuple[float, float, float]
 
 NARROWER = 0.5  # of the prior's standard deviation: a wider posterior is hardly the picture's
-LEAST_DENT = 3.0  # standard deviations of it: a shallower dent is none
-# Of walls of the library beside fifteen in 3-D (benchmarks/bench_where.py, seed 2): standard deviations in m, and per m
-# of dent, and how many times as large they are of walls that are not even.
-CONTACT_ERROR, DEPTH_ERROR = (20e-6, 0.02, 2.0), (15e-6, 0.025, 1.5)
-DENT_ERROR, GAP_ERROR = (15e-6, 0.025, 1.5), (30e-6, 0.01, 2.0)
+LEAST_DENT = 3.0  # standard deviations of it: no shallower one counts
+# Of walls of the library beside walls in 3-D (benchmarks/bench_where.py, seeds 2, 43, 47): standard deviations in m,
+# and per m of dent, and how many times as large they are of walls that are not even, which do not show the gap.
+CONTACT_ERROR, DEPTH_ERROR = (60e-6, 0.015, 2.0), (20e-6, 0.03, 2.0)
+DENT_ERROR, GAP_ERROR = (20e-6, 0.03, 2.0), (40e-6, 0.01, 4.0)
 SHAFT_SD_RAD = radians(1.0)  # of a shaft's angle in a picture
 STEP = 1e-3  # of derivatives, in standard deviations
 
@@ -55,7 +56,7 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class Places:
-    """What a frame tells of the needle's place; None where it does not.
+    """The needle's place as one frame tells it; None: it does not.
 
     `contact_m`: the contact's lateral place from the frame's middle; `contact_depth_m`: of the dented surface at the
     contact, below the frame's top; `dent_m`: its depth from the undented wall at the pressure under the needle;
@@ -87,7 +88,7 @@ NOWHERE = Places()
 
 
 def places_of(fit: BoundaryFit, prior: Prior, library: Library, known: Known, needle: SeenNeedle | None) -> Places:
-    """Return what a frame's fit tells of the needle's place; `known` and the `prior` are those of the fit."""
+    """Return what a frame's fit tells of the needle's place; `known` and `prior`: as in the fit."""
     lean = None
     if (angle_rad := shaft_lean(fit, needle)) is not None:
         lean = Place.of(angle_rad, hypot(fit.sd[at.ROTATION], SHAFT_SD_RAD))
