@@ -13,6 +13,7 @@ from scleraforce.reader import load_classifier
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import LiveReader, warming_frame
+from scleraforce.reader.where import NOWHERE
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import SliceStudy, Study
 
@@ -34,7 +35,7 @@ def test_a_live_answer_is_the_network_s_and_the_whole_one_without_the_fit(frame:
     whole, answer = beside_the_fit.read(frame, SCALE, KNOWN), live(frame, alone)
     assert whole.warnings == ()
     assert (answer.force_n, answer.interval_n, answer.contact_m) == (0.015, (0.012, 0.018), FIVE_MN.contact_m)
-    assert answer == replace(whole, can_calibrate=False, readings=(), fit=None)
+    assert answer == replace(whole, can_calibrate=False, readings=(), fit=None, places=NOWHERE)
     np.testing.assert_array_equal(answer.segmentation.outer_row, whole.segmentation.outer_row)
     np.testing.assert_array_equal(answer.segmentation.inner_row, whole.segmentation.inner_row)
     (cut, known), (expected, _) = alone.network.shown[-1], beside_the_fit.network.shown[-1]
