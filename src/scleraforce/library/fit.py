@@ -116,27 +116,40 @@ def fit_boundaries(
     known: one more start in a sealed globe. `begun` (unknown,): the unknowns of another fit, which this one starts from
     alone, and goes to the end: for small changes of the prior.
     """
-    law, off, count = law_of(prior.globe), prior.discrepancy, len(at.NAMES)
-    terms = np.array([[off.level, off.level_sd, *off.level_by], [off.growth, off.growth_sd, *off.growth_by]])
-    wall_bmc = np.empty((2, 2 * len(library.node_angles()), 2))
-    fitted = Fitted(np.empty(count), np.empty((count, count)), np.empty(DRAWS), wall_bmc, np.empty(6))
+    fitted = empty_fit(library)
     has_fit = fit_frame(
         library.tables,
         volume_paths(library, prior.globe.can_be_sealed),
-        law,
+        law_of(prior.globe),
         np.ascontiguousarray(lateral_m, dtype=np.float64),
         np.ascontiguousarray(depth_bc, dtype=np.float64),
         float(smoothing_m),
         Belief(prior.mean, prior.sd, prior.precision, prior.same_force, prior.calibrated),
-        Doubt(_standard_normal(count + 2), _standard_normal(2, seed=1), terms, float(off.correlation)),
+        doubt_of(prior),
         np.nan if borne_n is None else float(borne_n),
         np.empty(0) if begun is None else np.ascontiguousarray(begun, dtype=np.float64),
         fitted,
     )  # fmt: skip
-    if not has_fit:
-        return None
+    return fit_of(library, prior.globe, fitted) if has_fit else None
+
+
+def doubt_of(prior: Prior) -> Doubt:
+    """Return the numbers that draw an eye's forces."""
+    off, count = prior.discrepancy, len(at.NAMES)
+    terms = np.array([[off.level, off.level_sd, *off.level_by], [off.growth, off.growth_sd, *off.growth_by]])
+    return Doubt(_standard_normal(count + 2), _standard_normal(2, seed=1), terms, float(off.correlation))
+
+
+def empty_fit(library: Library) -> Fitted:
+    """Return a fit without values."""
+    count, wall_bmc = len(at.NAMES), np.empty((2, 2 * len(library.node_angles()), 2))
+    return Fitted(np.empty(count), np.empty((count, count)), np.empty(DRAWS), wall_bmc, np.empty(6))
+
+
+def fit_of(library: Library, globe: KnownGlobe, fitted: Fitted) -> BoundaryFit:
+    """Return a fit from its arrays."""
     unknown, (force, low_n, high_n, misfit, outliers, cost) = fitted.unknown, fitted.numbers.tolist()
-    radius_m = library.radius_m * np.exp(unknown[at.SIZE])
+    radius_m, pressure = library.radius_m * np.exp(unknown[at.SIZE]), unknown[law_of(globe).pressure]
     return BoundaryFit(
         force_n=force,
         interval_n=(low_n, high_n),
@@ -148,8 +161,8 @@ def fit_boundaries(
         wall_bmc=fitted.wall_bmc,
         unknown=unknown,
         spread=fitted.spread,
-        iop_pa=float(np.exp(unknown[law.pressure])),
-        tension=float(np.exp(unknown[law.pressure] - unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS]),
+        iop_pa=float(np.exp(pressure)),
+        tension=float(np.exp(pressure - unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS]),
         loss=cost,
     )
 

@@ -75,21 +75,11 @@ def fit_frame(
 
     `borne_n` is the needle's force, NaN if it is not known. Return False if the frame shows too few columns.
     """
-    step, count, outer = max(1, -(-len(lateral_m) // COLUMNS)), 0, 0
-    at_m, depth_m, sd_m = np.empty(2 * COLUMNS), np.empty(2 * COLUMNS), np.empty(2 * COLUMNS)
-    for boundary in range(2):
-        outer = count
-        for column in range(0, len(lateral_m), step):
-            if np.isfinite(depth_bc[boundary, column]):
-                at_m[count], depth_m[count] = lateral_m[column], depth_bc[boundary, column]
-                sd_m[count] = INNER_SD_M if boundary else OUTER_SD_M
-                count += 1
+    at_m, depth_m, sd_m, outer = _columns(lateral_m, depth_bc)
     if outer < UNKNOWNS:
         return False
-    as_one = max(1.0, CORRELATED_M / np.median(at_m[1:outer] - at_m[: outer - 1]))
-    places = at_m[:count], outer, smoothing_m
-    scene = scene_of(tables, law.pressure, places, belief.mean[at.GAP], belief.mean[at.THICKNESS])
-    problem, work = Problem(scene, law, depth_m[:count], sd_m[:count], as_one, belief), search_loops.work_of(scene)
+    problem = _problem(tables, law, (at_m, depth_m, sd_m, outer), smoothing_m, belief)
+    work = search_loops.work_of(problem.scene)
     unknown, spread = fitted.unknown, fitted.spread
     if len(begun):
         unknown[:] = begun
@@ -109,6 +99,63 @@ def fit_frame(
             cost = _along_valley(problem, cost, work, unknown, spread)
     _conclude(problem, cost, doubt, work, fitted)
     return True
+
+
+@compiled_part
+def _columns(lateral_m: Floats, depth_bc: Floats) -> tuple[Floats, Floats, Floats, int]:
+    """Return place, depth and its standard deviation of some columns, (place,), m, and how many are outer ones."""
+    step, count, outer = max(1, -(-len(lateral_m) // COLUMNS)), 0, 0
+    at_m, depth_m, sd_m = np.empty(2 * COLUMNS), np.empty(2 * COLUMNS), np.empty(2 * COLUMNS)
+    for boundary in range(2):
+        outer = count
+        for column in range(0, len(lateral_m), step):
+            if np.isfinite(depth_bc[boundary, column]):
+                at_m[count], depth_m[count] = lateral_m[column], depth_bc[boundary, column]
+                sd_m[count] = INNER_SD_M if boundary else OUTER_SD_M
+                count += 1
+    return at_m[:count], depth_m[:count], sd_m[:count], outer
+
+
+@compiled_part
+def _problem(
+    tables: SplineTables, law: Law, columns: tuple[Floats, Floats, Floats, int], smoothing_m: float, belief: Belief
+) -> Problem:
+    """Return the least-squares problem of some columns."""
+    at_m, depth_m, sd_m, outer = columns
+    as_one = max(1.0, CORRELATED_M / np.median(at_m[1:outer] - at_m[: outer - 1]))
+    places = at_m, outer, smoothing_m
+    scene = scene_of(tables, law.pressure, places, belief.mean[at.GAP], belief.mean[at.THICKNESS])
+    return Problem(scene, law, depth_m, sd_m, as_one, belief)
+
+
+@compiled
+def fit_plane(
+    tables: SplineTables, law: Law, lateral_m: Floats, depth_bc: Floats, smoothing_m: float, belief: Belief,
+    doubt: Doubt, tilt: float, scale: float, normal: Floats, gradient: Floats, fitted: Fitted,
+) -> float:  # fmt: skip
+    """Write the normal equations of one of several planes at its unknowns `fitted.unknown`, and return its cost.
+
+    `normal` and `gradient` end with the plane's tilt against the needle axis, whose tangent is `tilt`; the columns' SDs
+    count `scale` times. Without a `gradient` (0,) write the fit instead, whose spread there is.
+    """
+    problem = _problem(tables, law, _columns(lateral_m, depth_bc), smoothing_m, belief)
+    work, unknown = search_loops.work_of(problem.scene), fitted.unknown
+    work.wall.pushed[2], work.other.pushed[2] = tilt, tilt
+    cost, nodes = search_loops.evaluate(problem, unknown, work)
+    if len(gradient) == 0:
+        _write_fit(problem, cost, _misfit(problem, work), doubt, work, fitted)
+    else:
+        fitted.numbers[3], fitted.numbers[4] = _misfit(problem, work)
+        search_loops.find_normal(problem, unknown, nodes, work, scale)
+        normal[:UNKNOWNS, :UNKNOWNS], gradient[:UNKNOWNS] = work.normal, work.gradient
+        search_loops.add_tilt(problem, unknown, scale, work, normal, gradient)
+    return cost
+
+
+@compiled
+def into_library(tables: SplineTables, unknown: Floats) -> None:
+    """Keep unknowns within the library."""
+    search_loops.keep_inside(tables, unknown)
 
 
 @compiled_part
@@ -213,20 +260,34 @@ def _along_valley(problem: Problem, best: float, work: Work, unknown: Floats, sp
 @compiled_part
 def _conclude(problem: Problem, cost: float, doubt: Doubt, work: Work, fitted: Fitted) -> None:
     """Write the fit with its uncertainty: the curvature's, with the noise estimated from the misfit (Birge)."""
-    unknown, spread, draws_n = fitted.unknown, fitted.spread, fitted.draws_n
-    depths, places = work.depths, len(problem.depth_m)
-    _, nodes = search_loops.evaluate(problem, unknown, work)
-    seen, off = depths.seen, work.off
-    size, lost = np.where(seen, np.abs(off), np.inf), 0
+    _, nodes = search_loops.evaluate(problem, fitted.unknown, work)
+    found = _misfit(problem, work)
+    scale = min(max(found[0], LEAST_NOISE), MOST_NOISE)
+    search_loops.find_spread(problem, fitted.unknown, nodes, scale, work, fitted.spread)
+    _write_fit(problem, cost, found, doubt, work, fitted)
+
+
+@compiled_part
+def _misfit(problem: Problem, work: Work) -> tuple[float, float]:
+    """Return the misfit over the SDs, and the share of outliers, of the wall that was evaluated last."""
+    seen, off, lost = work.depths.seen, work.off, 0
+    size = np.where(seen, np.abs(off), np.inf)
     misfit = NORMAL_MEDIAN * np.median(size)
-    for place in range(places):
+    for place in range(len(off)):
         is_layer = place >= problem.scene.outer and seen[place] and 0.0 < off[place] * INNER_SD_M < LAYER_M
         lost += size[place] > OUTLIER_SD * max(1.0, misfit) and not is_layer
-    search_loops.find_spread(problem, unknown, nodes, min(max(misfit, LEAST_NOISE), MOST_NOISE), work, spread)
-    _draw_forces(problem, unknown, spread, doubt, draws_n)
-    formed_section(problem.scene, unknown, work.wall, fitted.wall_bmc)
-    fitted.numbers[:3] = np.quantile(draws_n, np.array([0.5, INTERVAL[0], INTERVAL[1]]))
-    fitted.numbers[3], fitted.numbers[4], fitted.numbers[5] = misfit, lost / places, cost
+    return misfit, lost / len(off)
+
+
+@compiled_part
+def _write_fit(
+    problem: Problem, cost: float, found: tuple[float, float], doubt: Doubt, work: Work, fitted: Fitted
+) -> None:
+    """Write a fit of a misfit and a share of outliers, whose spread there is."""
+    _draw_forces(problem, fitted.unknown, fitted.spread, doubt, fitted.draws_n)
+    formed_section(problem.scene, fitted.unknown, work.wall, fitted.wall_bmc)
+    fitted.numbers[:3] = np.quantile(fitted.draws_n, np.array([0.5, INTERVAL[0], INTERVAL[1]]))
+    fitted.numbers[3], fitted.numbers[4], fitted.numbers[5] = found[0], found[1], cost
 
 
 @compiled_part

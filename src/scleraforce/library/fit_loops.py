@@ -53,8 +53,9 @@ class Wall(NamedTuple):
     """A wall of the library: its curves (boundary, node, 2), and the motion of its rings (boundary, ring, 3).
 
     `meridian` (boundary, node, [away, up]) is its motion under the pressure alone, `turned` its stations about the
-    eye's axis (`_turn`), `pushed` (2,) the base's push. The rest is workspace: rows and weights of its state, motions
-    of stations (station, 3), and the section (2 node,) with its slopes.
+    eye's axis (`_turn`), `pushed` (3,) the base's push, and by how much the plane is farther from the needle axis for
+    each metre below the contact. The rest is workspace: rows and weights of its state, motions of stations
+    (station, 3), and the section (2 node,) with its slopes.
     """
 
     curve: Floats
@@ -127,7 +128,7 @@ def empty_wall(scene: Scene) -> Wall:
     nodes, stations = scene.tables.curves.shape[1] // 4, scene.stations.shape[1]
     return Wall(
         np.empty((2, nodes, 2)), np.zeros((2, 2 * nodes, 3)), np.empty((2, len(scene.sines), 2)),
-        np.empty((2, stations, 5)), np.zeros(2), np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3),
+        np.empty((2, stations, 5)), np.zeros(3), np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3),
         np.empty((stations, 3)), np.empty(2 * nodes), np.empty(2 * nodes), np.empty(2 * nodes),
     )  # fmt: skip
 
@@ -244,10 +245,12 @@ def cut_wall(curve: Floats, motion: Floats, pushed: Floats, count: int, unknown:
     """Write a boundary's section in the frame: where the plane meets its first nodes, left side first, (2 count,)."""
     nodes, squares, lateral, down, gap_m = len(curve), wall.steep, wall.lateral, wall.down, unknown[at.GAP]
     size, c, s = np.exp(unknown[at.SIZE]), np.cos(unknown[at.ROTATION]), np.sin(unknown[at.ROTATION])
+    tilt = size * pushed[2]
+    longer = np.sqrt(1.0 + pushed[2] ** 2)  # depths along the plane
     for side in range(2):
         ring, sign, first = side * nodes, 2.0 * side - 1.0, count
         for node in range(count):
-            gap = gap_m - size * (motion[ring + node, 1] + pushed[1])
+            gap = gap_m - size * (motion[ring + node, 1] + pushed[1]) + tilt * curve[node, 1]
             squares[node] = (size * curve[node, 0]) ** 2 - gap**2
             if squares[node] > 0.0 and first == count:
                 first = node
@@ -261,7 +264,7 @@ def cut_wall(curve: Floats, motion: Floats, pushed: Floats, count: int, unknown:
             near = ring + max(node, first)
             across = sign * np.sqrt(max(squares[node], 0.0)) if node >= beyond else 0.0
             across += size * (motion[near, 0] + pushed[0])
-            deep = (size * curve[node, 1] if node >= beyond else middle) + size * motion[near, 2]
+            deep = longer * ((size * curve[node, 1] if node >= beyond else middle) + size * motion[near, 2])
             place = count + node if side else count - 1 - node
             lateral[place] = c * across - s * deep + unknown[at.LATERAL]
             down[place] = s * across + c * deep + unknown[at.DEPTH]

@@ -8,7 +8,7 @@ wall does not pull the wall along (Huber and Ronchetti, Robust Statistics, 2009,
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,13 +125,16 @@ class Columns:
         return self.sd_m * np.sqrt(1 + placed.slope**2)
 
 
-class Problem(Protocol):
+Prediction = TypeVar("Prediction")
+
+
+class Problem(Protocol[Prediction]):
     """A fit to a frame: unknowns (unknown,), each with a prior."""
 
-    def evaluate(self, unknown: Floats) -> tuple[Placed, float]:
+    def evaluate(self, unknown: Floats) -> tuple[Prediction, float]:
         """Return the prediction and its cost."""
 
-    def normal_equations(self, unknown: Floats, placed: Placed) -> tuple[Floats, Floats]:
+    def normal_equations(self, unknown: Floats, placed: Prediction) -> tuple[Floats, Floats]:
         """Return the normal matrix (unknown, unknown) and the gradient (unknown,), with the prior."""
 
     def inside(self, unknown: Floats) -> Floats:
@@ -152,8 +155,11 @@ class Stopping(NamedTuple):
 
 
 def gauss_newton(
-    problem: Problem, start: Floats, stopping: Stopping, step_of: Callable[[Floats, Floats], Floats] | None = None
-) -> tuple[Floats, Placed, float]:
+    problem: Problem[Prediction],
+    start: Floats,
+    stopping: Stopping,
+    step_of: Callable[[Floats, Floats], Floats] | None = None,
+) -> tuple[Floats, Prediction, float]:
     """Return the fitted unknowns, their prediction and their cost; `step_of` solves the damped equations."""
     unknown, damping = start, FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)

@@ -190,6 +190,25 @@ def _add_columns(problem: Problem, scale: float, work: Work) -> None:
 
 
 @compiled_in_place
+def add_tilt(problem: Problem, unknown: Floats, scale: float, work: Work, normal: Floats, gradient: Floats) -> None:
+    """Write the last row of normal equations that end with the tilt of the plane: by depth the gap grows with it."""
+    tilt, c, s = UNKNOWNS, np.cos(unknown[at.ROTATION]), np.sin(unknown[at.ROTATION])
+    normal[tilt, :], gradient[tilt], depths = 0.0, 0.0, work.depths
+    for place in range(len(work.off)):
+        if depths.seen[place]:
+            row, off = depths.jacobian[place], work.off[place]
+            weight = 1.0 / ((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
+            sd_m = problem.sd_m[place] * np.sqrt(1.0 + depths.slope[place] ** 2)
+            across, down = problem.scene.at_m[place] - unknown[at.LATERAL], depths.even_m[place] - unknown[at.DEPTH]
+            by_tilt = row[at.GAP] * (c * down - s * across) / sd_m
+            gradient[tilt] += weight * off * by_tilt
+            normal[tilt, tilt] += weight * by_tilt**2
+            _add(normal[tilt, :tilt], weight * by_tilt / sd_m, row)
+    for i in range(tilt):
+        normal[i, tilt] = normal[tilt, i]
+
+
+@compiled_in_place
 def keep_inside(tables: SplineTables, unknown: Floats) -> None:
     """Keep dent and pressure within the library; a search strides beyond, even to walls of no thickness."""
     unknown[at.SIZE] = min(max(unknown[at.SIZE], -LARGEST_LOG_SIZE), LARGEST_LOG_SIZE)

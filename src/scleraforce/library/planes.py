@@ -1,0 +1,256 @@
+"""The fit of one dent to several B-scans of one moment: a cross of two planes, or a few parallel ones.
+
+All planes cut the same wall, under one force. The unknowns are those of the first plane (`library.unknowns`), its tilt
+against the needle axis, and for each further plane its own offset in depth (planes follow one another), inner offset,
+shine and form. What another plane shows follows from where it lies beside the first one: its gap, lateral place,
+rotation and tilt are those of the first, turned by the angle between them. So no gap has to be known: with signs, the
+gaps and lateral places of planes that cross are the contact's place, and parallel planes share one gap's two sides.
+
+Every plane adds its normal equations (`fit_frame.fit_plane`), mapped to these unknowns. The search starts from the fit
+to each plane alone, with the needle on either side of it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scleraforce.arrays import Floats
+from scleraforce.library import fit_frame, unknowns as at
+from scleraforce.library.fit import DRAWS, BoundaryFit, doubt_of, empty_fit, fit_boundaries, fit_of, law_of
+from scleraforce.library.placement import Stopping, gauss_newton
+from scleraforce.library.prior import FREE_SD, HEAVY, Prior
+from scleraforce.library.responses import Library
+from scleraforce.library.search_loops import Belief
+
+TILT = len(at.NAMES)  # place of the tilt's tangent, after the unknowns of a plane
+OWN = [at.DEPTH, at.INNER_OFFSET, at.SHINE, *range(at.FORM.start, at.FORM.stop)]  # of each further plane; depth: beside
+DEPTH_SD_M = 20e-6  # by which an eye moves between two planes
+FARTHEST_SD_M = 1e-3  # of the contact from the scanner's axis, either way
+STARTS = 3
+STOPPING = Stopping(iterations=25, converged_sd=0.02, settled_cost=0.002, retry_damping=1e-2)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPlane:
+    """A plane and the boundaries that it shows.
+
+    The plane lies `offset_m` from the scanner's axis, along its normal; its lateral axis lies `direction_rad` from the
+    scanner's x axis, turned as `mechanics.contact.ScanPlane`'s. `lateral_m` and `depth_bc` are as in `fit_boundaries`;
+    `prior` is that of the plane alone, its gap unknown.
+    """
+
+    offset_m: float
+    direction_rad: float
+    lateral_m: Floats
+    depth_bc: Floats
+    prior: Prior
+
+
+def beside(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
+    """Return matrix (unknown + 1, unknown + 1) and shift that give a plane's unknowns and tilt for the first one's."""
+    turn = other.direction_rad - first.direction_rad
+    c, s = np.cos(turn), np.sin(turn)
+    matrix, shift = np.eye(TILT + 1), np.zeros(TILT + 1)
+    for along, across in ((at.ROTATION, TILT), (at.POLE.start, at.POLE.start + 1)):
+        matrix[np.ix_([along, across], [along, across])] = [[c, s], [-s, c]]
+    matrix[np.ix_([at.LATERAL, at.GAP], [at.LATERAL, at.GAP])] = [[c, -s], [s, c]]
+    shift[at.LATERAL], shift[at.GAP] = s * first.offset_m, other.offset_m - c * first.offset_m
+    return matrix, shift
+
+
+def contact_place(plane: SeenPlane, unknown: Floats) -> Floats:
+    """Return where the contact lies about the scanner's axis: x, y, m."""
+    c, s = np.cos(plane.direction_rad), np.sin(plane.direction_rad)
+    along, across = unknown[at.LATERAL], plane.offset_m - unknown[at.GAP]
+    return np.array([c * along - s * across, s * along + c * across])
+
+
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """What the planes say at some unknowns: normal matrix, gradient, and the misfit of each plane."""
+
+    normal: Floats
+    gradient: Floats
+    misfits: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """The least-squares problem of several planes; `maps`: matrix and shift of each plane's unknowns and tilt."""
+
+    library: Library
+    planes: Sequence[SeenPlane]
+    smoothing_m: float
+    beliefs: Sequence[Belief]
+    maps: Sequence[tuple[Floats, Floats]]
+
+    @classmethod
+    def of(cls, library: Library, planes: Sequence[SeenPlane], smoothing_m: float) -> "_Problem":
+        """The problem."""
+        count, maps, beliefs = TILT + 1 + len(OWN) * (len(planes) - 1), [], []
+        for number, plane in enumerate(planes):
+            prior, (matrix, shift) = plane.prior, beside(planes[0], plane)
+            mapped = np.zeros((TILT + 1, count))
+            mapped[:, : TILT + 1] = matrix
+            precision, calibrated = prior.precision.copy(), prior.calibrated
+            mean, sd = prior.mean.copy(), prior.sd.copy()
+            mean[at.GAP], sd[at.GAP] = plane.offset_m, FARTHEST_SD_M
+            precision[at.GAP, at.GAP] = FARTHEST_SD_M**-2.0
+            if number:  # all else is the first plane's
+                first = TILT + 1 + len(OWN) * (number - 1)
+                mapped[OWN[1:], OWN[1:]] = 0.0
+                mapped[OWN, range(first, first + len(OWN))] = 1.0
+                held = np.zeros(len(at.NAMES))
+                held[OWN[1:]] = np.diag(precision)[OWN[1:]]
+                precision, calibrated = np.diag(held), np.zeros((2, 2))
+            maps.append((mapped, shift))
+            beliefs.append(Belief(mean, sd, precision, prior.same_force * (not number), calibrated))
+        return cls(library, planes, smoothing_m, beliefs, maps)
+
+    def of_plane(self, number: int, unknown: Floats) -> tuple[Floats, float]:
+        """Return a plane's unknowns and its tilt."""
+        matrix, shift = self.maps[number]
+        found = matrix @ unknown + shift
+        return found[:TILT].copy(), float(found[TILT])
+
+    def terms(self, unknown: Floats, scales: Sequence[float]) -> tuple[_Terms, float]:
+        """Return the normal equations and the cost; the columns' SDs of a plane count `scales` times."""
+        count, cost, misfits = len(unknown), 0.0, []
+        normal, gradient = np.zeros((count, count)), np.zeros(count)
+        for number, scale in enumerate(scales):
+            own, own_gradient = np.empty((TILT + 1, TILT + 1)), np.empty(TILT + 1)
+            cost_here, misfit = self._look(number, unknown, scale, own, own_gradient)
+            matrix = self.maps[number][0]
+            normal += matrix.T @ own @ matrix
+            gradient += matrix.T @ own_gradient
+            cost, misfits = cost + cost_here, [*misfits, misfit]
+        for place, sd in ((TILT, FREE_SD[at.ROTATION]), *((place, DEPTH_SD_M) for place in self._depths)):
+            normal[place, place] += sd**-2.0
+            gradient[place] -= unknown[place] / sd**2
+            cost += float((unknown[place] / sd) ** 2)
+        return _Terms(normal, gradient, tuple(misfits)), cost
+
+    @property
+    def _depths(self) -> range:
+        return range(TILT + 1, TILT + 1 + len(OWN) * (len(self.planes) - 1), len(OWN))
+
+    def _look(
+        self, number: int, unknown: Floats, scale: float, normal: Floats, gradient: Floats
+    ) -> tuple[float, float]:
+        """Write a plane's own normal equations; return its cost and misfit."""
+        fitted, tilt = empty_fit(self.library), 0.0
+        fitted.unknown[:], tilt = self.of_plane(number, unknown)
+        cost = self._called(number, tilt, scale, np.empty((0, 0)), normal, gradient, fitted)
+        return cost, float(fitted.numbers[3])
+
+    def _called(
+        self, number: int, tilt: float, scale: float, spread: Floats, normal: Floats, gradient: Floats,
+        fitted: fit_frame.Fitted,
+    ) -> float:  # fmt: skip
+        plane, prior = self.planes[number], self.planes[number].prior
+        return fit_frame.fit_plane(
+            self.library.tables, law_of(prior.globe), plane.lateral_m, plane.depth_bc, self.smoothing_m,
+            self.beliefs[number], doubt_of(prior), tilt, scale, spread, normal, gradient, fitted,
+        )  # fmt: skip
+
+    def evaluate(self, unknown: Floats) -> tuple[_Terms, float]:
+        """Return the normal equations and the cost."""
+        return self.terms(unknown, [1.0] * len(self.planes))
+
+    def normal_equations(self, unknown: Floats, placed: _Terms) -> tuple[Floats, Floats]:  # noqa: ARG002
+        """Return the normal matrix and the gradient."""
+        return placed.normal, placed.gradient
+
+    def inside(self, unknown: Floats) -> Floats:
+        """Return unknowns that the library has."""
+        for number in range(len(self.planes)):
+            own, _ = self.of_plane(number, unknown)
+            fit_frame.into_library(self.library.tables, own)
+            if number:
+                unknown[self._depths[number - 1] + 1 :][: len(OWN) - 1] = own[OWN[1:]]
+            else:
+                unknown[:TILT] = own
+        return unknown
+
+    def starts(self, alone: Sequence[BoundaryFit]) -> list[Floats]:
+        """Return starts: each plane's own fit, with the needle on either side, and where the lateral places meet."""
+        axes = [(np.cos(plane.direction_rad), np.sin(plane.direction_rad)) for plane in self.planes]
+        weights = np.array([1.0 / (fit.sd[at.LATERAL] + 1e-6) for fit in alone])
+        design = np.concatenate([np.array(axes) * weights[:, None], np.eye(2) / FARTHEST_SD_M])
+        wanted = np.concatenate([[fit.unknown[at.LATERAL] for fit in alone] * weights, np.zeros(2)])
+        meeting = np.linalg.lstsq(design, wanted, rcond=None)[0]
+        turned = np.linalg.lstsq(
+            np.concatenate([axes, 0.1 * np.eye(2)]),
+            np.array([*(fit.unknown[at.ROTATION] for fit in alone), 0.0, 0.0]), rcond=None,
+        )[0]  # fmt: skip
+        found = []
+        for fit, plane in zip(alone, self.planes, strict=True):
+            sides = [fit.unknown.copy(), fit.unknown.copy()]
+            sides[1][at.GAP] *= -1.0
+            for place in (meeting, *(contact_place(plane, side) for side in sides)):
+                found.append(self._start(alone, fit, place, turned))
+        return found
+
+    def _start(self, alone: Sequence[BoundaryFit], fit: BoundaryFit, place: Floats, turned: Floats) -> Floats:
+        first, start = self.planes[0], np.zeros(self.maps[0][0].shape[1])
+        c, s = np.cos(first.direction_rad), np.sin(first.direction_rad)
+        start[:TILT] = fit.unknown
+        start[at.POLE] = self.planes[0].prior.mean[at.POLE]
+        start[[at.LATERAL, at.ROTATION]] = c * place[0] + s * place[1], c * turned[0] + s * turned[1]
+        start[[at.GAP, TILT]] = first.offset_m + s * place[0] - c * place[1], -s * turned[0] + c * turned[1]
+        for number, own in enumerate(alone):
+            if number:
+                start[self._depths[number - 1] + 1 :][: len(OWN) - 1] = own.unknown[OWN[1:]]
+            else:
+                start[OWN] = own.unknown[OWN]
+        return self.inside(start)
+
+    def conclude(self, unknown: Floats, terms: _Terms) -> tuple[BoundaryFit, ...]:
+        """Return the fit as each plane shows it; force and its distribution are those of all."""
+        scales = [min(max(misfit, fit_frame.LEAST_NOISE), fit_frame.MOST_NOISE) for misfit in terms.misfits]
+        normal = self.terms(unknown, scales)[0].normal
+        sd = 1.0 / np.sqrt(np.diag(normal))
+        covariance = np.linalg.inv(normal * np.outer(sd, sd)) * np.outer(sd, sd)
+        found = list[BoundaryFit]()
+        for number, plane in enumerate(self.planes):
+            matrix, fitted = self.maps[number][0][:TILT], empty_fit(self.library)
+            fitted.unknown[:], tilt = self.of_plane(number, unknown)
+            own = plane.prior.sd
+            size, ways = np.linalg.eigh(matrix @ covariance @ matrix.T / np.outer(own, own))
+            spread = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T * own
+            self._called(number, tilt, 1.0, spread, np.empty((0, 0)), np.empty(0), fitted)
+            fit = fit_of(self.library, plane.prior.globe, fitted)
+            if found:
+                shared = {name: getattr(found[0], name) for name in ("force_n", "interval_n", "draws_n")}
+                fit = replace(fit, **shared)
+            found.append(fit)
+        return tuple(found)
+
+
+def fit_planes(
+    library: Library, planes: Sequence[SeenPlane], smoothing_m: float = 0.0
+) -> tuple[BoundaryFit, ...] | None:
+    """Fit the library to the boundaries of several planes of one moment; None if one shows too few columns.
+
+    Each plane gets the fit as it shows it: unknowns with their standard deviations, gap signed, wall and misfit. The
+    force with its distribution is one.
+    """
+    fits = [fit_boundaries(library, plane.lateral_m, plane.depth_bc, plane.prior, smoothing_m) for plane in planes]
+    alone = [fit for fit in fits if fit is not None]
+    if len(alone) < len(planes):
+        return None
+    problem = _Problem.of(library, planes, smoothing_m)
+    starts = problem.starts(alone)
+    costs = [problem.evaluate(start)[1] for start in starts]
+    ended = [
+        gauss_newton(problem, starts[number], STOPPING, _step) for number in np.argsort(costs)[:STARTS].tolist()
+    ]
+    unknown, terms, _ = min(ended, key=lambda each: each[2])
+    return problem.conclude(unknown, terms)
+
+
+def _step(damped: Floats, gradient: Floats) -> Floats:
+    """Return the step of damped equations, in units of the unknowns' own precision."""
+    sd = 1.0 / np.sqrt(np.diag(damped))
+    return np.asarray(sd * np.linalg.solve(damped * np.outer(sd, sd), sd * gradient))
