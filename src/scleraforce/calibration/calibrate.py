@@ -390,13 +390,19 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     return EyeConstants(
         iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
         thickness_m=info.eye.thickness_m,
-        gap_m=info.needle.slice_gap_m,
+        gap_m=_gap_m(recording),
         polar_rad=(low + high) / 2 if stated is None else stated,
         polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
         direction_rad=info.oct.plane_direction_rad,
         tilt_rad=info.oct.plane_tilt_rad,
         globe=stated_globe(info.eye) or UNKNOWN,
     )
+
+
+def _gap_m(recording: Recording) -> float:
+    if recording.info.needle.slice_gap_m is None:
+        raise CalibrationError(f"{recording.path / 'recording.toml'}: oct.plane: a calibration needs a single plane")
+    return recording.info.needle.slice_gap_m
 
 
 def _begin(

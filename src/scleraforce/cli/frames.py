@@ -15,16 +15,17 @@ from scleraforce.cli.output import Command, Report, each_of, is_json, progress_b
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
 from scleraforce.study import OctStudy
-from scleraforce.units import from_si
+from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
     from scleraforce.known import Known
     from scleraforce.notebook.frames import Reading
     from scleraforce.reader.answer import Answer
-    from scleraforce.recording.folder import ScaledFrame
+    from scleraforce.recording.folder import Plane, ScaledFrame
     from scleraforce.recording.pixels import Pixels
     from scleraforce.segmentation.found import Segmentation
 
+    Moment = tuple[tuple[Path, Plane | None], ...]
     Look = Callable[[Path], tuple[ScaledFrame, Segmentation]]
 
 # Places of the needle that `read` prints, with their units.
@@ -242,6 +243,22 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             yield f"of {count} of {len(entries)} frames nothing states the {', the '.join(words)}"
 
 
+class _Placed(click.Option):
+    """An option whose values remember how many arguments came before them on the command line."""
+
+    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
+        """Add the option."""
+        super().add_to_parser(parser, ctx)
+        for name in self.opts:
+            option = parser._long_opt[name]
+            option.process = lambda value, state, take=option.process: take(f"{len(state.largs)}:{value}", state)
+
+    def type_cast_value(self, ctx: click.Context, value: Any) -> tuple[tuple[int, str], ...]:
+        """Return the number of arguments before each value, and the value."""
+        given = (one.split(":", 1) for one in super().type_cast_value(ctx, value))
+        return tuple((int(count), words) for count, words in given)
+
+
 @click.command(cls=Command)
 @click.argument("model", type=PATH)
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
@@ -252,10 +269,14 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 @click.option("--eye", help="Name of the eye in the calibration; default: the recording's.")
 @click.option("--held-s", type=click.FloatRange(0.0), help="Time since the needle's push, in tissue that relaxes; "
               "default: as in the frames of the calibration.")  # fmt: skip
+@click.option("--plane", "planes", cls=_Placed, metavar="NAME:OFFSET_MM:DIRECTION_DEG", multiple=True,
+              help="Plane of the frames that follow: its distance from the scanner's axis, and the direction of its "
+              "columns. The n-th frames of all planes are read together.")  # fmt: skip
 @options("wall_finder")
 def read(
     model: Path,
     frames: tuple[Path, ...],
+    planes: tuple[tuple[int, str], ...],
     transpose: bool,
     calibration: Path | None,
     eye: str | None,
@@ -276,13 +297,17 @@ def read(
     the recording.toml beside its folder, the file. `evaluate` reads whole
     recordings. `classify` is another name of `read`.
 
+    Frames of several planes, as a cross of two, are read together: with
+    --plane, or of one time_s in a recording that has [[oct.plane]]. They need
+    no gap.
+
     Example: scleraforce read default frames/0001.png
     --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
     --globe open
     """
     import scleraforce as sf
     from scleraforce.known import NOTHING_KNOWN
-    from scleraforce.notebook.frames import check_calibrated, given_eye, reading, summary_of_calibration
+    from scleraforce.notebook.frames import check_calibrated, given_eye, readings, summary_of_calibration
     from scleraforce.reader.answer import unusable
     from scleraforce.recording.folder import Scanner
 
@@ -294,11 +319,17 @@ def read(
     loaded = cache(lambda: sf.load_model(model, wall_finder=wall_finder))
     summary = None if calibration is None else summary_of_calibration(calibration)
 
-    def answer(path: Path) -> "Reading":
-        os.stat(path)  # a missing frame is reported before the model is loaded
-        return reading(loaded(), path, known, size, summary, eye, transpose, held_s)
+    def answer(moment: "Moment") -> "list[Reading]":
+        for path, _ in moment:
+            os.stat(path)  # a missing frame is reported before the model is loaded
+        paths, placed = [path for path, _ in moment], [plane for _, plane in moment if plane]
+        return readings(loaded(), paths, known, size, summary, eye, transpose, held_s, placed)
 
-    found = list(each_of(frames, answer))
+    found = [
+        (path, one if isinstance(one, InputError) else one[number])
+        for moment, one in each_of(_moments(frames, planes), answer)
+        for number, (path, _) in enumerate(moment)
+    ]
     answered = [(path, one) for path, one in found if not isinstance(one, InputError)]
     faults = [one for _, one in found if isinstance(one, InputError)]
     if not (answered or is_json()):
@@ -322,9 +353,54 @@ def read(
     return Report({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries}, lines, faults)
 
 
+def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list["Moment"]:
+    """Return the frames that are read together, each with its plane: one for each, or one frame of each plane."""
+    from scleraforce.recording.folder import Plane, check_planes, stated_plane
+
+    if not given:
+        stated = [None if os.path.isdir(path) or not path.exists() else stated_plane(path) for path in frames]
+        found = dict[Any, list[tuple[Path, Plane | None]]]()
+        for path, one in zip(frames, stated, strict=True):
+            found.setdefault(path if one is None else one[:2], []).append((path, one[2] if one else None))
+        return [tuple(moment) for moment in found.values()]
+    planes = dict[str, Plane]()
+    of_plane = dict[str, list[Path]]()
+    ends = [before for before, _ in given[1:]] + [len(frames) + 1]
+    if given[0][0] > 1:
+        raise InputError(f"--plane: after {frames[0]}, whose plane is not given")
+    for (first, words), end in zip(given, ends, strict=True):
+        plane = _plane(words)
+        if planes.setdefault(plane.name, plane) != plane:
+            raise InputError(f"--plane: {plane.name!r} is given twice, at two places")
+        of_plane.setdefault(plane.name, []).extend(frames[first - 1 : end - 1])
+    try:
+        check_planes(tuple(planes.values()))
+    except InputError as fault:
+        raise InputError(f"--plane: {str(fault).removeprefix('plane: ')}") from None
+    counts = {name: len(paths) for name, paths in of_plane.items()}
+    if len(set(counts.values())) > 1:
+        words = ", ".join(f"{name!r} has {count}" for name, count in counts.items())
+        raise InputError(f"--plane: as many frames of each plane are read together; {words}")
+    return [tuple(zip(paths, planes.values(), strict=True)) for paths in zip(*of_plane.values(), strict=True)]
+
+
+def _plane(words: str) -> "Plane":
+    from scleraforce.recording.folder import Plane
+
+    name, *numbers = words.rsplit(":", 2)
+    try:
+        offset_mm, direction_deg = map(float, numbers)
+        return Plane(name, to_si(offset_mm, "mm"), to_si(direction_deg, "deg"))
+    except InputError as fault:
+        raise InputError(f"--plane: {words!r}: {fault}") from None
+    except ValueError:
+        raise InputError(f"--plane: {words!r} is not NAME:OFFSET_MM:DIRECTION_DEG, like across:0:90") from None
+
+
 def _entry(path: Path, one: "Reading") -> dict[str, Any]:
     known = {key: {"value": value, "source": source} for key, value, source in _known_sources(one)}
-    return {"file": str(path), **one.answer.as_json(), "scale": _scale_entry(one.frame), "known": known}
+    plane = {} if one.plane is None else {"plane": one.plane.name}
+    return {"file": str(path), **plane, **one.answer.as_json(), "scale": _scale_entry(one.frame), "known": known}
 
 
 def _answer_line(path: Path, answer: "Answer") -> str:

@@ -102,7 +102,7 @@ def monitor(
         from platformdirs import user_state_path
 
         from scleraforce.reader import load_model, suited
-        from scleraforce.recording.folder import eye_id_fault
+        from scleraforce.recording.folder import name_fault
         from scleraforce.service.monitor_service import Address, MonitorSettings, Notes, monitor_service
 
     reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
@@ -115,7 +115,7 @@ def monitor(
     reader = suited(reader, known)
     if reason := reader.refusal(known):  # all frames would be unusable
         raise InputError(f"{reader.path}: {reason}")
-    if eye is not None and (fault := eye_id_fault(eye)):
+    if eye is not None and (fault := name_fault(eye)):
         raise InputError(f"--eye: {fault}")
     begun = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     settings = MonitorSettings(

@@ -18,7 +18,7 @@ from scleraforce.errors import CalibrationError
 from scleraforce.known import MOST_CORRELATED, OPEN, POPULATION_SD, ForceDiscrepancy, Kind, Known, KnownGlobe, Modulus
 from scleraforce.known.relaxation import MOMENTS, KnownRelaxation, rows
 from scleraforce.plain_json import parse_json
-from scleraforce.recording.folder import eye_id_fault
+from scleraforce.recording.folder import name_fault
 from scleraforce.study.fields import allowed, meant
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
@@ -207,7 +207,7 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
         found = f"{content.get('mechanics')!r:.40}"
         raise CalibrationError(f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found}; {WRITER}")
     for eye in converted(content.get("eyes"), dict[str, dict[str, Any]], f"{name}: eyes"):
-        wrong = eye_id_fault(eye)
+        wrong = name_fault(eye)
         if wrong:
             raise CalibrationError(f"{name}: eyes: {wrong}")
     return CalibrationFile(name, content, hashlib.sha256(text).hexdigest())

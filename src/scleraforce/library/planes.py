@@ -17,9 +17,9 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.library import fit_frame, unknowns as at
-from scleraforce.library.fit import DRAWS, BoundaryFit, doubt_of, empty_fit, fit_boundaries, fit_of, law_of
+from scleraforce.library.fit import BoundaryFit, doubt_of, empty_fit, fit_boundaries, fit_of, law_of
 from scleraforce.library.placement import Stopping, gauss_newton
-from scleraforce.library.prior import FREE_SD, HEAVY, Prior
+from scleraforce.library.prior import FREE_SD, Prior
 from scleraforce.library.responses import Library
 from scleraforce.library.search_loops import Belief
 
@@ -28,6 +28,7 @@ OWN = [at.DEPTH, at.INNER_OFFSET, at.SHINE, *range(at.FORM.start, at.FORM.stop)]
 DEPTH_SD_M = 20e-6  # by which an eye moves between two planes
 FARTHEST_SD_M = 1e-3  # of the contact from the scanner's axis, either way
 STARTS = 3
+NOTHING = np.empty((0, 0))
 STOPPING = Stopping(iterations=25, converged_sd=0.02, settled_cost=0.002, retry_damping=1e-2)
 
 
@@ -37,7 +38,8 @@ class SeenPlane:
 
     The plane lies `offset_m` from the scanner's axis, along its normal; its lateral axis lies `direction_rad` from the
     scanner's x axis, turned as `mechanics.contact.ScanPlane`'s. `lateral_m` and `depth_bc` are as in `fit_boundaries`;
-    `prior` is that of the plane alone, its gap unknown.
+    `prior` is that of the plane alone, its gap unknown. `gap_sd_m`: of the needle's axis about the plane, if a shaft is
+    seen in it.
     """
 
     offset_m: float
@@ -45,6 +47,22 @@ class SeenPlane:
     lateral_m: Floats
     depth_bc: Floats
     prior: Prior
+    gap_sd_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the needle pushes, and how the wall lies there, with standard deviations.
+
+    `contact_m` (3,): x and y from the scanner's axis, and depth below the frames' top, of the dent's bottom; `tilt_rad`
+    (2,): between the scanner's axis and the wall's normal, which leans towards growing x and y on its way up where
+    these are positive.
+    """
+
+    contact_m: tuple[float, ...]
+    contact_sd_m: tuple[float, ...]
+    tilt_rad: tuple[float, ...]
+    tilt_sd_rad: tuple[float, ...]
 
 
 def beside(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
@@ -96,13 +114,16 @@ class _Problem:
             precision, calibrated = prior.precision.copy(), prior.calibrated
             mean, sd = prior.mean.copy(), prior.sd.copy()
             mean[at.GAP], sd[at.GAP] = plane.offset_m, FARTHEST_SD_M
-            precision[at.GAP, at.GAP] = FARTHEST_SD_M**-2.0
+            if plane.gap_sd_m is not None:
+                mean[at.GAP], sd[at.GAP] = 0.0, plane.gap_sd_m
+            precision[at.GAP, at.GAP] = sd[at.GAP] ** -2.0
             if number:  # all else is the first plane's
                 first = TILT + 1 + len(OWN) * (number - 1)
                 mapped[OWN[1:], OWN[1:]] = 0.0
                 mapped[OWN, range(first, first + len(OWN))] = 1.0
                 held = np.zeros(len(at.NAMES))
                 held[OWN[1:]] = np.diag(precision)[OWN[1:]]
+                held[at.GAP] = precision[at.GAP, at.GAP] * (plane.gap_sd_m is not None)
                 precision, calibrated = np.diag(held), np.zeros((2, 2))
             maps.append((mapped, shift))
             beliefs.append(Belief(mean, sd, precision, prior.same_force * (not number), calibrated))
@@ -116,15 +137,16 @@ class _Problem:
 
     def terms(self, unknown: Floats, scales: Sequence[float]) -> tuple[_Terms, float]:
         """Return the normal equations and the cost; the columns' SDs of a plane count `scales` times."""
-        count, cost, misfits = len(unknown), 0.0, []
-        normal, gradient = np.zeros((count, count)), np.zeros(count)
+        count, cost = len(unknown), 0.0
+        normal, gradient, misfits = np.zeros((count, count)), np.zeros(count), list[float]()
         for number, scale in enumerate(scales):
             own, own_gradient = np.empty((TILT + 1, TILT + 1)), np.empty(TILT + 1)
-            cost_here, misfit = self._look(number, unknown, scale, own, own_gradient)
-            matrix = self.maps[number][0]
+            matrix, fitted = self.maps[number][0], empty_fit(self.library)
+            fitted.unknown[:], tilt = self.of_plane(number, unknown)
+            cost += self._look(number, tilt, scale, NOTHING, own, own_gradient, fitted)
             normal += matrix.T @ own @ matrix
             gradient += matrix.T @ own_gradient
-            cost, misfits = cost + cost_here, [*misfits, misfit]
+            misfits.append(float(fitted.numbers[3]))
         for place, sd in ((TILT, FREE_SD[at.ROTATION]), *((place, DEPTH_SD_M) for place in self._depths)):
             normal[place, place] += sd**-2.0
             gradient[place] -= unknown[place] / sd**2
@@ -136,18 +158,10 @@ class _Problem:
         return range(TILT + 1, TILT + 1 + len(OWN) * (len(self.planes) - 1), len(OWN))
 
     def _look(
-        self, number: int, unknown: Floats, scale: float, normal: Floats, gradient: Floats
-    ) -> tuple[float, float]:
-        """Write a plane's own normal equations; return its cost and misfit."""
-        fitted, tilt = empty_fit(self.library), 0.0
-        fitted.unknown[:], tilt = self.of_plane(number, unknown)
-        cost = self._called(number, tilt, scale, np.empty((0, 0)), normal, gradient, fitted)
-        return cost, float(fitted.numbers[3])
-
-    def _called(
         self, number: int, tilt: float, scale: float, spread: Floats, normal: Floats, gradient: Floats,
         fitted: fit_frame.Fitted,
     ) -> float:  # fmt: skip
+        """Write a plane's normal equations, or with a spread its fit (`fit_frame.fit_plane`); return its cost."""
         plane, prior = self.planes[number], self.planes[number].prior
         return fit_frame.fit_plane(
             self.library.tables, law_of(prior.globe), plane.lateral_m, plane.depth_bc, self.smoothing_m,
@@ -184,12 +198,12 @@ class _Problem:
             np.concatenate([axes, 0.1 * np.eye(2)]),
             np.array([*(fit.unknown[at.ROTATION] for fit in alone), 0.0, 0.0]), rcond=None,
         )[0]  # fmt: skip
-        found = []
+        found = list[Floats]()
         for fit, plane in zip(alone, self.planes, strict=True):
             sides = [fit.unknown.copy(), fit.unknown.copy()]
             sides[1][at.GAP] *= -1.0
-            for place in (meeting, *(contact_place(plane, side) for side in sides)):
-                found.append(self._start(alone, fit, place, turned))
+            places = (meeting, *(contact_place(plane, side) for side in sides))
+            found += [self._start(alone, fit, place, turned) for place in places]
         return found
 
     def _start(self, alone: Sequence[BoundaryFit], fit: BoundaryFit, place: Floats, turned: Floats) -> Floats:
@@ -206,8 +220,8 @@ class _Problem:
                 start[OWN] = own.unknown[OWN]
         return self.inside(start)
 
-    def conclude(self, unknown: Floats, terms: _Terms) -> tuple[BoundaryFit, ...]:
-        """Return the fit as each plane shows it; force and its distribution are those of all."""
+    def conclude(self, unknown: Floats, terms: _Terms) -> tuple[tuple[BoundaryFit, ...], Place]:
+        """Return the fit with its uncertainty."""
         scales = [min(max(misfit, fit_frame.LEAST_NOISE), fit_frame.MOST_NOISE) for misfit in terms.misfits]
         normal = self.terms(unknown, scales)[0].normal
         sd = 1.0 / np.sqrt(np.diag(normal))
@@ -219,33 +233,47 @@ class _Problem:
             own = plane.prior.sd
             size, ways = np.linalg.eigh(matrix @ covariance @ matrix.T / np.outer(own, own))
             spread = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T * own
-            self._called(number, tilt, 1.0, spread, np.empty((0, 0)), np.empty(0), fitted)
+            self._look(number, tilt, 1.0, spread, NOTHING, np.empty(0), fitted)
             fit = fit_of(self.library, plane.prior.globe, fitted)
             if found:
                 shared = {name: getattr(found[0], name) for name in ("force_n", "interval_n", "draws_n")}
                 fit = replace(fit, **shared)
             found.append(fit)
-        return tuple(found)
+        return tuple(found), self._place(unknown, covariance)
+
+    def _place(self, unknown: Floats, covariance: Floats) -> Place:
+        first, ways = self.planes[0], np.zeros((5, len(unknown)))
+        c, s = np.cos(first.direction_rad), np.sin(first.direction_rad)
+        turned = np.array([[c, -s], [s, c]])
+        ways[:2, [at.LATERAL, at.GAP]] = turned * [1.0, -1.0]
+        ways[2, [at.DEPTH, at.TIP]] = 1.0
+        ways[3:, [at.ROTATION, TILT]] = turned
+        values = ways @ unknown
+        values[:2] += turned[:, 1] * first.offset_m
+        sds = np.sqrt(np.diag(ways @ covariance @ ways.T))
+        return Place(tuple(values[:3]), tuple(sds[:3]), tuple(values[3:]), tuple(sds[3:]))
 
 
 def fit_planes(
     library: Library, planes: Sequence[SeenPlane], smoothing_m: float = 0.0
-) -> tuple[BoundaryFit, ...] | None:
-    """Fit the library to the boundaries of several planes of one moment; None if one shows too few columns.
+) -> tuple[tuple[BoundaryFit, ...], Place | None]:
+    """Fit the library to the boundaries of several planes of one moment.
 
-    Each plane gets the fit as it shows it: unknowns with their standard deviations, gap signed, wall and misfit. The
-    force with its distribution is one.
+    Return the fit as each plane shows it, with one force and distribution, and the contact's place, None of a single
+    plane. There are no fits if a plane shows too few columns. The gap among a plane's unknowns has a sign: above 0, the
+    plane lies towards its normal from the needle's axis.
     """
     fits = [fit_boundaries(library, plane.lateral_m, plane.depth_bc, plane.prior, smoothing_m) for plane in planes]
     alone = [fit for fit in fits if fit is not None]
     if len(alone) < len(planes):
-        return None
+        return (), None
+    if len(planes) == 1:
+        return tuple(alone), None
     problem = _Problem.of(library, planes, smoothing_m)
     starts = problem.starts(alone)
     costs = [problem.evaluate(start)[1] for start in starts]
-    ended = [
-        gauss_newton(problem, starts[number], STOPPING, _step) for number in np.argsort(costs)[:STARTS].tolist()
-    ]
+    order = np.argsort(costs)[:STARTS].tolist()
+    ended = [gauss_newton(problem, starts[number], STOPPING, _step) for number in order]
     unknown, terms, _ = min(ended, key=lambda each: each[2])
     return problem.conclude(unknown, terms)
 

@@ -27,7 +27,7 @@ from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.felt import MOST_LEAN_RAD, History
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording import folder
-from scleraforce.recording.folder import Recording, ScaledFrame, Scanner, read_recording
+from scleraforce.recording.folder import Plane, Recording, ScaledFrame, Scanner, read_recording
 from scleraforce.recording.pixels import Pixels, Sourced
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.wall import find_wall
@@ -45,7 +45,7 @@ Given = Recording | str | PathLike[str]  # a recording, opened or as a folder
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """An answer with its inputs: `given` by the caller, `stated` by recording.toml, `known` of both; and notes."""
+    """An answer with its inputs: `given` by the caller, `stated` by recording.toml, `known` of both; notes; plane."""
 
     answer: Answer
     frame: ScaledFrame
@@ -53,6 +53,7 @@ class Reading:
     stated: Known
     known: Known
     notes: tuple[str, ...]
+    plane: Plane | None = None
 
 
 def segment(
@@ -129,7 +130,7 @@ def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | 
 
 def read(
     model: Reader,
-    frame: Frame,
+    frame: Frame | list[Frame] | tuple[Frame, ...],
     *,
     calibration: "Calibration | str | PathLike[str] | None" = None,
     eye: str | None = None,
@@ -148,14 +149,16 @@ def read(
     refractive_index: float | None = None,
     transpose: bool = False,
     held_s: float | None = None,
+    planes: Sequence[Plane] = (),
 ) -> Answer:
-    """Read the force from one raw frame.
+    """Read the force from one raw frame, or from one of each plane that a scanner takes at once.
 
-    By default, the eye and the frame's size are the recording's beside the file.
+    By default, the eye, the frame's size and its plane are the recording's beside the file.
 
     Args:
         model: of `load_model` or `train`.
-        frame: an image file, or counts (row, column) as uint8 or uint16; rows go down into the eye.
+        frame: an image file, or counts (row, column) as uint8 or uint16; rows go down into the eye. Of several planes,
+            a list of these, which are read together.
         calibration: of `calibrate`, or its file: gives the eye's modulus, or the population's.
         eye: its name in the calibration; None: the recording's.
         youngs_modulus_pa: of this eye, instead of a calibration.
@@ -174,6 +177,7 @@ def read(
         refractive_index: of the depth axis; None: the recording's, or the model's study's.
         transpose: the depth runs along the file's rows, from left to right.
         held_s: time since the needle's push, in tissue that relaxes; None: as in the frames of the calibration.
+        planes: of a list of frames, one for each; by default their recording's. The gap is then found, not given.
 
     Returns:
         `force_n` with its 90 % `interval_n` and the pressure `iop_at_dent_pa` (None with a classifier), the class
@@ -182,7 +186,8 @@ def read(
 
     Raises:
         FrameError: the frame cannot be read, or nothing says how large it is.
-        InputError: a modulus and a calibration, a calibration and no name of an eye, or no such globe.
+        InputError: a modulus and a calibration, a calibration and no name of an eye, no such globe, or frames without
+            their planes.
         CalibrationError: the calibration file cannot be used.
 
     >>> import scleraforce as sf
@@ -197,7 +202,8 @@ def read(
         "stiffening": stiffening, "globe": globe, "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
     })  # fmt: skip
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    one = reading(model, frame, given, size, calibration, eye, transpose, held_s)
+    frames: list[Frame] = [*frame] if isinstance(frame, list | tuple) else [frame]
+    one = readings(model, frames, given, size, calibration, eye, transpose, held_s, planes or stated_planes(frames))[0]
     return replace(one.answer, warnings=(*one.answer.warnings, *one.notes))
 
 
@@ -237,23 +243,42 @@ def evaluate(
         return evaluate_recordings(model, each, summary, advance)
 
 
-def reading(
+def stated_planes(frames: Sequence[Frame]) -> tuple[Plane, ...]:
+    """Return the planes of frames that are in a recording of several; raises `InputError` if they are of two times."""
+    found = [folder.stated_plane(Path(one)) for one in frames if isinstance(one, str | PathLike)]
+    stated = [one for one in found if one is not None]
+    if len({one[:2] for one in stated}) > 1:
+        raise InputError("frame: of several times; only frames of one time_s are read together")
+    return tuple(plane for *_, plane in stated)
+
+
+def readings(
     model: Reader,
-    frame: Frame,
+    frames: Sequence[Frame],
     given: Known,
     size: Scanner,
     calibration: "GivenCalibration | None" = None,
     eye: str | None = None,
     transpose: bool = False,
     held_s: float | None = None,
-) -> Reading:
-    """Read one frame as `read` does; return the answer with its inputs."""
+    planes: Sequence[Plane] = (),
+) -> list[Reading]:
+    """Read one frame, or those of several planes together, as `read` does; return each answer with its inputs."""
     check_model(model)
+    if len(planes) != len(frames) and (planes or len(frames) != 1):
+        raise InputError(f"planes: {len(planes)} of {len(frames)} frames; give one for each")
+    if len({plane.name for plane in planes}) < len(planes):
+        raise InputError("planes: two frames of one; give one frame of each")
+    if planes and given.gap_m is not None:
+        raise InputError("gap_m: several planes show their gaps; leave it out")
     if held_s is not None and not 0.0 <= held_s < inf:
         raise InputError(f"held_s: {held_s:g}; give the time since the push, 0 s or more")
     check_calibrated(given, calibration is not None, eye)
     assumed = Scanner(refractive_index=model.study.oct.refractive_index)
-    seen = scaled(frame, size, assumed, "model's study", transpose)
+    each = [scaled(frame, size, assumed, "model's study", transpose) for frame in frames]
+    seen, frame = each[0], frames[0]
+    if any((one.scale, one.pixels.shape) != (seen.scale, seen.pixels.shape) for one in each):
+        raise InputError("frame: of several sizes or scales; planes that are read together have one")
     stated = NOTHING_KNOWN if seen.info is None else known_of_recording(seen.info)
     known, notes = completed(given, stated), list(seen.notes)
     if calibration is not None:
@@ -279,11 +304,14 @@ def reading(
         )
     history = History.unknown(known, model.study.needle.max_force_n)
     try:
-        elastic = model.read(seen.pixels, seen.scale, known)
-        answer, _ = history.read(elastic, model.study.classes.bounds_n, held_s=held_s)
+        elastic = model.read_together([one.pixels for one in each], seen.scale, known, planes)
+        answers = [history.read(one, model.study.classes.bounds_n, held_s=held_s)[0] for one in elastic]
     except ValueError as fault:
         raise FrameError(f"{_place(frame)}: {fault}") from fault
-    return Reading(answer, seen, given, stated, known, tuple(notes))
+    return [
+        Reading(answer, one, given, stated, known, tuple(notes), plane)
+        for answer, one, plane in zip(answers, each, planes or (None,), strict=True)
+    ]
 
 
 def given_eye(given: Mapping[str, Any]) -> Known:

@@ -1,19 +1,22 @@
 """The answer of a model to a frame, and the readings of its methods. A frame that cannot be judged is of class 2."""
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 from math import hypot, isfinite
 from typing import Any
 
-from scleraforce.known import one_lean
+from scleraforce.known import NINETY_PERCENT, one_lean
 from scleraforce.library.fit import BoundaryFit
+from scleraforce.library.planes import Place
 from scleraforce.library.unknowns import LATERAL
 from scleraforce.monitor.events import Verdict
 from scleraforce.reader.where import NOWHERE, Places
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle, needle_entry
-from scleraforce.units import from_si
+from scleraforce.units import HumanUnit, from_si
 
 METHODS = ("network", "fit")
+UNCHECKED = "the fit alone reads it, and nothing checks that"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +106,8 @@ class Answer:
     once; `force_n` is the force on the needle now, along it where `lean_rad` has the ends of its angle from the wall's
     normal. Where nothing says the lean, it is the part along the normal, or, of an eye that was calibrated so, along a
     needle that leans as it did then. `readings` holds the reading of each method by its name, and `fit` the wall of the
-    library that fits the frame best; `places` says where the needle is, with intervals. `segmentation` is the wall that
-    was read.
+    library that fits the frame best; `places` says where the needle is, with intervals, and `place` the same in three
+    dimensions, if several planes were read together. `segmentation` is the wall that was read.
     """
 
     predicted: int
@@ -121,6 +124,7 @@ class Answer:
     readings: tuple[tuple[str, Reading], ...] = ()
     fit: BoundaryFit | None = None
     places: Places = NOWHERE
+    place: Place | None = None
     segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -158,6 +162,7 @@ class Answer:
             "contact_mm": from_si(self.contact_m, "mm"),
             "time_to_bound_ms": None,  # a single frame shows no rise
             "time_to_bound_ms_interval": None,
+            **_place_entry(self.place if self.usable else None),
             "pressure_pa": self.iop_at_dent_pa,
             "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "needle": needle_entry(self.needle),
@@ -167,6 +172,40 @@ class Answer:
             "warnings": self.warnings,
             "can_calibrate": self.can_calibrate,
         }
+
+
+def _place_entry(place: Place | None) -> dict[str, Any]:
+    """Return the keys of a contact in three dimensions, with intervals; none without planes that were read together."""
+    if place is None:
+        return {}
+    entry = dict[str, Any]()
+    contact: HumanUnit = "mm"
+    tilt: HumanUnit = "deg"
+    for key, unit, values, sds in (
+        ("contact_xyz_mm", contact, place.contact_m, place.contact_sd_m),
+        ("tilt_deg", tilt, place.tilt_rad, place.tilt_sd_rad),
+    ):
+        entry[key] = [from_si(value, unit) for value in values]
+        ends = [(value, NINETY_PERCENT * sd) for value, sd in zip(values, sds, strict=True)]
+        entry[f"{key}_interval"] = [[from_si(value + sign * sd, unit) for sign in (-1, 1)] for value, sd in ends]
+    return entry
+
+
+def together(answers: Sequence[Answer]) -> list[Answer]:
+    """Return answers to planes that one fit has read: with one interval that spans all, and all warnings.
+
+    A plane that nothing checks needs no warning if another one is checked.
+    """
+    found = [answer for answer in answers if answer.interval_n is not None]
+    warnings = dict.fromkeys(words for answer in found for words in answer.warnings)
+    unchecked = [words for words in warnings if words.startswith(UNCHECKED)]
+    if any(len(answer.readings) > 1 for answer in found):
+        warnings = {words: None for words in warnings if words not in unchecked}
+    if len(found) < len(answers):
+        return list(answers)
+    ends = [answer.interval_n for answer in found if answer.interval_n is not None]
+    interval_n = min(low for low, _ in ends), max(high for _, high in ends)
+    return [replace(answer, interval_n=interval_n, warnings=tuple(warnings)) for answer in answers]
 
 
 def unusable(classes: int, reason: str) -> Answer:

@@ -28,6 +28,7 @@ from scleraforce.reader.model import suited
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.recording.tables import FrameEntry
 from scleraforce.units import from_si
 
 Progress = Callable[[int], object] | None  # called with 1 after each frame
@@ -42,7 +43,8 @@ class FrameAnswer:
     virtual eye's `truth.json`, is for comparison only. `to_bound`: when the force reaches the highest class, by the
     frames before (`monitor.rise`). `excluded` says why a trial is left out of the metrics although
     it has a label (pierced, or above the study's largest force); `calibration` marks a frame that Young's modulus was
-    fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`.
+    fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`. Frames of
+    several planes have one answer, which counts once: the frames of other planes than the first one are `repeats`.
     """
 
     recording: str
@@ -58,11 +60,14 @@ class FrameAnswer:
     measured_force_sd_n: float | None = None
     true_force_n: float | None = None
     to_bound: TimeToBound | None = None
+    plane: str | None = None
+    time_s: float | None = None
+    repeats: bool = False
 
     @property
     def scored(self) -> bool:
         """True if the frame counts in the metrics."""
-        return self.target is not None and self.excluded is None and not self.calibration
+        return self.target is not None and self.excluded is None and not self.calibration and not self.repeats
 
     @property
     def misread(self) -> bool:
@@ -76,6 +81,7 @@ class FrameAnswer:
             "recording": self.recording,
             "eye": self.eye,
             "file": self.file,
+            **({"plane": self.plane, "time_s": self.time_s} if self.plane is not None else {}),
             "measured_force_mn": from_si(self.measured_force_n, "mn"),
             "measured_force_sd_mn": from_si(self.measured_force_sd_n, "mn"),
             "true_force_mn": from_si(self.true_force_n, "mn"),
@@ -327,17 +333,22 @@ class _Session:
         log = log_doubts(self.recording, classes, read, in_newtons=in_newtons)
         return (*label_notes(self.recording, self.trials), *log)
 
-    def read(self, progress: Progress) -> Iterator[tuple[str, Trial, Answer, bool]]:
-        """Yield name, label and answer of each frame, and whether Young's modulus was fitted on it."""
+    def read(self, progress: Progress) -> Iterator[tuple[FrameEntry, Trial, Answer, bool]]:
+        """Yield each frame with its label, its answer, and whether Young's modulus was fitted on it."""
         scale, study = PixelScale.of(self.recording.info.oct), self.reader.study
         history, leak = History.unknown(self.known, study.needle.max_force_n), Leak(self.known)
-        for entry, trial in zip(self.recording.frames, self.trials, strict=True):
-            pixels = self.recording.frame(entry)
-            elastic, leak = leak.read(partial(self.reader.read, pixels, scale), entry.time_s, entry.held_s)
-            answer, history = history.read(elastic, study.classes.bounds_n, entry.time_s, entry.held_s)
-            yield entry.file, trial, answer, self.summary is not None and frame_digest(pixels) in self.summary.digests
-            if progress:
-                progress(1)
+        trials, digests = iter(self.trials), self.summary.digests if self.summary else frozenset()
+        for moment in self.recording.moments:
+            frames, first = [self.recording.frame(entry) for entry in moment], moment[0]
+            planes = [plane for entry in moment if (plane := self.recording.info.oct.named(entry.plane))]
+            read = partial(self.reader.read_together, frames, scale, planes=planes)
+            elastic, leak = leak.read(read, first.time_s, first.held_s)
+            felt = [history.read(one, study.classes.bounds_n, first.time_s, first.held_s) for one in elastic]
+            history = felt[0][1]
+            for entry, pixels, (answer, _) in zip(moment, frames, felt, strict=True):
+                yield entry, next(trials), answer, bool(digests) and frame_digest(pixels) in digests
+                if progress:
+                    progress(1)
 
     def answers(self, progress: Progress) -> Iterator[FrameAnswer]:
         """Answer each frame, in the recording's order."""
@@ -346,22 +357,24 @@ class _Session:
         modulus_pa, source = used if fixed_pa is None else (fixed_pa, "trained")
         doubts = FOREIGN if self.foreign else ()
         true_n = true_forces(recording.path) if (recording.path / "truth.json").exists() else {}
-        sds_n, seen = label_sds(recording, self.trials), list[tuple[float, float]]()
-        each = zip(recording.frames, sds_n, self.read(progress), strict=True)
-        for entry, sd_n, (file, trial, answer, calibrates) in each:
+        sds_n, seen, planes = label_sds(recording, self.trials), list[tuple[float, float]](), recording.info.oct.plane
+        for sd_n, (entry, trial, answer, calibrates) in zip(sds_n, self.read(progress), strict=True):
             yield FrameAnswer(
                 recording=str(recording.path),
                 eye=recording.info.eye.id,
-                file=file,
+                file=entry.file,
                 measured_force_n=trial.measured_force_n,
                 measured_force_sd_n=sd_n,
-                true_force_n=true_n.get(file),
+                true_force_n=true_n.get(entry.file),
                 target=trial.target,
                 calibration=calibrates,
                 excluded=trial.excluded,
                 youngs_modulus_pa=modulus_pa,
                 modulus_source=source,
                 to_bound=self._to_bound(answer, entry.time_s, seen),
+                plane=entry.plane,
+                time_s=entry.time_s,
+                repeats=bool(planes) and entry.plane != planes[0].name,
                 answer=replace(answer, warnings=(*answer.warnings, *doubts)),
             )
 
@@ -370,14 +383,18 @@ class _Session:
         upper_n = upper_end(answer.verdict)
         if not answer.usable or answer.force_n is None or upper_n is None:
             return None
-        seen.append((at_s, answer.force_n))
+        if not seen or seen[-1][0] != at_s:  # planes of one moment are one reading
+            seen.append((at_s, answer.force_n))
         limits, bound_n = MonitorLimits(), self.reader.study.classes.bounds_n[-1]
         rise = rise_of(seen[-NOISE_WINDOWS * limits.rate_frames :], limits.rate_frames)
         return time_to_bound(rise, answer.force_n, upper_n, bound_n)
 
     def scores(self, progress: Progress) -> Iterator[Score]:
         """Score the readings of both methods."""
-        for _, trial, answer, calibrates in self.read(progress):
+        planes = self.recording.info.oct.plane
+        for entry, trial, answer, calibrates in self.read(progress):
+            if planes and entry.plane != planes[0].name:
+                continue
             if trial.measured_force_n is None or trial.excluded is not None or calibrates:
                 continue
             for method, reading in answer.readings if answer.usable else ():

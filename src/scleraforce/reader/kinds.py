@@ -1,9 +1,10 @@
 """The kinds of models that read frames: the paper's classifier, the reader with its library, the raw reader."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from math import sqrt
 from pathlib import Path
 from typing import Any, ClassVar, final
 
@@ -13,22 +14,34 @@ import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.errors import ModelError
 from scleraforce.known import NOTHING_KNOWN, Known
-from scleraforce.library.fit import fit_boundaries
-from scleraforce.library.prior import prior_of
+from scleraforce.library.fit import BoundaryFit, fit_boundaries
+from scleraforce.library.planes import SeenPlane, fit_planes
+from scleraforce.library.prior import Prior, prior_of
 from scleraforce.library.responses import Library
+from scleraforce.library.unknowns import GAP
 from scleraforce.models import NETWORK_FILE, check_interface, run_network
 from scleraforce.reader import verdicts
-from scleraforce.reader.answer import METHODS, Answer, Reading, disagreement, fit_reading, spanned_interval, unusable
+from scleraforce.reader.answer import (
+    METHODS,
+    UNCHECKED,
+    Answer,
+    Reading,
+    disagreement,
+    fit_reading,
+    spanned_interval,
+    together,
+    unusable,
+)
 from scleraforce.reader.at_rest import unless_at_rest
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.networks import ForceNetwork
 from scleraforce.reader.where import places_of
-from scleraforce.recording.folder import OctInfo
+from scleraforce.recording.folder import OctInfo, Plane
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
 from scleraforce.segmentation.wall_finder import FrameWindow, WallFinder
-from scleraforce.study import Range, Study
+from scleraforce.study import Range, ReaderStudy, Study
 
 INPUT, OUTPUT = "slices", "probabilities"
 
@@ -92,6 +105,18 @@ class Reader(ABC):
         seen = verdicts.look(frame, scale, self.study.slice, self._shifts, known.thickness_m)
         answer = unusable(self.classes, seen.reason) if seen.reason else self._live(seen, frame, scale, known)
         return replace(answer, segmentation=seen.segmentation)
+
+    def read_together(
+        self, frames: Sequence[Pixels], scale: PixelScale, known: Known = NOTHING_KNOWN, planes: Sequence[Plane] = ()
+    ) -> tuple[Answer, ...]:
+        """Read the frames of one moment, one of each plane, or a single frame without planes.
+
+        Every frame gets the answer of all, with its own contact, fit and segmentation. Errors are those of `read`; a
+        model without a fit reads no planes and raises `ModelError`.
+        """
+        if planes:
+            raise ModelError(f"{self.path}: a {self.kind} reads single planes; several need a model of kind {READER!r}")
+        return (self.read(frames[0], scale, known),)
 
     @abstractmethod
     def refusal(self, known: Known) -> str | None:
@@ -178,6 +203,7 @@ CONTACTS = 32  # polar angles whose libraries are cached
 # Shifts of the slices that the network reads of one frame, in rows; the first is the slice itself. A slice of black and
 # white does not show where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
 SHIFTS = (0.0, 0.5)
+TOO_LITTLE = "too little of the wall is seen"
 
 
 @final
@@ -213,11 +239,6 @@ class ForceReader(Reader):
             lambda known: outside_training(known, self.study.reader, self.study.library)
         )
 
-    @property
-    def other(self) -> str:
-        """The method that checks the default."""
-        return METHODS[1 - METHODS.index(self.default)]
-
     def refusal(self, known: Known) -> str | None:
         """Return why the network cannot read an eye: a known value lies outside the training; None: it can."""
         return self._outside(known)
@@ -237,29 +258,99 @@ class ForceReader(Reader):
     def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         """Return the answer of both methods."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
+        if reason := self._not_fitted(seen, boundaries, known):
+            return replace(unusable(self.classes, reason), can_calibrate=verdicts.can_calibrate(seen, boundaries))
+        prior, smoothing_m = self._prior(seen, known, self.study.reader), self.study.calibration.surface_smoothing_m
+        fit = fit_boundaries(self.library_for(known), boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
+        if fit is None:
+            return unusable(self.classes, TOO_LITTLE)
+        return self._judged(seen, boundaries, known, fit, prior)
+
+    def _not_fitted(self, seen: verdicts.Look, boundaries: Boundaries, known: Known) -> str | None:
+        """Return why a wall is not fitted, None if it is."""
         outside = outside_training(known, verdicts.read_by_fit(self.study.reader), self.study.library)
-        if reason := outside or verdicts.needle_elsewhere(seen.needle, known, self.library.needle_radius_m):
-            return replace(unusable(self.classes, reason), can_calibrate=verdicts.can_calibrate(seen, boundaries))
         places = boundaries.lateral_m, boundaries.depth_m[0]
-        if reason := verdicts.too_little_wall(*places, self.study.slice, known.has_calibrated_modulus):
-            return replace(unusable(self.classes, reason), can_calibrate=verdicts.can_calibrate(seen, boundaries))
-        return self._fitted(seen, boundaries, known)
+        return (
+            outside
+            or verdicts.needle_elsewhere(seen.needle, known, self.library.needle_radius_m)
+            or verdicts.too_little_wall(*places, self.study.slice, known.has_calibrated_modulus)
+        )
+
+    def _prior(self, seen: verdicts.Look, known: Known, trained: ReaderStudy) -> Prior:
+        if seen.needle:
+            trained = replace(trained, gap_m=Range(min=0.0, max=self.library.needle_radius_m))  # for an unknown gap
+        return prior_of(known, trained)
+
+    def read_together(
+        self, frames: Sequence[Pixels], scale: PixelScale, known: Known = NOTHING_KNOWN, planes: Sequence[Plane] = ()
+    ) -> tuple[Answer, ...]:
+        """Read the frames of one moment, one of each plane, by one fit; the gap is not used.
+
+        A plane without a wall is left out, with a warning. If the wall in one that is fitted is not that of an eye, or
+        cannot be judged, none is usable.
+        """
+        if not planes:
+            return super().read_together(frames, scale, known)
+        known = replace(known, gap_m=None)
+        looks = [verdicts.look(one, scale, self.study.slice, SHIFTS, known.thickness_m, self.finder) for one in frames]
+        walls = [None if seen.reason else segmented_boundaries(seen.segmentation, scale) for seen in looks]
+        each, left_out = list[tuple[int, verdicts.Look, Boundaries, Known]](), list[str]()
+        for number, (seen, wall, plane) in enumerate(zip(looks, walls, planes, strict=True)):
+            turned = None if known.direction_rad is None else known.direction_rad + plane.direction_rad
+            here = replace(known, direction_rad=turned)
+            reason = seen.reason if wall is None else self._not_fitted(seen, wall, here)
+            if wall is not None and reason is None:
+                each.append((number, seen, wall, here))
+            else:
+                left_out.append(f"plane {plane.name}: {reason}")
+        found = self._fitted_together(each, planes) if each else [unusable(self.classes, left_out[0])]
+        fault = next((one for one in found if not one.usable), None)
+        answers = list[Answer]()
+        for number, seen in enumerate(looks):
+            mine = next((one for (other, *_), one in zip(each, found, strict=False) if other == number), None)
+            shared = mine or replace(found[0], contact_m=None, fit=None, can_calibrate=False)
+            if fault is not None:
+                shared = replace(unusable(self.classes, fault.reason or ""), fit=shared.fit)
+            warned = (*shared.warnings, *(f"left out: {reason}" for reason in left_out)) if shared.usable else ()
+            answers.append(replace(shared, segmentation=seen.segmentation, warnings=warned))
+        return tuple(answers)
+
+    def _fitted_together(
+        self, each: Sequence[tuple[int, verdicts.Look, Boundaries, Known]], planes: Sequence[Plane]
+    ) -> list[Answer]:
+        """Return the answers of planes with a wall, by the fit to all of them; of one alone, by its own."""
+        smoothing_m, radius_m = self.study.calibration.surface_smoothing_m, self.library.needle_radius_m
+        trained, library = verdicts.read_by_fit(self.study.reader), self.library_for(each[0][3])
+        priors = [self._prior(seen, known, trained) for _, seen, _, known in each]
+        walls = [
+            SeenPlane(planes[number].offset_m, planes[number].direction_rad, wall.lateral_m, wall.depth_m, prior,
+                      radius_m / sqrt(3.0) if seen.needle else None)
+            for (number, seen, wall, _), prior in zip(each, priors, strict=True)
+        ]  # fmt: skip
+        fits, place = fit_planes(library, walls, smoothing_m)
+        if not fits:
+            return [unusable(self.classes, TOO_LITTLE)]
+        gaps_m, answers = [abs(float(fit.unknown[GAP])) for fit in fits], list[Answer]()
+        for (number, seen, wall, known), fit, prior, gap_m in zip(each, fits, priors, gaps_m, strict=True):
+            here = known if place is None else replace(known, gap_m=gap_m)
+            answer = self._judged(seen, wall, here, fit, prior, METHODS[1], gap_m == min(gaps_m))
+            reason = None if answer.usable else f"plane {planes[number].name}: {answer.reason}"
+            answers.append(replace(answer, place=place, reason=reason))
+        return together(answers)
 
     def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         if reason := self._unread_slices(seen, known):
             return unusable(self.classes, reason)
         return verdicts.judged_answer(self.network.read(seen.cuts, known), "network", seen.dent_leaves, self.study)
 
-    def _fitted(self, seen: verdicts.Look, boundaries: Boundaries, known: Known) -> Answer:
-        """Fit a wall of the library to the frame, and read the frame if the fit is the wall of an eye."""
-        library, trained = self.library_for(known), self.study.reader
-        if seen.needle:
-            trained = replace(trained, gap_m=Range(min=0.0, max=library.needle_radius_m))  # for an unknown gap
-        prior = prior_of(known, trained)
-        smoothing_m = self.study.calibration.surface_smoothing_m
-        fit = fit_boundaries(library, boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
-        if fit is None:
-            return unusable(self.classes, "too little of the wall is seen")
+    def _judged(
+        self, seen: verdicts.Look, boundaries: Boundaries, known: Known, fit: BoundaryFit, prior: Prior,
+        default: str | None = None, may_rest: bool = True,
+    ) -> Answer:  # fmt: skip
+        """Read a frame from its fit, if that is the wall of an eye; `default`: the method that answers.
+
+        `may_rest`: a surface without a dent is tried.
+        """
         if reason := verdicts.no_wall_of_an_eye(fit, prior):
             return replace(unusable(self.classes, reason), fit=fit)
         factor = self.factors.of_fit(known, fit) * frame_stretch(seen.segmentation, known, self.study.reader)
@@ -267,26 +358,28 @@ class ForceReader(Reader):
         leaves = seen.dent_leaves or verdicts.fit_leaves(fit, self.study.slice)
         if unread := self._unread_slices(seen, known):
             answer = verdicts.judged_answer(by_fit, "fit", leaves, self.study)
-            warnings = (f"the fit alone reads it, and nothing checks that: {unread}",) if answer.usable else ()
+            warnings = (f"{UNCHECKED}: {unread}",) if answer.usable else ()
             answer = replace(answer, warnings=warnings, readings=(("fit", by_fit),))
         else:
-            answer = self._checked({"network": self.network.read(seen.cuts, known), "fit": by_fit}, leaves)
-        if not seen.dent_leaves:  # an eye at rest does not leave the frame in its middle
+            answer = self._checked({"network": self.network.read(seen.cuts, known), "fit": by_fit}, leaves, default)
+        if may_rest and not seen.dent_leaves:  # an eye at rest does not leave the frame in its middle
             answer = unless_at_rest(answer, fit, boundaries, self.study)
         if answer.usable:
             answer = replace(answer, places=places_of(fit, prior, library, known, seen.needle))
         return replace(answer, can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
 
-    def _checked(self, readings: Mapping[str, Reading], leaves: bool) -> Answer:
-        """Return the answer of the model's default method, checked by the other one; `leaves`: the dent does.
+    def _checked(self, readings: Mapping[str, Reading], leaves: bool, default: str | None = None) -> Answer:
+        """Return the answer of a method, by default the model's, checked by the other one; `leaves`: the dent does.
 
         If both differ by more than their intervals allow, one of them is wrong, and nothing shows which: the interval
         then spans both. A frame whose interval reaches into every class is not usable.
         """
-        default, other = readings[self.default], readings[self.other]
-        warning = disagreement(default, other, (self.default, self.other))
-        reading = replace(default, interval_n=spanned_interval(default, other)) if warning else default
-        answer = verdicts.judged_answer(reading, self.default, leaves, self.study)
+        name = default or self.default
+        check = METHODS[1 - METHODS.index(name)]
+        answering, other = readings[name], readings[check]
+        warning = disagreement(answering, other, (name, check))
+        reading = replace(answering, interval_n=spanned_interval(answering, other)) if warning else answering
+        answer = verdicts.judged_answer(reading, name, leaves, self.study)
         undecided = verdicts.no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
         reason = verdicts.contact_outside(other, self.study.reader) or (undecided and f"{warning}; {undecided}")
         if answer.usable and reason:

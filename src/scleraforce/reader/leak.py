@@ -25,8 +25,10 @@ class Leak:
     dent_m3: float = 0.0
     time_s: float | None = None
 
-    def read(self, read: Callable[[Known], Answer], time_s: float, held_s: float | None) -> tuple[Answer, "Leak"]:
-        """Return a frame's answer, read at the resting pressure that the leak leaves, and the leak by then."""
+    def read(
+        self, read: Callable[[Known], tuple[Answer, ...]], time_s: float, held_s: float | None
+    ) -> tuple[tuple[Answer, ...], "Leak"]:
+        """Return the answers of one time, read at the resting pressure that the leak leaves, and the leak by then."""
         known, globe, iop_pa = self.known, self.known.globe, self.known.iop_pa
         if known.leak_time_s is None or globe is None or iop_pa is None or globe.mean <= 0.0:
             return read(known), self
@@ -38,12 +40,13 @@ class Leak:
         dent_m3 = self.dent_m3
         for _ in range(1 if dense else READINGS):
             leaked_m3 = self._after(before_m3, dent_m3, held_s)
-            answer = read(replace(known, iop_pa=float(law.pressure(iop_pa, -leaked_m3))))
-            if answer.iop_at_dent_pa is None:  # nothing shows that the dent is there still
+            answers = read(replace(known, iop_pa=float(law.pressure(iop_pa, -leaked_m3))))
+            pressure_pa = answers[0].iop_at_dent_pa
+            if pressure_pa is None:  # nothing shows that the dent is there still
                 dent_m3 = 0.0
                 break
-            dent_m3 = leaked_m3 + float(law.displaced_m3(iop_pa, answer.iop_at_dent_pa))
-        return answer, replace(self, leaked_m3=leaked_m3, dent_m3=dent_m3, time_s=time_s)
+            dent_m3 = leaked_m3 + float(law.displaced_m3(iop_pa, pressure_pa))
+        return answers, replace(self, leaked_m3=leaked_m3, dent_m3=dent_m3, time_s=time_s)
 
     def _after(self, leaked_m3: float, dent_m3: float, passed_s: float) -> float:
         return dent_m3 + (leaked_m3 - dent_m3) * exp(-passed_s / (self.known.leak_time_s or 1.0))

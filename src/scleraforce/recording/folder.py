@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 from dataclasses import KW_ONLY, dataclass
+from itertools import groupby
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,7 @@ class EyeInfo:
     def __post_init__(self) -> None:
         check_fields(self)
         check_relaxation(self.relaxation or ())
-        if fault := eye_id_fault(self.id):
+        if fault := name_fault(self.id):
             raise StudyError(f"id: {fault}")
         stated = (self.rigidity_pa13_per_m3, self.rigidity_law, self.leak_time_s)
         for key, value in zip(("rigidity_mmhg13_per_ul", "rigidity_law", "leak_time_s"), stated, strict=True):
@@ -65,9 +66,46 @@ class EyeInfo:
                 raise StudyError(f'{key}: of a sealed globe, globe is {found}; write globe = "sealed", or leave it out')
 
 
+@dataclass(frozen=True)
+class Plane:
+    """One of several planes that a scanner takes at once, parallel to its depth axis.
+
+    Its lateral axis lies `direction_rad` from the scanner's x axis, turned as seen from outside the eye from the
+    meridian towards growing azimuth; the plane lies `offset_m` from the scanner's axis, to the left of its lateral
+    axis as seen from there. The middle of its frames is the foot of that axis.
+
+    >>> Plane("across", 0.0, 1.5708).direction_rad
+    1.5708
+    """
+
+    name: str
+    offset_m: float = required(low=-10e-3, high=10e-3)
+    direction_rad: float = required(low=-6.3, high=6.3)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if fault := name_fault(self.name, "plane"):
+            raise StudyError(f"name: {fault}")
+
+
+def check_planes(planes: tuple[Plane, ...]) -> None:
+    """Raise a `StudyError` unless planes can be read together: at least two, of different names and places."""
+    if len(planes) == 1:
+        raise StudyError("plane: only one; give each plane of the scan, or slice_gap_m without any")
+    for number, plane in enumerate(planes):
+        for before in planes[:number]:
+            if before.name == plane.name:
+                raise StudyError(f"plane: name: {plane.name!r} is there twice")
+            if (before.offset_m, before.direction_rad) == (plane.offset_m, plane.direction_rad):
+                raise StudyError(f"plane: {before.name!r} and {plane.name!r} are at one place")
+
+
 @dataclass(frozen=True, kw_only=True)
 class OctInfo:
-    """The frames: pixels, used bits, field of view (black bands included), and the plane's direction and tilt."""
+    """The frames: pixels, used bits, field of view (black bands included), and the plane's direction and tilt.
+
+    Of several planes, `plane`, direction and tilt are those of the scanner's x axis.
+    """
 
     columns: int = required(low=16, high=16384)
     rows: int = required(low=16, high=16384)
@@ -77,21 +115,27 @@ class OctInfo:
     plane_direction_rad: float | None = quantity(None, None, -6.3, 6.3)
     plane_tilt_rad: float = quantity(0.0, None, -1.0, 1.0)
     refractive_index: float = quantity(1.0, None, 1.0, 2.0)
+    plane: tuple[Plane, ...] = ()
 
     def __post_init__(self) -> None:
         check_fields(self)
+        check_planes(self.plane)
+
+    def named(self, name: str | None) -> Plane | None:
+        """Return the plane of a name; None: there is none."""
+        return next((plane for plane in self.plane if plane.name == name), None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class NeedleInfo:
-    """The needle: gauge, distance of the B-scan plane from its axis; polar angle of the contact and lean, if known.
+    """The needle: gauge, distance of the one B-scan plane from its axis; polar angle of the contact and lean, if known.
 
     `lean_rad`: angle between its axis and the wall's normal; `lean_azimuth_rad`: direction in which it leans on its way
     up, from the B-scan's lateral axis.
     """
 
     gauge: int = required(low=10, high=36)
-    slice_gap_m: float = required(low=allowed("gap_m").low, high=allowed("gap_m").high)
+    slice_gap_m: float | None = _possible("gap_m")
     polar_angle_rad: float | None = _possible("polar_angle_rad")
     lean_rad: float | None = _possible("lean_rad")
     lean_azimuth_rad: float | None = quantity(None, None, -6.3, 6.3)
@@ -125,15 +169,21 @@ class RecordingInfo:
     needle: NeedleInfo
     force: ForceInfo | None = None
 
+    def __post_init__(self) -> None:
+        if self.needle.slice_gap_m is None and not self.oct.plane:
+            raise StudyError("needle.slice_gap_m: missing; give it, or [[oct.plane]] for each of several planes")
+        if self.needle.slice_gap_m is not None and self.oct.plane:
+            raise StudyError("needle.slice_gap_m: of a single plane, and there are [[oct.plane]]: leave it out")
 
-def eye_id_fault(name: str) -> str | None:
-    """Return why a text cannot name an eye in a table, log or message, None if it can."""
+
+def name_fault(name: str, what: str = "eye") -> str | None:
+    """Return why a text cannot name an eye or a plane in a table, log or message, None if it can."""
     if not name.strip():
-        return "empty; give the eye a name"
+        return f"empty; give the {what} a name"
     if not name.isprintable():
         return f"{name[:LONGEST_ID]!r} has a line break or another unprintable character; give a name of one line"
     if len(name) > LONGEST_ID:
-        return f"{len(name)} characters; give the eye a name of at most {LONGEST_ID}"
+        return f"{len(name)} characters; give the {what} a name of at most {LONGEST_ID}"
     return None
 
 
@@ -154,6 +204,11 @@ class Recording:
     info: RecordingInfo
     frames: tuple[FrameEntry, ...]
     forces: ForceLog | None
+
+    @property
+    def moments(self) -> tuple[tuple[FrameEntry, ...], ...]:
+        """The frames in order, those of one time together: one, or one of each plane."""
+        return tuple(tuple(group) for _, group in groupby(self.frames, lambda entry: entry.time_s))
 
     def frame_path(self, entry: FrameEntry) -> Path:
         """Return the path of a frame's file."""
@@ -195,6 +250,7 @@ def read_recording(path: str | PathLike[str]) -> Recording:
     info = read_info(path / "recording.toml")
     frames = read_frame_list(path / "frames.csv")
     _check_files(path, frames)
+    _check_planes(path / "frames.csv", frames, info.oct.plane)
     if not os.path.lexists(path / "forces.csv"):
         return Recording(path, info, frames, None)
     if info.force is None:
@@ -237,6 +293,21 @@ def read_info(path: Path) -> RecordingInfo:
         return parse_record(RecordingInfo, read_text(path, KINDS["recording"]), str(path))
     except StudyError as fault:
         raise RecordingError(str(fault)) from fault
+
+
+def _check_planes(path: Path, frames: tuple[FrameEntry, ...], planes: tuple[Plane, ...]) -> None:
+    names = [plane.name for plane in planes]
+    for entry in frames:
+        if entry.plane is None and planes:
+            raise RecordingError(f"{path}: plane: missing for {entry.file}; give one of {', '.join(names)}")
+        if entry.plane is not None and entry.plane not in names:
+            known = f"[[oct.plane]] has {', '.join(names)}" if names else "recording.toml has no [[oct.plane]]"
+            raise RecordingError(f"{path}: plane: {entry.plane!r} of {entry.file} is unknown; {known}")
+    for time_s, group in groupby(frames, lambda entry: entry.time_s):
+        shown = [entry.plane for entry in group]
+        missing = [name for name in names if name not in shown]
+        if missing:
+            raise RecordingError(f"{path}: plane: no frame of {missing[0]!r} at {time_s:g} s; give one of each plane")
 
 
 def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
@@ -287,6 +358,17 @@ def recording_of(path: Path) -> Path | None:
     folder = path.parent.resolve()
     inside = folder.name == "frames" and os.path.isfile(folder.parent / "recording.toml")
     return folder.parent if inside else None
+
+
+def stated_plane(frame: Path) -> tuple[Path, float, Plane] | None:
+    """Return the recording of a frame, its time and its plane; None if it is not in a recording of several planes."""
+    recording = recording_of(frame)
+    if recording is None or not (oct_info := read_info(recording / "recording.toml").oct).plane:
+        return None
+    for entry in read_frame_list(recording / "frames.csv"):
+        if entry.file == frame.name and (plane := oct_info.named(entry.plane)) is not None:
+            return recording, entry.time_s, plane
+    raise RecordingError(f"{recording / 'frames.csv'}: plane: none for {frame.name}")
 
 
 def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], transpose: bool = False) -> ScaledFrame:

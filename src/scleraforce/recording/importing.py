@@ -13,7 +13,7 @@ import numpy as np
 
 from scleraforce.errors import InputError, RecordingError, StudyError
 from scleraforce.plain_json import parse_json
-from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, eye_id_fault, read_info
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, name_fault, read_info
 from scleraforce.recording.force_log import columns_by_header
 from scleraforce.recording.log_text import read_log_text
 from scleraforce.recording.pixels import MOST_BITS, Greys, Scan, Sourced, Times, UnansweredError, even_times
@@ -74,7 +74,7 @@ QUESTIONS = {
     "clock_offset_s": Question("force log's clock minus the frames' clock, in seconds", "--clock-offset-s"),
     "axis": Question("axis of the force sensor along the needle", "--axis"),
     "contact_sign": Question("sign of that axis in contact", "--contact-sign"),
-    "eye": Question("name of the eye", "--eye", eye_id_fault),
+    "eye": Question("name of the eye", "--eye", name_fault),
     "gauge": Question("gauge of the needle", "--gauge"),
     "gap_mm": Question("distance of the B-scan plane from the needle's axis", "--gap-mm"),
     "thickness_um": Question("thickness of the wall", "--thickness-um", optional=True),

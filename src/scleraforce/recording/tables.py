@@ -229,7 +229,7 @@ def _row_numbers(
 
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
-FRAME_COLUMNS = ("file", "time_s", "pierced", "travel_m", "held_s")
+FRAME_COLUMNS = ("file", "time_s", "pierced", "travel_m", "held_s", "plane")
 GOOD_SAMPLE_RATE_HZ = 100.0
 # A push takes 0.2 s or more: at fewer samples a second it has less than four, and a clock in ms is read as one in s.
 MIN_SAMPLE_RATE_HZ = 20.0
@@ -248,7 +248,7 @@ class FrameEntry:
     """A line of frames.csv: name below `frames/`, time on the log's clock, whether the needle had pierced, if stated.
 
     `travel_m`: the needle's travel along its axis, inwards, from any start. `held_s`: the time since the needle's push,
-    which it has held since. None: not known.
+    which it has held since. None: not known. `plane`: the name of the frame's plane, if there are several.
     """
 
     file: str
@@ -256,6 +256,7 @@ class FrameEntry:
     pierced: bool | None = None
     held_s: float | None = None
     travel_m: float | None = None
+    plane: str | None = None
 
 
 @dataclass(frozen=True)
@@ -292,13 +293,17 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     numbers = ("time_s", "travel_m", "held_s")
     mark = decimal_mark(table, tuple(table.names.index(name) for name in numbers if name in table.names))
     entries: list[FrameEntry] = []
-    seen: dict[str, int] = {}
+    seen, together = dict[str, int](), set[str | None]()  # planes of one time
     for index, line in enumerate(table.numbers):
         place = table.place(index)
         entry = _frame_entry(place, dict(zip(table.names, table.fields(index), strict=False)), mark)
         if entry.file in seen:
             raise RecordingError(f"{place}: file: {entry.file} is in line {seen[entry.file]} already")
-        if entries and entry.time_s <= entries[-1].time_s:
+        together = together if entries and entry.time_s == entries[-1].time_s else set()
+        if entry.plane is not None and entry.plane in together:
+            raise RecordingError(f"{place}: plane: {entry.plane!r} has a frame at {entry.time_s:g} s already")
+        together = together | {entry.plane}
+        if entries and entry.time_s <= entries[-1].time_s and (len(together) == 1 or None in together):
             found = f"{entry.time_s:g} does not come after {entries[-1].time_s:g}"
             raise RecordingError(f"{place}: time_s: {found}; frames are in the order of their times, one at a time")
         seen[entry.file] = line
@@ -413,4 +418,4 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
         raise RecordingError(
             f"{place}: travel_m: {row['travel_m']!r} is not a number of metres within {LARGEST_TRAVEL_M:g} m"
         )
-    return FrameEntry(file, time_s, pierced == "1" if pierced else None, held_s, travel_m)
+    return FrameEntry(file, time_s, pierced == "1" if pierced else None, held_s, travel_m, row.get("plane") or None)

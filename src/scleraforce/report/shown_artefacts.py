@@ -21,7 +21,7 @@ from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
 from scleraforce.models import FILES, SHIPPED_READER, read_folder
 from scleraforce.reader.limits import limit_notes, reading_ranges
-from scleraforce.recording.folder import Recording, read_recording
+from scleraforce.recording.folder import Recording, RecordingInfo, read_recording
 from scleraforce.recording.labels import Trial, label_frames, label_notes
 from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled
 from scleraforce.report.frame_figures import draw_montage
@@ -207,7 +207,7 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
         ("frames", f"{len(recording.frames)} in {seconds:.3g} s, {info.oct.columns} x {info.oct.rows} pixels of "
                    f"{info.oct.bits} bits, {width_mm:g} x {depth_mm:g} mm, "
                    f"refractive index {info.oct.refractive_index:g}"),
-        ("needle", f"{info.needle.gauge} gauge, {from_si(info.needle.slice_gap_m, 'mm'):g} mm beside the B-scan"),
+        ("needle", f"{info.needle.gauge} gauge, {_planes_words(info)}"),
         ("force log", _log_words(recording)),
         *((("forces", span([min(forces_n), max(forces_n)], "mn", "mN") + ": " + ", ".join(
             f"{counts[label]} of class {label}" for label in range(len(CLASSES.bounds_n) + 1))),) if forces_n else ()),
@@ -375,3 +375,14 @@ def _listed(withdrawals: Sequence[Entry]) -> Iterator[str]:
         yield f"{when:%H:%M:%S} UTC, decision {entry.number}: {sentence_of(entry.cause or '')}"
     if len(withdrawals) > LISTED:
         yield f"... and {len(withdrawals) - LISTED} more"
+
+
+def _planes_words(info: RecordingInfo) -> str:
+    """Return where the planes of the B-scans are."""
+    if info.needle.slice_gap_m is not None:
+        return f"{from_si(info.needle.slice_gap_m, 'mm'):g} mm beside the B-scan"
+    words = (
+        f"{plane.name} ({from_si(plane.offset_m, 'mm'):g} mm, {from_si(plane.direction_rad, 'deg'):.0f}°)"
+        for plane in info.oct.plane
+    )
+    return f"B-scans in {len(info.oct.plane)} planes: {', '.join(words)}"

@@ -204,7 +204,7 @@ def eye_of(recording: Recording, study: Study) -> PhantomEye:
         thickness_m=info.eye.thickness_m or study.dataset.group[0].thickness_m,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
         iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
-        gap_m=info.needle.slice_gap_m,
+        gap_m=study.needle.gap_m if info.needle.slice_gap_m is None else info.needle.slice_gap_m,
         polar_rad=0.5 * (low + high) if info.needle.polar_angle_rad is None else info.needle.polar_angle_rad,
         direction_rad=info.oct.plane_direction_rad or 0.0,
         tilt_rad=info.oct.plane_tilt_rad,
