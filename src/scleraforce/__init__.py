@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from scleraforce.notebook.importing import import_recording
     from scleraforce.notebook.training import generate, library_of, train
     from scleraforce.notebook.virtual import phantom, simulate
-    from scleraforce.recording.folder import read_recording
+    from scleraforce.recording.folder import Plane, read_recording
     from scleraforce.recording.images import read_frame
     from scleraforce.study import Study, parse_study, read_study
 
     __version__: str
 
 __all__ = [
-    "InputError", "Study", "__version__", "calibrate", "evaluate", "generate", "import_recording", "library_of",
-    "load_model", "open_dataset", "open_library", "parse_study", "phantom", "read", "read_frame", "read_recording",
-    "read_study", "segment", "simulate", "train",
+    "InputError", "Plane", "Study", "__version__", "calibrate", "evaluate", "generate", "import_recording",
+    "library_of", "load_model", "open_dataset", "open_library", "parse_study", "phantom", "read", "read_frame",
+    "read_recording", "read_study", "segment", "simulate", "train",
 ]  # fmt: skip
 
 # ONNX Runtime keeps a device id and a queue of events in the user's cache and sends them over the network. It reads
@@ -41,7 +41,7 @@ _MODULES = {
     "notebook.importing": ("import_recording",),
     "notebook.training": ("generate", "library_of", "train"),
     "notebook.virtual": ("phantom", "simulate"),
-    "recording.folder": ("read_recording",),
+    "recording.folder": ("Plane", "read_recording"),
     "recording.images": ("read_frame",),
     "study": ("Study", "parse_study", "read_study"),
 }

@@ -234,7 +234,7 @@ def test_the_known_values_of_an_eye_reach_the_network_and_the_others_are_nan() -
 
 def test_a_folder_whose_parts_do_not_fit_is_refused(folder: Path) -> None:
     reader = load_model(folder)
-    assert (reader.default, reader.other, reader.kind) == ("fit", "network", "reader")
+    assert (reader.default, reader.kind) == ("fit", "reader")
     with pytest.raises(ModelError, match="found 'reader', a classifier is needed here"):
         load_classifier(folder)
     record, study = (folder / "model.json").read_text(), (folder / "study.toml").read_text()

@@ -10,8 +10,9 @@ import pytest
 import tifffile
 
 from scleraforce.errors import FrameError, RecordingError
-from scleraforce.recording.folder import Scanner, read_recording, read_scaled_frame
+from scleraforce.recording.folder import RecordingInfo, Scanner, read_recording, read_scaled_frame
 from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry, read_force_log, read_frame_list
+from scleraforce.study.toml import format_record, parse_record
 
 INFO = """[eye]
 id = "eye"
@@ -111,6 +112,50 @@ def test_faults_are_named_with_file_line_and_field(folder):
         with pytest.raises(RecordingError, match=message):
             read_recording(folder)
         (folder / file).write_text(text)
+
+
+PLANES = """[[oct.plane]]
+name = "a"
+offset_m = 0.0
+direction_rad = 0.0
+[[oct.plane]]
+name = "b"
+offset_m = 0.0
+direction_rad = 1.5708
+"""
+TOGETHER = "file,time_s,plane\na.png,0.2,a\nb.png,0.2,b\n"
+
+
+def test_frames_of_several_planes_are_one_moment(folder):
+    text = INFO.replace("slice_gap_m = 5e-4\n", "").replace("[needle]", f"{PLANES}[needle]")
+    (folder / "recording.toml").write_text(text)
+    (folder / "frames.csv").write_text(TOGETHER)
+    recording = read_recording(folder)
+    assert [[entry.file for entry in moment] for moment in recording.moments] == [["a.png", "b.png"]]
+    assert [recording.info.oct.named(entry.plane).direction_rad for entry in recording.frames] == [0.0, 1.5708]
+    assert parse_record(RecordingInfo, format_record(recording.info), "again") == recording.info
+    for file, old, new, message in [
+        ("recording.toml", "gauge = 22\n", "gauge = 22\nslice_gap_m = 5e-4\n", "needle.slice_gap_m: of a single"),
+        ("recording.toml", PLANES, "", "recording.toml:.* needle.slice_gap_m: missing; give it, or"),
+        ("recording.toml", PLANES[PLANES.rindex("[[") :], "", r"recording.toml:10: oct.plane: only one"),
+        ("recording.toml", '"b"', '"a"', "oct.plane: name: 'a' is there twice"),
+        ("recording.toml", "1.5708", "0.0", "oct.plane: 'a' and 'b' are at one place"),
+        ("recording.toml", "offset_m = 0.0", "offset_m = 0.5", r"recording.toml:12: oct.plane.offset_m: 0.5 is above"),
+        ("frames.csv", "0.2,b", "0.2,c", "frames.csv: plane: 'c' of b.png is unknown; .* has a, b"),
+        ("frames.csv", "0.2,b", "0.2,a", r"frames.csv:3: plane: 'a' has a frame at 0.2 s already"),
+        ("frames.csv", "0.2,b", "0.2,", r"frames.csv:3: time_s: 0.2 does not come after 0.2"),
+        ("frames.csv", "0.2,b", "0.8,", "frames.csv: plane: missing for b.png; give one of a, b"),
+        ("frames.csv", "0.2,b", "0.8,b", "frames.csv: plane: no frame of 'b' at 0.2 s"),
+        ("frames.csv", "0.2,b", "0.1,b", r"frames.csv:3: time_s: 0.1 does not come after 0.2"),
+    ]:  # fmt: skip
+        before = (folder / file).read_text()
+        change(folder / file, old, new)
+        with pytest.raises(RecordingError, match=message):
+            read_recording(folder)
+        (folder / file).write_text(before)
+    (folder / "recording.toml").write_text(INFO)
+    with pytest.raises(RecordingError, match=r"plane: 'a' of a.png is unknown; recording.toml has no"):
+        read_recording(folder)
 
 
 def test_gaps_and_a_low_rate_of_a_log_are_noted(folder):

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import EYE, FRAME_SIZE, LEAN_DEFAULT, PATH, options
+from scleraforce.cli.options import EYE, FRAME_SIZE, LEAN_DEFAULT, PATH, PLANE, options, parse_plane
 from scleraforce.cli.output import Command, Report, each_of, is_json, progress_bar, say
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
 from scleraforce.study import OctStudy
-from scleraforce.units import from_si, to_si
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.known import Known
@@ -269,7 +269,7 @@ class _Placed(click.Option):
 @click.option("--eye", help="Name of the eye in the calibration; default: the recording's.")
 @click.option("--held-s", type=click.FloatRange(0.0), help="Time since the needle's push, in tissue that relaxes; "
               "default: as in the frames of the calibration.")  # fmt: skip
-@click.option("--plane", "planes", cls=_Placed, metavar="NAME:OFFSET_MM:DIRECTION_DEG", multiple=True,
+@click.option("--plane", "planes", cls=_Placed, metavar=PLANE, multiple=True,
               help="Plane of the frames that follow: its distance from the scanner's axis, and the direction of its "
               "columns. The n-th frames of all planes are read together.")  # fmt: skip
 @options("wall_finder")
@@ -357,10 +357,15 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list["
     """Return the frames that are read together, each with its plane: one for each, or one frame of each plane."""
     from scleraforce.recording.folder import Plane, check_planes, stated_plane
 
+    def stated(path: Path) -> "tuple[Path, float, Plane] | None":
+        try:
+            return None if os.path.isdir(path) or not path.exists() else stated_plane(path)
+        except InputError:  # reported with the frame
+            return None
+
     if not given:
-        stated = [None if os.path.isdir(path) or not path.exists() else stated_plane(path) for path in frames]
         found = dict[Any, list[tuple[Path, Plane | None]]]()
-        for path, one in zip(frames, stated, strict=True):
+        for path, one in ((path, stated(path)) for path in frames):
             found.setdefault(path if one is None else one[:2], []).append((path, one[2] if one else None))
         return [tuple(moment) for moment in found.values()]
     planes = dict[str, Plane]()
@@ -369,7 +374,7 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list["
     if given[0][0] > 1:
         raise InputError(f"--plane: after {frames[0]}, whose plane is not given")
     for (first, words), end in zip(given, ends, strict=True):
-        plane = _plane(words)
+        plane = parse_plane(words)
         if planes.setdefault(plane.name, plane) != plane:
             raise InputError(f"--plane: {plane.name!r} is given twice, at two places")
         of_plane.setdefault(plane.name, []).extend(frames[first - 1 : end - 1])
@@ -382,19 +387,6 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list["
         words = ", ".join(f"{name!r} has {count}" for name, count in counts.items())
         raise InputError(f"--plane: as many frames of each plane are read together; {words}")
     return [tuple(zip(paths, planes.values(), strict=True)) for paths in zip(*of_plane.values(), strict=True)]
-
-
-def _plane(words: str) -> "Plane":
-    from scleraforce.recording.folder import Plane
-
-    name, *numbers = words.rsplit(":", 2)
-    try:
-        offset_mm, direction_deg = map(float, numbers)
-        return Plane(name, to_si(offset_mm, "mm"), to_si(direction_deg, "deg"))
-    except InputError as fault:
-        raise InputError(f"--plane: {words!r}: {fault}") from None
-    except ValueError:
-        raise InputError(f"--plane: {words!r} is not NAME:OFFSET_MM:DIRECTION_DEG, like across:0:90") from None
 
 
 def _entry(path: Path, one: "Reading") -> dict[str, Any]:

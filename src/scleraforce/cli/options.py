@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
@@ -12,6 +12,9 @@ from scleraforce.study import Study, read_study
 from scleraforce.study.eye import GLOBES
 from scleraforce.study.fields import QUANTITIES, allowed, check_quantity
 from scleraforce.units import HumanUnit, to_si
+
+if TYPE_CHECKING:
+    from scleraforce.recording.folder import Plane
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
@@ -174,3 +177,24 @@ def chosen_workers(scheduler: str | None, workers: int | None) -> int | None:
     from scleraforce.processes import cluster_workers
 
     return cluster_workers(scheduler)
+
+
+PLANE: Final = "NAME:OFFSET_MM:DIRECTION_DEG"
+
+
+def parse_plane(words: str) -> "Plane":
+    """Return a plane of a scan, by its name, distance from the scanner's axis and direction.
+
+    >>> parse_plane("across:0.2:90").offset_m
+    0.0002
+    """
+    from scleraforce.recording.folder import Plane  # with OpenCV
+
+    name, *numbers = words.rsplit(":", 2)
+    try:
+        offset_mm, direction_deg = map(float, numbers)
+        return Plane(name, to_si(offset_mm, "mm"), to_si(direction_deg, "deg"))
+    except InputError as fault:
+        raise InputError(f"--plane: {words!r}: {fault}") from None
+    except ValueError:
+        raise InputError(f"--plane: {words!r} is not {PLANE}, like across:0:90") from None

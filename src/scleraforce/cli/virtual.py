@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from scleraforce.cli.options import PATH, Quantity, in_si, new_file, options
+from scleraforce.cli.options import PATH, PLANE, Quantity, in_si, new_file, options, parse_plane
 from scleraforce.cli.output import Command, Report, count_bar, share_bar
 from scleraforce.study import Study
 from scleraforce.units import from_si, to_si
@@ -124,9 +124,15 @@ class _Forces(click.ParamType[tuple[float, ...]]):
               help="Rotation of the B-scan plane about the needle axis; default: 0.")  # fmt: skip
 @click.option("--tilt-deg", "tilt_rad", type=float, callback=in_si("deg"),
               help="Tilt of the B-scan plane against the needle axis; default: 0.")  # fmt: skip
+@click.option("--plane", "planes", metavar=PLANE, multiple=True,
+              help="One of several planes of each moment, as a cross of two (finite strain only); the gap is then that "
+              "of the scanner's axis.")  # fmt: skip
 @options("globe", "rigidity_pa13_per_m3", "mechanics", globe=GLOBE, rigidity_pa13_per_m3=RIGIDITY, mechanics=MECHANICS)
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Seed of all random choices; default: the study's.")
-def phantom(out: Path, study: Study, name: str, forces_n: tuple[float, ...], seed: int | None, **values: Any) -> Report:
+def phantom(
+    out: Path, study: Study, name: str, forces_n: tuple[float, ...], planes: tuple[str, ...], seed: int | None,
+    **values: Any,
+) -> Report:  # fmt: skip
     """Make a virtual acquisition: raw B-scans, a force log, truth.json.
 
     [phantom] of the study has the ranges from which light, noise, shadows,
@@ -154,6 +160,7 @@ def phantom(out: Path, study: Study, name: str, forces_n: tuple[float, ...], see
         forces_n = ()
     eye, seed = given(**values), study.phantom.seed if seed is None else seed
     eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
+    eye |= {"planes": [parse_plane(words) for words in planes]}
     made = sf.phantom(out, study, forces_n=forces_n, eye=name, seed=seed, counting=count_bar, **eye, **moves)
     wrote = {"recording": str(out), "frames": len(made.frames), "seed": seed}
     more = {"mechanics": study.mechanics.kind, "globe": study.globe.kind, "stiffening": study.tissue.stiffening}

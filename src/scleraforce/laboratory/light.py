@@ -135,6 +135,16 @@ class NeedleShaft:
         across, out = tan(self.angle_rad), tan(self.lean_rad)
         return atan(hypot(across, out)), atan2(out, across)
 
+    def in_plane(self, along: Floats, gap_m: float) -> "NeedleShaft":
+        """Return the shaft as it is in another plane, of a signed gap.
+
+        `along` (2,): that plane's lateral axis, in parts along this one's and along this one's normal.
+        """
+        up = np.array([tan(self.angle_rad), -tan(self.lean_rad) / cos(self.angle_rad)])
+        angle_rad = atan(float(along @ up))
+        out = float(along[0] * up[1] - along[1] * up[0])
+        return replace(self, angle_rad=angle_rad, lean_rad=-atan(out * cos(angle_rad)), gap_m=gap_m)
+
 
 @dataclass(frozen=True, kw_only=True)
 class BscanOptics:

@@ -30,17 +30,17 @@ from scleraforce.laboratory.virtual_eye import (
     TurnedSections,
     blended,
 )
-from scleraforce.mechanics.contact import Contact, Section
+from scleraforce.mechanics.contact import Contact, ScanPlane, Section
 from scleraforce.mechanics.form import thickness_factor
 from scleraforce.mechanics.relaxation import PronySeries
-from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, Plane, RecordingInfo, nearest_gauge
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.fields import NEEDLE_FORCE
 from scleraforce.units import from_si
 
-OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN, TISSUE, PUNCTURE = range(
-    11
+OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN, TISSUE, PUNCTURE, PLANES = range(
+    12
 )  # the streams of a recording
 
 DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
@@ -111,7 +111,10 @@ class Travel:
 
 @dataclass(frozen=True)
 class PhantomFrame:
-    """One frame: time, pose, optics, the key of its random numbers, its push, turn and needle's travel, if any."""
+    """One frame: time, pose, optics, the key of its random numbers; its push, turn, needle's travel and plane, if any.
+
+    `cut`: where one of several planes is in the eye.
+    """
 
     file: str
     time_s: float
@@ -121,6 +124,8 @@ class PhantomFrame:
     push: pushes.Push | None = None
     turn: EyeTurn | None = None
     travel: "Travel | None" = None
+    plane: Plane | None = None
+    cut: ScanPlane | None = None
 
 
 @dataclass(frozen=True)
@@ -243,6 +248,39 @@ def plan_moving_phantom(
     return _with_turns(eye, frames, path, study, seed)
 
 
+def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> PhantomPlan:
+    """Return a plan whose frames are taken in several planes at once, by a scanner whose axis misses the needle's.
+
+    It passes the contact at the eye's gap, on a side that is drawn; the eye shifts and tilts in two directions.
+    """
+    if plan.turns or plan.path.puncture or study.mechanics.kind == "linear" or study.globe.leak_time_s:
+        raise RecordingError(
+            "planes: of an eye that keeps still, does not leak and is not pierced, with --mechanics finite-strain"
+        )
+    eye, rng, frames = plan.eye, stream(plan.eye, plan.seed, PLANES), list[PhantomFrame]()
+    side_rad, tilt_rad = rng.uniform(-np.pi, np.pi), draw(study.phantom.eye_tilt_rad, rng)
+    aside_m = eye.gap_m * np.array([np.cos(side_rad), np.sin(side_rad)])
+    for moment, force_n in zip(plan.frames, plan.forces_n, strict=True):
+        contact_m = aside_m + np.array([moment.pose.lateral_m, draw(study.phantom.eye_shift_m, rng)])
+        tilt = np.array([moment.pose.tilt_rad, tilt_rad])
+        for number, plane in enumerate(planes):
+            along = np.array([np.cos(plane.direction_rad), np.sin(plane.direction_rad)])
+            across = np.array([-along[1], along[0]])
+            gap_m = plane.offset_m - float(across @ contact_m)
+            cut = replace(
+                eye.plane, gap_m=gap_m, direction_rad=eye.direction_rad + plane.direction_rad,
+                tilt_rad=eye.tilt_rad + float(across @ tilt),
+            )  # fmt: skip
+            pose = replace(moment.pose, lateral_m=float(along @ contact_m), tilt_rad=float(along @ tilt))
+            optics = moment.optics
+            if optics.needle is not None:
+                optics = replace(optics, needle=optics.needle.in_plane(along, gap_m))
+            file = f"{Path(moment.file).stem}-{number + 1}.png"
+            frame = replace(moment, file=file, pose=pose, optics=optics, seed=(*moment.seed, number), plane=plane)
+            frames.append(_pressed(replace(frame, cut=cut), replace(eye, gap_m=abs(gap_m)), force_n, study))
+    return replace(plan, frames=tuple(frames))
+
+
 def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
     if not forces_n or not all(np.isfinite(force_n) and force_n >= 0.0 for force_n in forces_n):
         raise RecordingError(f"eye {eye.id}: forces: {list(forces_n)}; give at least one, none negative")
@@ -292,6 +330,9 @@ def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> tuple[Sequence[
     """
     if plan.path.puncture is not None:
         return _pierced_sections(plan, sections_at)
+    cuts = [frame.cut for frame in plan.frames if frame.cut is not None]
+    if cuts and isinstance(sections_at, BentSections):
+        return sections_at.cut(plan.normal_n, cuts), sections_at.pressures_pa(plan.normal_n)
     if isinstance(sections_at, LeakingSections):
         return sections_at.along(plan.normal_at, [frame.time_s for frame in plan.frames])
     found_pa = virtual_eye.pressures_pa(plan.eye, sections_at, plan.normal_n, plan.turns)
@@ -389,6 +430,7 @@ def write_phantom(
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         plan = with_travel(plan, sections_at)
         more = () if plan.path.puncture is None else ("travel_m",)
+        more = more if plan.frames[0].plane is None else ("plane",)
         with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment, more)) as writer:
             sections, found_pa = plan_sections(plan, sections_at)
             axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
@@ -398,8 +440,9 @@ def write_phantom(
             truth = json.dumps(phantom_truth(plan, study, found_pa), indent=1, allow_nan=False)
             (partial / "truth.json").write_text(truth + "\n", encoding="utf-8")
             for frame, section in zip(plan.frames, sections, strict=True):
-                travel = () if frame.travel is None else (f"{frame.travel.travel_m:.6f}",)
-                writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame, travel)
+                values = () if frame.travel is None else (f"{frame.travel.travel_m:.6f}",)
+                values = values if frame.plane is None else (frame.plane.name,)
+                writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame, values)
                 if progress is not None:
                     progress(1)
         partial.rename(out)
@@ -412,13 +455,14 @@ def write_phantom(
 def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
     eye, globe = plan.eye, study.globe.kind if tell_globe else None
     leak_time_s = study.globe.leak_time_s if globe and study.globe.leak_time_s else None
+    planes = tuple(dict.fromkeys(frame.plane for frame in plan.frames if frame.plane is not None))
     average_s = MOVING_AVERAGE_S if plan.frames[0].push is None else HELD_AVERAGE_S
     return RecordingInfo(
         EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=globe, leak_time_s=leak_time_s),
-        OctInfo(**asdict(study.oct), plane_direction_rad=eye.direction_rad, plane_tilt_rad=eye.tilt_rad),
+        OctInfo(**asdict(study.oct), plane_direction_rad=eye.direction_rad, plane_tilt_rad=eye.tilt_rad, plane=planes),
         NeedleInfo(
             gauge=nearest_gauge(study.needle.outer_diameter_m),
-            slice_gap_m=eye.gap_m,
+            slice_gap_m=None if planes else eye.gap_m,
             polar_angle_rad=eye.polar_rad,
             lean_rad=plan.lean[0],
             lean_azimuth_rad=plan.lean[1],
@@ -458,6 +502,7 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
                 "pose": asdict(frame.pose),
                 **({"pierced": frame.time_s > plan.path.puncture.time_s} if plan.path.puncture else {}),
                 **({"needle": asdict(frame.travel)} if frame.travel else {}),
+                **({"plane": frame.plane.name, "cut": asdict(frame.cut)} if frame.plane and frame.cut else {}),
                 **({"turn": _turn_truth(plan.eye, frame.turn, study)} if frame.turn else {}),
                 "optics": asdict(frame.optics),
                 "seed": list(frame.seed),

@@ -202,6 +202,14 @@ class BentSections:
         self.eye, self._study, self._progress = eye, study, progress
         self._bent = bent
 
+    def cut(self, forces_n: Sequence[float], planes: Sequence[ScanPlane]) -> Sequence[Section]:
+        """Return the section by a plane of its own at each force."""
+        bent, found = self._bent_to(forces_n), []
+        for force_n, plane in zip(forces_n, planes, strict=True):
+            state_knc = bent.path.displacement_nc(force_n)[None]
+            found += cut_sections(bent.mesh, [plane], state_knc, np.ones((1, 1, 1)))[0]
+        return found
+
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
         """Return the sections."""
         bent = self._bent_to(forces_n)

@@ -191,7 +191,10 @@ def _add_columns(problem: Problem, scale: float, work: Work) -> None:
 
 @compiled_in_place
 def add_tilt(problem: Problem, unknown: Floats, scale: float, work: Work, normal: Floats, gradient: Floats) -> None:
-    """Write the last row of normal equations that end with the tilt of the plane: by depth the gap grows with it."""
+    """Write the last row of normal equations that end with the tilt of the plane.
+
+    With the depth the gap grows by it, and the way down the plane is longer than that along the needle axis.
+    """
     tilt, c, s = UNKNOWNS, np.cos(unknown[at.ROTATION]), np.sin(unknown[at.ROTATION])
     normal[tilt, :], gradient[tilt], depths = 0.0, 0.0, work.depths
     for place in range(len(work.off)):
@@ -200,7 +203,8 @@ def add_tilt(problem: Problem, unknown: Floats, scale: float, work: Work, normal
             weight = 1.0 / ((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
             sd_m = problem.sd_m[place] * np.sqrt(1.0 + depths.slope[place] ** 2)
             across, down = problem.scene.at_m[place] - unknown[at.LATERAL], depths.even_m[place] - unknown[at.DEPTH]
-            by_tilt = row[at.GAP] * (c * down - s * across) / sd_m
+            deep = c * down - s * across
+            by_tilt = (row[at.GAP] + (c + depths.even_slope[place] * s) * work.wall.pushed[2]) * deep / sd_m
             gradient[tilt] += weight * off * by_tilt
             normal[tilt, tilt] += weight * by_tilt**2
             _add(normal[tilt, :tilt], weight * by_tilt / sd_m, row)

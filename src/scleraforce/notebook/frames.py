@@ -202,7 +202,9 @@ def read(
         "stiffening": stiffening, "globe": globe, "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
     })  # fmt: skip
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    frames: list[Frame] = [*frame] if isinstance(frame, list | tuple) else [frame]
+    frames: Any = frame
+    if not isinstance(frame, list | tuple) or not all(isinstance(one, str | PathLike | np.ndarray) for one in frame):
+        frames = [frame]
     one = readings(model, frames, given, size, calibration, eye, transpose, held_s, planes or stated_planes(frames))[0]
     return replace(one.answer, warnings=(*one.answer.warnings, *one.notes))
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import InputError
-from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, write_phantom
+from scleraforce.laboratory.phantom import in_planes, plan_moving_phantom, plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, SimulatedEye, simulate_eye, study_sections
 from scleraforce.mechanics.contact import Contact
 from scleraforce.notebook import Counting, by_percent, check_rigidity, counting_for
-from scleraforce.recording.folder import Recording, read_recording
+from scleraforce.recording.folder import Plane, Recording, check_planes, read_recording
 from scleraforce.study import Study, fixed
 from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
@@ -107,6 +107,7 @@ def phantom(
     ramp_n_per_s: float | None = None,
     hold_s: float | None = None,
     puncture_n: float | None = None,
+    planes: Sequence[Plane] = (),
     progress: Callable[[int], object] | None = None,
     counting: Counting | None = None,
 ) -> Recording:
@@ -133,6 +134,7 @@ def phantom(
         ramp_n_per_s: how fast the force of a moving needle changes; None: 0.02.
         hold_s: how long a moving needle stays at each force; None: 1.
         puncture_n: force at which a moving needle goes through the wall, after the others; its travel is recorded.
+        planes: that the scanner takes at once, as a cross of two; its axis then misses the contact by the gap.
         progress: called with 1 after each frame.
         counting: for bars, in place of `progress`: a context manager of a title ("load path" in per cent, "frames")
             and its steps.
@@ -172,6 +174,9 @@ def phantom(
         moves = {"rate_hz": rate_hz, "ramp_n_per_s": 20e-3, "hold_s": 1.0}
         moves |= given(ramp_n_per_s=ramp_n_per_s, hold_s=hold_s, puncture_n=puncture_n)
         plan = plan_moving_phantom(pushed, tuple(forces_n), study, seed, **moves)
+    if planes:
+        check_planes(tuple(planes))
+        plan = in_planes(plan, planes, study)
     with counting("load path", 100) as advance:
         sections_at = study_sections(pushed, study, by_percent(advance))
         sections_at([max(*plan.forces_n, puncture_n or 0.0)])  # a load path is computed here, once

@@ -175,9 +175,9 @@ class Answer:
 
 
 def _place_entry(place: Place | None) -> dict[str, Any]:
-    """Return the keys of a contact in three dimensions, with intervals; none without planes that were read together."""
+    """Return the keys of a contact in three dimensions, with intervals; null without planes that were read together."""
     if place is None:
-        return {}
+        return dict.fromkeys(("contact_xyz_mm", "contact_xyz_mm_interval", "tilt_deg", "tilt_deg_interval"))
     entry = dict[str, Any]()
     contact: HumanUnit = "mm"
     tilt: HumanUnit = "deg"
@@ -196,14 +196,13 @@ def together(answers: Sequence[Answer]) -> list[Answer]:
 
     A plane that nothing checks needs no warning if another one is checked.
     """
-    found = [answer for answer in answers if answer.interval_n is not None]
-    warnings = dict.fromkeys(words for answer in found for words in answer.warnings)
-    unchecked = [words for words in warnings if words.startswith(UNCHECKED)]
-    if any(len(answer.readings) > 1 for answer in found):
-        warnings = {words: None for words in warnings if words not in unchecked}
-    if len(found) < len(answers):
+    ends = [answer.interval_n for answer in answers if answer.interval_n is not None]
+    if len(ends) < len(answers):
         return list(answers)
-    ends = [answer.interval_n for answer in found if answer.interval_n is not None]
+    warnings = list(dict.fromkeys(words for answer in answers for words in answer.warnings))
+    unchecked = [words for words in warnings if words.startswith(UNCHECKED)]
+    is_checked = any(len(answer.readings) > 1 for answer in answers)
+    warnings = [words for words in warnings if words not in unchecked[0 if is_checked else 1 :]]
     interval_n = min(low for low, _ in ends), max(high for _, high in ends)
     return [replace(answer, interval_n=interval_n, warnings=tuple(warnings)) for answer in answers]
 

@@ -264,7 +264,8 @@ class ForceReader(Reader):
         fit = fit_boundaries(self.library_for(known), boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
         if fit is None:
             return unusable(self.classes, TOO_LITTLE)
-        return self._judged(seen, boundaries, known, fit, prior)
+        factor = self.factors.of_fit(known, fit) * frame_stretch(seen.segmentation, known, self.study.reader)
+        return self._judged(seen, boundaries, known, fit, prior, factor)
 
     def _not_fitted(self, seen: verdicts.Look, boundaries: Boundaries, known: Known) -> str | None:
         """Return why a wall is not fitted, None if it is."""
@@ -320,8 +321,8 @@ class ForceReader(Reader):
     ) -> list[Answer]:
         """Return the answers of planes with a wall, by the fit to all of them; of one alone, by its own."""
         smoothing_m, radius_m = self.study.calibration.surface_smoothing_m, self.library.needle_radius_m
-        trained, library = verdicts.read_by_fit(self.study.reader), self.library_for(each[0][3])
-        priors = [self._prior(seen, known, trained) for _, seen, _, known in each]
+        trained, library = self.study.reader, self.library_for(each[0][3])
+        priors = [self._prior(seen, known, verdicts.read_by_fit(trained)) for _, seen, _, known in each]
         walls = [
             SeenPlane(planes[number].offset_m, planes[number].direction_rad, wall.lateral_m, wall.depth_m, prior,
                       radius_m / sqrt(3.0) if seen.needle else None)
@@ -331,9 +332,17 @@ class ForceReader(Reader):
         if not fits:
             return [unusable(self.classes, TOO_LITTLE)]
         gaps_m, answers = [abs(float(fit.unknown[GAP])) for fit in fits], list[Answer]()
-        for (number, seen, wall, known), fit, prior, gap_m in zip(each, fits, priors, gaps_m, strict=True):
-            here = known if place is None else replace(known, gap_m=gap_m)
-            answer = self._judged(seen, wall, here, fit, prior, METHODS[1], gap_m == min(gaps_m))
+        heres = [
+            known if place is None else replace(known, gap_m=gap_m)
+            for (*_, known), gap_m in zip(each, gaps_m, strict=True)
+        ]
+        stretches = (
+            frame_stretch(seen.segmentation, here, trained) for (_, seen, *_), here in zip(each, heres, strict=True)
+        )
+        factor = min(stretches) * max(map(self.factors.of_fit, heres, fits))
+        for (number, seen, wall, _), here, fit, prior in zip(each, heres, fits, priors, strict=True):
+            nearest = abs(float(fit.unknown[GAP])) == min(gaps_m)
+            answer = self._judged(seen, wall, here, fit, prior, factor, METHODS[1], nearest)
             reason = None if answer.usable else f"plane {planes[number].name}: {answer.reason}"
             answers.append(replace(answer, place=place, reason=reason))
         return together(answers)
@@ -345,15 +354,14 @@ class ForceReader(Reader):
 
     def _judged(
         self, seen: verdicts.Look, boundaries: Boundaries, known: Known, fit: BoundaryFit, prior: Prior,
-        default: str | None = None, may_rest: bool = True,
+        factor: float, default: str | None = None, may_rest: bool = True,
     ) -> Answer:  # fmt: skip
         """Read a frame from its fit, if that is the wall of an eye; `default`: the method that answers.
 
-        `may_rest`: a surface without a dent is tried.
+        `factor`: of the fit's interval; `may_rest`: a surface without a dent is tried.
         """
         if reason := verdicts.no_wall_of_an_eye(fit, prior):
             return replace(unusable(self.classes, reason), fit=fit)
-        factor = self.factors.of_fit(known, fit) * frame_stretch(seen.segmentation, known, self.study.reader)
         by_fit = fit_reading(fit, self.study.classes.bounds_n, factor)
         leaves = seen.dent_leaves or verdicts.fit_leaves(fit, self.study.slice)
         if unread := self._unread_slices(seen, known):

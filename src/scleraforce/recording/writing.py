@@ -75,7 +75,7 @@ class RecordingWriter:
         self._table = _Table(folder / "frames.csv", ("file", "time_s", *more))
 
     def add(self, file: str, time_s: float, pixels: Counts, more: Sequence[str] = ()) -> None:
-        """Add a frame (row, column) that is later than the others, and its values of the other columns."""
+        """Add a frame (row, column) that is not earlier than the others, and its values of the other columns."""
         _write(self.folder / "frames" / file, self._png.encode(pixels))
         self._table.add(file, f"{time_s:.6f}", *more)
 

@@ -1,0 +1,129 @@
+"""Frames of several planes: one answer for all of a moment, in `sf.read`, `read` and `evaluate`."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from analytic_frames import GAP_M, MODULUS_PA, SMALL_LIBRARY, image, recording_toml, tip_of
+from commands import said
+from scanned_planes import CROSS, cut_wall
+from small_models import write_fixed_reader
+
+import scleraforce as sf
+from scleraforce.errors import InputError, ModelError
+from scleraforce.reader import Reader, load_model
+from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.recording.folder import read_recording
+
+pytest.importorskip("onnx")
+
+CONTACT_M, FORCES_N = (0.15e-3, -0.5e-3, 0.5e-3), (0.012, 0.02)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory) -> Reader:
+    path = tmp_path_factory.mktemp("model") / "reader"
+    write_fixed_reader(path, SMALL_LIBRARY, [1.0] * 32)
+    return load_model(path)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> Path:
+    """Two moments of a cross, without a force log."""
+    folder = tmp_path_factory.mktemp("planes") / "rec"
+    (folder / "frames").mkdir(parents=True)
+    planes = "".join(
+        f'[[oct.plane]]\nname = "{one.name}"\noffset_m = {one.offset_m}\ndirection_rad = {one.direction_rad}\n'
+        for one in CROSS
+    )
+    text = recording_toml("eye", more=planes).replace(f"slice_gap_m = {GAP_M}\n", "")
+    (folder / "recording.toml").write_text(text)
+    lines = ["file,time_s,plane"]
+    for moment, force_n in enumerate(FORCES_N):
+        for number, plane in enumerate(CROSS):
+            section = cut_wall(plane, tip_of(force_n), CONTACT_M, (0.02, -0.01))
+            file = f"{moment}-{number}.png"
+            assert cv2.imwrite(str(folder / "frames" / file), image(section, seed=10 * moment + number))
+            lines.append(f"{file},{moment}.5,{plane.name}")
+    (folder / "frames.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def test_a_moment_has_one_force_and_one_contact_in_three_dimensions(model, recording) -> None:
+    frames = [recording / "frames" / f"1-{number}.png" for number in range(2)]
+    answer = sf.read(model, frames, youngs_modulus_pa=MODULUS_PA)
+    assert answer.usable
+    assert answer.force_n == pytest.approx(FORCES_N[1], rel=0.05)
+    assert answer.place.contact_m[:2] == pytest.approx(CONTACT_M[:2], abs=40e-6)
+    given = sf.read(model, frames, youngs_modulus_pa=MODULUS_PA, planes=CROSS)
+    assert given.force_n == answer.force_n
+    alone = sf.read(model, frames[0], youngs_modulus_pa=MODULUS_PA)
+    assert alone.place is None
+    assert np.ptp(alone.interval_n) > np.ptp(answer.interval_n)
+
+
+def test_an_evaluation_repeats_the_answer_for_each_plane_and_counts_it_once(model, recording) -> None:
+    evaluation = evaluate_recordings(model, [recording])
+    entries = evaluation.as_json()["frames"]
+    assert [(one["plane"], one["time_s"]) for one in entries] == [(p.name, t) for t in (0.5, 1.5) for p in CROSS]
+    for first, second in (entries[:2], entries[2:]):
+        for key in ("predicted_force_mn", "interval_mn", "contact_xyz_mm", "predicted", "usable"):
+            assert first[key] == second[key], key
+        assert first["contact_xyz_mm"][:2] == pytest.approx([first["contact_mm"], second["contact_mm"]])
+    assert [frame.repeats for frame in evaluation.frames] == [False, True, False, True]
+
+
+def test_a_plane_without_a_wall_is_left_out_and_without_any_no_frame_is_usable(model, recording) -> None:
+    entries = read_recording(recording)
+    pixels = [entries.frame(entry) for entry in entries.frames[2:]]
+    size = {"width_m": 15e-3, "depth_m": 4e-3, "youngs_modulus_pa": MODULUS_PA, "planes": CROSS}
+    empty = np.full_like(pixels[0], 300)
+    answer = sf.read(model, [pixels[0], empty], **size)
+    assert answer.usable
+    assert answer.place is None
+    assert any("left out: plane across:" in words for words in answer.warnings)
+    both = sf.read(model, [empty, empty], **size)
+    assert (both.usable, both.predicted) == (False, 2)
+
+
+def test_inputs_that_do_not_fit_are_refused(model, recording, tiny_model) -> None:
+    frames = [recording / "frames" / name for name in ("0-0.png", "0-1.png", "1-0.png")]
+    for given, words in (
+        ({"frame": [frames[0], frames[2]]}, "frame: of several times"),
+        ({"frame": frames[:2], "planes": CROSS[:1]}, "planes: 1 of 2 frames"),
+        ({"frame": frames[:2], "planes": CROSS[:1] * 2}, "planes: two frames of one"),
+        ({"frame": frames[:2], "gap_m": 0.5e-3}, "gap_m: several planes show their gaps"),
+    ):
+        with pytest.raises(InputError, match=words):
+            sf.read(model, **given)
+    with pytest.raises(ModelError, match="a classifier reads single planes"):
+        sf.read(load_model(tiny_model.path), frames[:2])
+
+
+def test_the_command_reads_the_frames_of_a_moment_together(model, recording, capsys) -> None:
+    frames = [str(path) for path in sorted((recording / "frames").iterdir())]
+    stated = json.loads(said(capsys, "read", model.path, *frames, "--json"))["frames"]
+    assert [one["plane"] for one in stated] == ["along", "across"] * 2
+    placed = ["--plane", "along:0:0", frames[0], frames[2], "--plane=across:0:90", frames[1], frames[3]]
+    given = json.loads(said(capsys, "read", model.path, *placed, "--json"))["frames"]
+    assert [one["file"] for one in given] == frames
+    for first, second in zip(stated, given, strict=True):
+        assert second["predicted_force_mn"] == pytest.approx(first["predicted_force_mn"], abs=1e-6)
+        assert second["contact_xyz_mm"] == pytest.approx(first["contact_xyz_mm"], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (("f.png", "--plane", "a:0:0", "g.png"), "--plane: after f.png, whose plane is not given"),
+        (("--plane", "a:0", "f.png"), "'a:0' is not NAME:OFFSET_MM:DIRECTION_DEG"),
+        (("--plane", "a:99:0", "f.png"), "offset_m: 0.099 is above the largest"),
+        (("--plane", "a:0:0", "f.png"), "--plane: only one"),
+        (("--plane", "a:0:0", "f.png", "--plane", "a:0:9", "g.png"), "'a' is given twice, at two places"),
+        (("--plane", "a:0:0", "f.png", "--plane", "b:0:90", "g.png", "h.png"), "'a' has 1, 'b' has 2"),
+    ],
+)
+def test_wrong_planes_on_the_command_line_are_one_line(model, capsys, args, words) -> None:
+    assert words in said(capsys, "read", model.path, *args, code=2)
