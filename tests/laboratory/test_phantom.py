@@ -15,6 +15,7 @@ from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.phantom import (
     PhantomPlan,
     needle_tip,
+    in_planes,
     phantom_truth,
     plan_moving_phantom,
     plan_phantom,
@@ -27,7 +28,7 @@ from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushe
 from scleraforce.laboratory.virtual_eye import LinearSections, PhantomEye, paper_eyes, study_sections
 from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
-from scleraforce.recording.folder import read_recording, true_forces
+from scleraforce.recording.folder import Plane, read_recording, true_forces
 from scleraforce.recording.labels import label_frames
 
 STUDY = st.Study(oct=st.OctStudy(columns=128, rows=96), mesh=st.MeshStudy(divisions=4))
@@ -70,6 +71,34 @@ def test_the_recording_has_the_plans_frames_forces_and_values(written):
     assert [trial.target for trial in trials] == [1, 0, 2]
     for entry, frame, section in zip(recording.frames, plan.frames, dented_sections(FORCES_N), strict=True):
         assert (recording.frame(entry) == render_frame(frame, section, STUDY).frame).all()
+
+
+def test_the_planes_of_a_moment_see_one_eye_and_one_needle():
+    """A plane across another one sees its gap as a lateral place, and its tilt as a rotation."""
+    ranges = {"needle_count": st.fixed(1), "needle_lean_rad": st.fixed(0.2), "needle_angle_rad": st.fixed(-0.3)}
+    phantom = replace(STUDY.phantom, eye_tilt_rad=st.Range(min=-0.1, max=0.1), **ranges)
+    study = replace(STUDY, phantom=phantom, mechanics=st.MechanicsStudy(kind="finite-strain"))
+    planes = Plane("along", 0.0, 0.0), Plane("across", 0.1e-3, np.pi / 2)
+    plan = in_planes(plan_phantom(EYE, FORCES_N, study, 3), planes, study)
+    assert [frame.file for frame in plan.frames[:3]] == ["0001-1.png", "0001-2.png", "0002-1.png"]
+    assert plan.forces_n[::2] == plan.forces_n[1::2] == pytest.approx(FORCES_N)
+    for along, across in zip(plan.frames[::2], plan.frames[1::2], strict=True):
+        assert (along.time_s, along.plane, across.plane) == (across.time_s, *planes)
+        assert across.pose.lateral_m == pytest.approx(-along.cut.gap_m)
+        assert across.cut.gap_m == pytest.approx(0.1e-3 + along.pose.lateral_m)
+        assert (across.pose.tilt_rad, across.cut.tilt_rad) == pytest.approx((along.cut.tilt_rad, -along.pose.tilt_rad))
+        assert (along.cut.direction_rad, across.cut.direction_rad) == pytest.approx((0.2, 0.2 + np.pi / 2))
+        needle = along.optics.needle
+        assert needle.angle_rad == pytest.approx(-0.3)
+        assert np.tan(across.optics.needle.angle_rad) == pytest.approx(-np.tan(0.2) / np.cos(0.3))
+        assert across.optics.needle.gap_m == across.cut.gap_m
+        axes = [plane.optics.needle.from_normal[0] for plane in (along, across)]
+        assert axes[0] == pytest.approx(axes[1], abs=0.01)
+    for other in (STUDY, replace(study, globe=st.GlobeStudy(kind="sealed", leak_time_s=9.0))):
+        with pytest.raises(RecordingError, match="planes: of an eye that keeps still and does not leak"):
+            in_planes(plan_phantom(EYE, FORCES_N, other, 3), planes, other)
+    with pytest.raises(RecordingError, match="of several planes, and its sections are of one"):
+        plan_sections(plan, dented_sections)
 
 
 def test_truth_has_every_parameter(written):

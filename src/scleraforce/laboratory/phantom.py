@@ -331,7 +331,9 @@ def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> tuple[Sequence[
     if plan.path.puncture is not None:
         return _pierced_sections(plan, sections_at)
     cuts = [frame.cut for frame in plan.frames if frame.cut is not None]
-    if cuts and isinstance(sections_at, BentSections):
+    if cuts:
+        if not isinstance(sections_at, BentSections):
+            raise RecordingError(f"eye {plan.eye.id}: of several planes, and its sections are of one")
         return sections_at.cut(plan.normal_n, cuts), sections_at.pressures_pa(plan.normal_n)
     if isinstance(sections_at, LeakingSections):
         return sections_at.along(plan.normal_at, [frame.time_s for frame in plan.frames])

@@ -265,7 +265,7 @@ def readings(
     held_s: float | None = None,
     planes: Sequence[Plane] = (),
 ) -> list[Reading]:
-    """Read one frame, or those of several planes together, as `read` does; return each answer with its inputs."""
+    """Read one frame, or one of each plane together, as `read` does; return each answer with its inputs."""
     check_model(model)
     if len(planes) != len(frames) and (planes or len(frames) != 1):
         raise InputError(f"planes: {len(planes)} of {len(frames)} frames; give one for each")

@@ -111,7 +111,7 @@ class Reader(ABC):
     ) -> tuple[Answer, ...]:
         """Read the frames of one moment, one of each plane, or a single frame without planes.
 
-        Every frame gets the answer of all, with its own contact, fit and segmentation. Errors are those of `read`; a
+        Every frame gets the answer of all, with its own contact, fit and segmentation. Errors are as for `read`; a
         model without a fit reads no planes and raises `ModelError`.
         """
         if planes:

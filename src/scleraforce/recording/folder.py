@@ -104,7 +104,7 @@ def check_planes(planes: tuple[Plane, ...]) -> None:
 class OctInfo:
     """The frames: pixels, used bits, field of view (black bands included), and the plane's direction and tilt.
 
-    Of several planes, `plane`, direction and tilt are those of the scanner's x axis.
+    With several planes, `plane`, direction and tilt are of the scanner's x axis.
     """
 
     columns: int = required(low=16, high=16384)
@@ -207,7 +207,7 @@ class Recording:
 
     @property
     def moments(self) -> tuple[tuple[FrameEntry, ...], ...]:
-        """The frames in order, those of one time together: one, or one of each plane."""
+        """The frames in order, grouped by their time: one, or one of each plane."""
         return tuple(tuple(group) for _, group in groupby(self.frames, lambda entry: entry.time_s))
 
     def frame_path(self, entry: FrameEntry) -> Path:
