@@ -12,7 +12,7 @@ import tifffile
 from scleraforce.errors import FrameError, RecordingError
 from scleraforce.recording.folder import RecordingInfo, Scanner, read_recording, read_scaled_frame
 from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry, read_force_log, read_frame_list
-from scleraforce.study.toml import format_record, parse_record
+from scleraforce.study import format_record, parse_record
 
 INFO = """[eye]
 id = "eye"

@@ -244,7 +244,7 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 class _Placed(click.Option):
-    """An option whose values remember how many arguments came before them on the command line."""
+    """An option whose values carry the number of arguments to their left on the command line."""
 
     def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
         """Add the option."""
@@ -360,7 +360,7 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list["
     def stated(path: Path) -> "tuple[Path, float, Plane] | None":
         try:
             return None if os.path.isdir(path) or not path.exists() else stated_plane(path)
-        except InputError:  # reported with the frame
+        except (InputError, OSError):  # reported with the frame
             return None
 
     if not given:

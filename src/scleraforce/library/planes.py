@@ -1,10 +1,10 @@
 """The fit of one dent to several B-scans of one moment: a cross of two planes, or a few parallel ones.
 
-All planes cut the same wall, under one force. The unknowns are those of the first plane (`library.unknowns`), its tilt
-against the needle axis, and for each further plane its own offset in depth (planes follow one another), inner offset,
-shine and form. What another plane shows follows from where it lies beside the first one: its gap, lateral place,
-rotation and tilt are those of the first, turned by the angle between them. So no gap has to be known: with signs, the
-gaps and lateral places of planes that cross are the contact's place, and parallel planes share one gap's two sides.
+All planes cut the same wall, under one force. The unknowns are the first plane's (`library.unknowns`), its tilt against
+the needle axis, and for each further plane its own offset in depth (planes follow one another), inner offset, shine and
+form. What another plane shows follows from its place beside the first one: its gap, lateral place, rotation and tilt
+are the first one's, turned by the angle between them. So no gap has to be known: gaps have a sign, and a plane that
+crosses another one sees its gap as a lateral place; of parallel planes the differences of the gaps are known.
 
 Every plane adds its normal equations (`fit_frame.fit_plane`), mapped to these unknowns. The search starts from the fit
 to each plane alone, with the needle on either side of it.
@@ -28,7 +28,6 @@ OWN = [at.DEPTH, at.INNER_OFFSET, at.SHINE, *range(at.FORM.start, at.FORM.stop)]
 DEPTH_SD_M = 20e-6  # by which an eye moves between two planes
 FARTHEST_SD_M = 1e-3  # of the contact from the scanner's axis, either way
 STARTS = 3
-NOTHING = np.empty((0, 0))
 STOPPING = Stopping(iterations=25, converged_sd=0.02, settled_cost=0.002, retry_damping=1e-2)
 
 
@@ -51,18 +50,33 @@ class SeenPlane:
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where the needle pushes, and how the wall lies there, with standard deviations.
+class SpatialPlace:
+    """The place where the needle pushes, and how the wall lies there, with standard deviations.
 
     `contact_m` (3,): x and y from the scanner's axis, and depth below the frames' top, of the dent's bottom; `tilt_rad`
     (2,): between the scanner's axis and the wall's normal, which leans towards growing x and y on its way up where
-    these are positive.
+    these are positive. `lean_rad`: between that normal and the needle, if its shaft is seen; in one plane, its part
+    there.
     """
 
     contact_m: tuple[float, ...]
     contact_sd_m: tuple[float, ...]
     tilt_rad: tuple[float, ...]
     tilt_sd_rad: tuple[float, ...]
+    lean_rad: float | None = None
+
+    def with_shafts(self, directions_rad: Sequence[float], angles_rad: Sequence[float]) -> "SpatialPlace":
+        """Return the place with the lean of a needle whose shaft is seen at angles, towards growing columns, in planes.
+
+        >>> SpatialPlace((0.0,) * 3, (0.0,) * 3, (0.0, 0.1), (0.0, 0.0)).with_shafts([0.0, np.pi / 2], [0.0, 0.3]).lean_rad
+        0.2060...
+        """
+        axes = np.stack([np.cos(directions_rad), np.sin(directions_rad)], axis=1)
+        beside = np.tan(angles_rad) - axes @ np.tan(self.tilt_rad)
+        shaft = np.array([*np.linalg.lstsq(axes, beside, rcond=None)[0] + np.tan(self.tilt_rad), 1.0])
+        normal = np.array([*np.tan(self.tilt_rad), 1.0])
+        cosine = shaft @ normal / np.linalg.norm(shaft) / np.linalg.norm(normal)
+        return replace(self, lean_rad=float(np.arccos(min(cosine, 1.0))))
 
 
 def beside(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
@@ -86,7 +100,7 @@ def contact_place(plane: SeenPlane, unknown: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Terms:
-    """What the planes say at some unknowns: normal matrix, gradient, and the misfit of each plane."""
+    """Normal matrix and gradient of all planes at some unknowns, and the misfit of each."""
 
     normal: Floats
     gradient: Floats
@@ -143,7 +157,7 @@ class _Problem:
             own, own_gradient = np.empty((TILT + 1, TILT + 1)), np.empty(TILT + 1)
             matrix, fitted = self.maps[number][0], empty_fit(self.library)
             fitted.unknown[:], tilt = self.of_plane(number, unknown)
-            cost += self._look(number, tilt, scale, NOTHING, own, own_gradient, fitted)
+            cost += self._look(number, tilt, scale, own, own_gradient, fitted)
             normal += matrix.T @ own @ matrix
             gradient += matrix.T @ own_gradient
             misfits.append(float(fitted.numbers[3]))
@@ -158,14 +172,13 @@ class _Problem:
         return range(TILT + 1, TILT + 1 + len(OWN) * (len(self.planes) - 1), len(OWN))
 
     def _look(
-        self, number: int, tilt: float, scale: float, spread: Floats, normal: Floats, gradient: Floats,
-        fitted: fit_frame.Fitted,
-    ) -> float:  # fmt: skip
-        """Write a plane's normal equations, or with a spread its fit (`fit_frame.fit_plane`); return its cost."""
+        self, number: int, tilt: float, scale: float, normal: Floats, gradient: Floats, fitted: fit_frame.Fitted
+    ) -> float:
+        """Write a plane's normal equations, or its fit (`fit_frame.fit_plane`); return its cost."""
         plane, prior = self.planes[number], self.planes[number].prior
         return fit_frame.fit_plane(
             self.library.tables, law_of(prior.globe), plane.lateral_m, plane.depth_bc, self.smoothing_m,
-            self.beliefs[number], doubt_of(prior), tilt, scale, spread, normal, gradient, fitted,
+            self.beliefs[number], doubt_of(prior), tilt, scale, normal, gradient, fitted,
         )  # fmt: skip
 
     def evaluate(self, unknown: Floats) -> tuple[_Terms, float]:
@@ -220,7 +233,7 @@ class _Problem:
                 start[OWN] = own.unknown[OWN]
         return self.inside(start)
 
-    def conclude(self, unknown: Floats, terms: _Terms) -> tuple[tuple[BoundaryFit, ...], Place]:
+    def conclude(self, unknown: Floats, terms: _Terms) -> tuple[tuple[BoundaryFit, ...], SpatialPlace]:
         """Return the fit with its uncertainty."""
         scales = [min(max(misfit, fit_frame.LEAST_NOISE), fit_frame.MOST_NOISE) for misfit in terms.misfits]
         normal = self.terms(unknown, scales)[0].normal
@@ -232,8 +245,8 @@ class _Problem:
             fitted.unknown[:], tilt = self.of_plane(number, unknown)
             own = plane.prior.sd
             size, ways = np.linalg.eigh(matrix @ covariance @ matrix.T / np.outer(own, own))
-            spread = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T * own
-            self._look(number, tilt, 1.0, spread, NOTHING, np.empty(0), fitted)
+            fitted.spread[:] = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T * own
+            self._look(number, tilt, 1.0, np.empty((0, 0)), np.empty(0), fitted)
             fit = fit_of(self.library, plane.prior.globe, fitted)
             if found:
                 shared = {name: getattr(found[0], name) for name in ("force_n", "interval_n", "draws_n")}
@@ -241,7 +254,7 @@ class _Problem:
             found.append(fit)
         return tuple(found), self._place(unknown, covariance)
 
-    def _place(self, unknown: Floats, covariance: Floats) -> Place:
+    def _place(self, unknown: Floats, covariance: Floats) -> SpatialPlace:
         first, ways = self.planes[0], np.zeros((5, len(unknown)))
         c, s = np.cos(first.direction_rad), np.sin(first.direction_rad)
         turned = np.array([[c, -s], [s, c]])
@@ -251,12 +264,12 @@ class _Problem:
         values = ways @ unknown
         values[:2] += turned[:, 1] * first.offset_m
         sds = np.sqrt(np.diag(ways @ covariance @ ways.T))
-        return Place(tuple(values[:3]), tuple(sds[:3]), tuple(values[3:]), tuple(sds[3:]))
+        return SpatialPlace(tuple(values[:3]), tuple(sds[:3]), tuple(values[3:]), tuple(sds[3:]))
 
 
 def fit_planes(
     library: Library, planes: Sequence[SeenPlane], smoothing_m: float = 0.0
-) -> tuple[tuple[BoundaryFit, ...], Place | None]:
+) -> tuple[tuple[BoundaryFit, ...], SpatialPlace | None]:
     """Fit the library to the boundaries of several planes of one moment.
 
     Return the fit as each plane shows it, with one force and distribution, and the contact's place, None of a single

@@ -7,7 +7,7 @@ from typing import Any
 
 from scleraforce.known import NINETY_PERCENT, one_lean
 from scleraforce.library.fit import BoundaryFit
-from scleraforce.library.planes import Place
+from scleraforce.library.planes import SpatialPlace
 from scleraforce.library.unknowns import LATERAL
 from scleraforce.monitor.events import Verdict
 from scleraforce.reader.where import NOWHERE, Places
@@ -124,7 +124,7 @@ class Answer:
     readings: tuple[tuple[str, Reading], ...] = ()
     fit: BoundaryFit | None = None
     places: Places = NOWHERE
-    place: Place | None = None
+    place: SpatialPlace | None = None
     segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -174,7 +174,7 @@ class Answer:
         }
 
 
-def _place_entry(place: Place | None) -> dict[str, Any]:
+def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:
     """Return the keys of a contact in three dimensions, with intervals; null without planes that were read together."""
     if place is None:
         return dict.fromkeys(("contact_xyz_mm", "contact_xyz_mm_interval", "tilt_deg", "tilt_deg_interval"))

@@ -160,8 +160,8 @@ def _contradicted(ends_rad: tuple[float, float], azimuth_rad: float | None, seen
 
 
 def seen_lean(answer: Answer) -> float | None:
-    """Return the lean of the shaft that an answer sees, `where.shaft_lean`."""
-    return shaft_lean(answer.fit, answer.needle)
+    """Return the lean of the shaft that an answer sees, `where.shaft_lean`; of several planes in space, above 0."""
+    return shaft_lean(answer.fit, answer.needle) if answer.place is None else answer.place.lean_rad
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +216,8 @@ class History:
         """
         if not elastic.usable or elastic.force_n is None or not isfinite(elastic.force_n):
             return elastic, self
-        lean = Lean.of(self.known, seen_lean(elastic))
+        known = self.known if elastic.place is None else replace(self.known, lean_azimuth_rad=None)  # turned away
+        lean = Lean.of(known, seen_lean(elastic))
         felt, after = FeltForce(1.0, 0.0, 0.0), self
         if any(self.relaxation.shares):
             felt, after = self._felt(elastic.force_n, time_s, held_s)

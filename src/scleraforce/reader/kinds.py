@@ -36,7 +36,7 @@ from scleraforce.reader.at_rest import unless_at_rest
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.networks import ForceNetwork
-from scleraforce.reader.where import places_of
+from scleraforce.reader.where import in_space, places_of, shaft_lean
 from scleraforce.recording.folder import OctInfo, Plane
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
@@ -331,6 +331,13 @@ class ForceReader(Reader):
         fits, place = fit_planes(library, walls, smoothing_m)
         if not fits:
             return [unusable(self.classes, TOO_LITTLE)]
+        if place is not None:
+            angles = [
+                (planes[number].direction_rad, seen.needle.angle_rad)
+                for (number, seen, *_), fit in zip(each, fits, strict=True)
+                if seen.needle and shaft_lean(fit, seen.needle) is not None
+            ]
+            place = place.with_shafts(*zip(*angles, strict=True)) if angles else place
         gaps_m, answers = [abs(float(fit.unknown[GAP])) for fit in fits], list[Answer]()
         heres = [
             known if place is None else replace(known, gap_m=gap_m)
@@ -344,7 +351,8 @@ class ForceReader(Reader):
             nearest = abs(float(fit.unknown[GAP])) == min(gaps_m)
             answer = self._judged(seen, wall, here, fit, prior, factor, METHODS[1], nearest)
             reason = None if answer.usable else f"plane {planes[number].name}: {answer.reason}"
-            answers.append(replace(answer, place=place, reason=reason))
+            where = answer.places if place is None else in_space(answer.places, place)
+            answers.append(replace(answer, place=place, places=where, reason=reason))
         return together(answers)
 
     def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
@@ -373,7 +381,10 @@ class ForceReader(Reader):
         if may_rest and not seen.dent_leaves:  # an eye at rest does not leave the frame in its middle
             answer = unless_at_rest(answer, fit, boundaries, self.study)
         if answer.usable:
-            answer = replace(answer, places=places_of(fit, prior, library, known, seen.needle))
+            beside = fit.unknown.copy()
+            beside[GAP] = abs(beside[GAP])
+            library, there = self.library_for(known), replace(fit, unknown=beside)
+            answer = replace(answer, places=places_of(there, prior, library, known, seen.needle))
         return replace(answer, can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
 
     def _checked(self, readings: Mapping[str, Reading], leaves: bool, default: str | None = None) -> Answer:

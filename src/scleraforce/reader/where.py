@@ -6,7 +6,7 @@ given is one more observation. To the fit's own uncertainty comes that of its mo
 otherwise beside the pole.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot, radians
 from typing import Any
 
@@ -16,6 +16,7 @@ from scleraforce.arrays import Floats
 from scleraforce.known import NINETY_PERCENT, Known
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit import BoundaryFit, law_of
+from scleraforce.library.planes import SpatialPlace
 from scleraforce.library.prior import Prior
 from scleraforce.library.responses import Library
 from scleraforce.segmentation.needle import SeenNeedle
@@ -113,6 +114,13 @@ def places_of(fit: BoundaryFit, prior: Prior, library: Library, known: Known, ne
         gap_m=place(at.GAP, GAP_ERROR, known.gap_m is not None, 0.0),
         lean_rad=lean,
     )
+
+
+def in_space(places: Places, place: SpatialPlace) -> Places:
+    """Return the places of one of several planes with the lean that they show together, the angle in space."""
+    if place.lean_rad is None:
+        return replace(places, lean_rad=None)
+    return replace(places, lean_rad=Place.of(place.lean_rad, hypot(max(place.tilt_sd_rad), SHAFT_SD_RAD), 0.0))
 
 
 def contact_depth(fit: BoundaryFit, prior: Prior, library: Library) -> tuple[float, float]:

@@ -1,0 +1,120 @@
+"""A cross of two B-scans, with an unknown gap, against one plane, with the gap given and without.
+
+Computes virtual eyes in three dimensions at finite strain, images each moment in a cross, and reads it with the bundled
+reader, E given to 3 %: by both planes, by the first one with its true gap, and by the first one alone. Prints the
+errors (rms) of contact, gap, tilt, lean and force, and the share of the 90 % intervals that hold.
+
+    python benchmarks/bench_planes.py [EYES]
+"""
+
+import sys
+from dataclasses import replace
+from math import atan, cos, radians, tan
+
+import numpy as np
+
+import scleraforce as sf
+from scleraforce.known import OPEN, Known, Modulus
+from scleraforce.laboratory.light import NeedleShaft
+from scleraforce.laboratory.phantom import in_planes, plan_phantom, plan_sections, render_frame
+from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
+from scleraforce.library.unknowns import GAP
+from scleraforce.reader import Reader
+from scleraforce.recording.folder import Plane
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.study import MechanicsStudy, Range, Study, fixed
+
+SEED, EYES, MOMENTS = 20261201, 12, 8
+PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, radians(90.0)))
+OFF_SD = 0.03  # of the given E
+
+
+def drawn_study() -> Study:
+    """The study: tilted eyes, and needles that lean."""
+    phantom = replace(
+        Study().phantom,
+        eye_tilt_rad=Range(min=radians(-3.0), max=radians(3.0)),
+        needle_angle_rad=Range(min=radians(-25.0), max=radians(25.0)),
+        needle_lean_rad=Range(min=radians(-25.0), max=radians(25.0)),
+    )
+    return replace(Study(), phantom=phantom, mechanics=MechanicsStudy(kind="finite-strain"))
+
+
+def drawn_eye(number: int, rng: np.random.Generator) -> PhantomEye:
+    """One of the eyes."""
+    return PhantomEye(
+        id=f"cross-{number}",
+        thickness_m=float(rng.uniform(0.45e-3, 0.8e-3)),
+        youngs_modulus_pa=float(rng.uniform(0.2e6, 0.4e6)),
+        iop_pa=float(rng.uniform(150.0, 500.0)),
+        gap_m=float(rng.uniform(0.1e-3, 0.6e-3)),
+        polar_rad=float(rng.uniform(radians(20.0), radians(45.0))),
+        azimuth_rad=float(rng.uniform(0.0, 6.28)),
+        direction_rad=float(rng.uniform(-3.1, 3.1)),
+    )
+
+
+def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
+    """The errors of each moment of an eye."""
+    rng, study = np.random.default_rng([SEED, number]), drawn_study()
+    eye = drawn_eye(number, rng)
+    if number % 3 == 2:  # a third shows the needle, in both planes
+        eye = replace(eye, gap_m=0.05e-3)
+        seen = replace(study.phantom, needle_count=fixed(1), eye_shift_m=Range(min=-0.05e-3, max=0.05e-3))
+        study = replace(study, phantom=seen)
+    forces_n = rng.uniform(2e-3, 55e-3, MOMENTS).tolist()
+    plan = in_planes(plan_phantom(eye, forces_n, study, SEED + number), PLANES, study)
+    sections, _ = plan_sections(plan, BentSections(eye, study))
+    scale, given_pa = PixelScale.of(study.oct), eye.youngs_modulus_pa * (1.0 + OFF_SD * rng.standard_normal())
+    known = Known(
+        modulus=Modulus.stated(given_pa), iop_pa=eye.iop_pa, thickness_m=eye.thickness_m, globe=OPEN,
+        polar_rad=eye.polar_rad, direction_rad=eye.direction_rad,
+    )  # fmt: skip
+    found, pairs = list[dict[str, float]](), list(zip(plan.frames, sections, plan.normal_n, strict=True))
+    for (first, first_section, force_n), (second, second_section, _) in zip(pairs[::2], pairs[1::2], strict=True):
+        frames = [
+            render_frame(frame, section, study).frame
+            for frame, section in ((first, first_section), (second, second_section))
+        ]
+        assert first.cut is not None
+        gap_m, tilts = first.cut.gap_m, (first.pose.tilt_rad, first.cut.tilt_rad)
+        both, _ = reader.read_together(frames, scale, known, PLANES)
+        with_gap = reader.read(frames[0], scale, replace(known, gap_m=abs(gap_m)))
+        alone = reader.read_together(frames[:1], scale, known, PLANES[:1])[0]
+        row = {"force_n": force_n}
+        for name, answer in (("cross", both), ("gap given", with_gap), ("alone", alone)):
+            if answer.force_n is not None and answer.interval_n is not None:
+                low_n, high_n = answer.interval_n
+                row |= {f"{name}: force": answer.force_n - force_n, f"{name}: holds": float(low_n <= force_n <= high_n)}
+                row |= {f"{name}: width": high_n - low_n}
+        if both.usable and both.place is not None and both.fit is not None:
+            place, true = both.place, np.array([first.pose.lateral_m, -gap_m])
+            row |= {"contact": float(np.hypot(*(np.array(place.contact_m[:2]) - true)) / np.sqrt(2.0))}
+            row |= {"gap": float(both.fit.unknown[GAP]) - gap_m}
+            row |= {"tilt": float(np.hypot(*(np.array(place.tilt_rad) - tilts)))}
+            if first.optics.needle is not None and place.lean_rad is not None:
+                row |= {"lean": place.lean_rad - true_lean(first.optics.needle)}
+        found.append(row)
+    return found
+
+
+def true_lean(needle: NeedleShaft) -> float:
+    """The angle between a shaft and the wall's normal."""
+    up = np.array([tan(needle.angle_rad), -tan(needle.lean_rad) / cos(needle.angle_rad)])
+    return atan(float(np.hypot(*up)))
+
+
+def main() -> None:
+    """Print the table."""
+    reader = sf.load_model("default")
+    rows = [row for number in range(int([*sys.argv, str(EYES)][1])) for row in read_eye(number, reader)]
+    for name in sorted({key for row in rows for key in row} - {"force_n"}):
+        values = np.array([row[name] for row in rows if name in row])
+        clear = np.array([row[name] for row in rows if name in row and row["force_n"] > 5e-3])
+        summary = f"mean {values.mean():.3f}" if name.endswith("holds") else f"rms {np.sqrt((values**2).mean()):.3e}"
+        more = "" if name.endswith("holds") else f", above 5 mN {np.sqrt((clear**2).mean()):.3e}"
+        print(f"{name:20s} {summary}{more}, {len(values)} of {len(rows)}")
+
+
+if __name__ == "__main__":
+    main()
