@@ -14,8 +14,8 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
 from scleraforce.laboratory.phantom import (
     PhantomPlan,
-    needle_tip,
     in_planes,
+    needle_tip,
     phantom_truth,
     plan_moving_phantom,
     plan_phantom,
@@ -95,7 +95,7 @@ def test_the_planes_of_a_moment_see_one_eye_and_one_needle():
         axes = [plane.optics.needle.from_normal[0] for plane in (along, across)]
         assert axes[0] == pytest.approx(axes[1], abs=0.01)
     for other in (STUDY, replace(study, globe=st.GlobeStudy(kind="sealed", leak_time_s=9.0))):
-        with pytest.raises(RecordingError, match="planes: of an eye that keeps still and does not leak"):
+        with pytest.raises(RecordingError, match="planes: of an eye that keeps still, does not leak"):
             in_planes(plan_phantom(EYE, FORCES_N, other, 3), planes, other)
     with pytest.raises(RecordingError, match="of several planes, and its sections are of one"):
         plan_sections(plan, dented_sections)
