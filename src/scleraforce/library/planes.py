@@ -68,8 +68,9 @@ class SpatialPlace:
     def with_shafts(self, directions_rad: Sequence[float], angles_rad: Sequence[float]) -> "SpatialPlace":
         """Return the place with the lean of a needle whose shaft is seen at angles, towards growing columns, in planes.
 
-        >>> SpatialPlace((0.0,) * 3, (0.0,) * 3, (0.0, 0.1), (0.0, 0.0)).with_shafts([0.0, np.pi / 2], [0.0, 0.3]).lean_rad
-        0.2060...
+        >>> upright = SpatialPlace((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.1), (0.0, 0.0))
+        >>> round(upright.with_shafts([0.0, np.pi / 2], [0.0, 0.3]).lean_rad, 6)
+        0.2
         """
         axes = np.stack([np.cos(directions_rad), np.sin(directions_rad)], axis=1)
         beside = np.tan(angles_rad) - axes @ np.tan(self.tilt_rad)
