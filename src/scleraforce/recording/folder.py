@@ -74,7 +74,8 @@ class Plane:
     meridian towards growing azimuth; the plane lies `offset_m` from the scanner's axis, to the left of its lateral
     axis as seen from there. The middle of its frames is the foot of that axis.
 
-    >>> Plane("across", 0.0, 1.5708).direction_rad
+    >>> import scleraforce as sf
+    >>> sf.Plane("across", 0.0, 1.5708).direction_rad
     1.5708
     """
 
