@@ -18,6 +18,7 @@ from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import NO_DISCREPANCY, OPEN, Known, Modulus
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.reader import Reader, load_model
+from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer, evaluate_recordings
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.images import read_frame
@@ -265,3 +266,27 @@ def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(p
     first = told.frames[0].answer
     assert first.force_n == pytest.approx(0.73 * first.elastic_force_n, rel=1e-6)
     assert told.frames[1].answer != plain.frames[1].answer  # what the first frame has left
+
+
+def test_frames_in_a_row_say_when_the_highest_class_is_reached(places, model, tmp_path, monkeypatch) -> None:
+    folder = tmp_path / "moving"
+    (folder / "frames").mkdir(parents=True)
+    shutil.copy(places["mine"] / "recording.toml", folder)
+    first = next((places["mine"] / "frames").iterdir())
+    rows = [f"{n:02d}.png,{n}e-2\n" for n in range(14)]
+    for row in rows:
+        shutil.copy(first, folder / "frames" / row.partition(",")[0])
+    (folder / "frames.csv").write_text("".join(["file,time_s\n", *rows]))
+    forces_n = [0.010 + 5e-4 * n for n in range(13)] + [0.028]
+    reads = iter(
+        Answer(predicted=1, probabilities=(0.0, 1.0, 0.0), usable=True, reason=None, force_n=force_n,
+               interval_n=(0.9 * force_n, force_n / 0.9))
+        for force_n in forces_n
+    )  # fmt: skip
+    monkeypatch.setattr(type(model), "read", lambda *_: next(reads))
+    found = [frame.as_json() for frame in evaluate_recordings(model, [folder]).frames]
+    assert [frame["time_to_bound_ms"] for frame in found[:9]] == [None] * 9, "ten frames make a line"
+    assert found[12]["time_to_bound_ms"] == pytest.approx(1e3 * (0.027 - forces_n[12]) / 0.05)
+    early, late = found[12]["time_to_bound_ms_interval"]
+    assert early < found[12]["time_to_bound_ms"] < late
+    assert (found[13]["time_to_bound_ms"], found[13]["time_to_bound_ms_interval"]) == (0.0, (0.0, 0.0))

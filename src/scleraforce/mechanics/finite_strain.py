@@ -87,9 +87,8 @@ class LoadPath:
 
     def at_tip(self, tip_m: float) -> tuple[float, float, float]:
         """Return force in N, eye pressure in Pa and travel in m at a dent; errors as of `displacement_at_tip_nc`."""
-        force_n, pressure_pa, rise_m = self._weights(tip_m) @ np.stack(
-            [self.forces_n, self.pressures_pa, self.rises_m], axis=1
-        )
+        states_sk = np.stack([self.forces_n, self.pressures_pa, self.rises_m], axis=1)
+        force_n, pressure_pa, rise_m = self._weights(tip_m) @ states_sk
         return float(force_n), float(pressure_pa), tip_m - float(rise_m)
 
     def displacement_nc(self, force_n: float) -> Floats:

@@ -6,7 +6,7 @@ given is one more observation. To the fit's own uncertainty comes that of its mo
 otherwise beside the pole.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import hypot, radians
 from typing import Any
 
@@ -72,13 +72,12 @@ class Places:
     lean_rad: Place | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """Return the keys in `read --json`, without the contact's place, of which the answer has one anyway."""
+        """Return the keys in `read --json`; an angle has no sign there."""
         found: dict[str, Any] = {}
-        units: tuple[tuple[str, HumanUnit], ...] = (
-            ("contact", "mm"), ("contact_depth", "mm"), ("dent", "mm"), ("gap", "mm"), ("lean", "deg")
-        )  # fmt: skip
-        for name, unit in units:
-            place = getattr(self, f"{name}_{'rad' if unit == 'deg' else 'm'}")
+        for item in fields(self):
+            name, _, si_unit = item.name.rpartition("_")
+            unit: HumanUnit = "deg" if si_unit == "rad" else "mm"
+            place = getattr(self, item.name)
             place = place and place.unsigned if unit == "deg" else place
             ends = None if place is None else [from_si(place.low, unit), from_si(place.high, unit)]
             found |= {f"{name}_{unit}": from_si(place and place.value, unit), f"{name}_{unit}_interval": ends}
