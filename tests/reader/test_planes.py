@@ -1,6 +1,7 @@
 """Frames of several planes: one answer for all of a moment, in `sf.read`, `read` and `evaluate`."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,14 +13,16 @@ from scanned_planes import CROSS, cut_wall
 from small_models import write_fixed_reader
 
 import scleraforce as sf
-from scleraforce.errors import InputError, ModelError
+from scleraforce.calibration.calibrate import eye_constants
+from scleraforce.errors import CalibrationError, InputError, ModelError
 from scleraforce.reader import Reader, load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.recording.folder import read_recording
+from scleraforce.study import Study
 
 pytest.importorskip("onnx")
 
-CONTACT_M, FORCES_N = (0.15e-3, -0.5e-3, 0.5e-3), (0.012, 0.02)
+CONTACT_M, TILT_RAD, FORCES_N = (0.15e-3, -0.5e-3, 0.5e-3), (0.02, -0.01), (0.012, 0.02)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +46,7 @@ def recording(tmp_path_factory) -> Path:
     lines = ["file,time_s,plane"]
     for moment, force_n in enumerate(FORCES_N):
         for number, plane in enumerate(CROSS):
-            section = cut_wall(plane, tip_of(force_n), CONTACT_M, (0.02, -0.01))
+            section = cut_wall(plane, tip_of(force_n), CONTACT_M, TILT_RAD)
             file = f"{moment}-{number}.png"
             assert cv2.imwrite(str(folder / "frames" / file), image(section, seed=10 * moment + number))
             lines.append(f"{file},{moment}.5,{plane.name}")
@@ -56,7 +59,9 @@ def test_a_moment_has_one_force_and_one_contact_in_three_dimensions(model, recor
     answer = sf.read(model, frames, youngs_modulus_pa=MODULUS_PA)
     assert answer.usable
     assert answer.force_n == pytest.approx(FORCES_N[1], rel=0.05)
-    assert answer.place.contact_m[:2] == pytest.approx(CONTACT_M[:2], abs=40e-6)
+    through_m = cut_wall(replace(CROSS[0], offset_m=CONTACT_M[1]), tip_of(FORCES_N[1]), CONTACT_M, TILT_RAD).outer
+    bottom_m = through_m[np.abs(through_m[:, 0]) < 1e-3, 1].max()
+    assert answer.place.contact_m == pytest.approx((*CONTACT_M[:2], bottom_m), abs=40e-6)
     given = sf.read(model, frames, youngs_modulus_pa=MODULUS_PA, planes=CROSS)
     assert given.force_n == answer.force_n
     alone = sf.read(model, frames[0], youngs_modulus_pa=MODULUS_PA)
@@ -98,6 +103,8 @@ def test_inputs_that_do_not_fit_are_refused(model, recording, tiny_model) -> Non
     ):
         with pytest.raises(InputError, match=words):
             sf.read(model, **given)
+    with pytest.raises(CalibrationError, match=r"recording.toml: oct.plane: a calibration needs a single plane"):
+        eye_constants(read_recording(recording), Study())
     with pytest.raises(ModelError, match="a classifier reads single planes"):
         sf.read(load_model(tiny_model.path), frames[:2])
 

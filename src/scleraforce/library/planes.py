@@ -53,7 +53,8 @@ class SeenPlane:
 class SpatialPlace:
     """The place where the needle pushes, and how the wall lies there, with standard deviations.
 
-    `contact_m` (3,): x and y from the scanner's axis, and depth below the frames' top, of the dent's bottom; `tilt_rad`
+    `contact_m` (3,): x and y from the scanner's axis, and depth below the frames' top: of the contact at rest without
+    pressure, plus the dent, or as `at_depth` has it; `tilt_rad`
     (2,): between the scanner's axis and the wall's normal, which leans towards growing x and y on its way up where
     these are positive. `lean_rad`: between that normal and the needle, if its shaft is seen; in one plane, its part
     there.
@@ -64,6 +65,11 @@ class SpatialPlace:
     tilt_rad: tuple[float, ...]
     tilt_sd_rad: tuple[float, ...]
     lean_rad: float | None = None
+
+    def at_depth(self, depth_m: float, sd_m: float) -> "SpatialPlace":
+        """Return the place with the contact at a depth."""
+        (x_m, y_m, _), (x_sd_m, y_sd_m, _) = self.contact_m, self.contact_sd_m
+        return replace(self, contact_m=(x_m, y_m, depth_m), contact_sd_m=(x_sd_m, y_sd_m, sd_m))
 
     def with_shafts(self, directions_rad: Sequence[float], angles_rad: Sequence[float]) -> "SpatialPlace":
         """Return the place with the lean of a needle whose shaft is seen at angles, towards growing columns, in planes.

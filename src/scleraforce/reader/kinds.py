@@ -36,7 +36,7 @@ from scleraforce.reader.at_rest import unless_at_rest
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.networks import ForceNetwork
-from scleraforce.reader.where import in_space, places_of, shaft_lean
+from scleraforce.reader.where import contact_depth, in_space, places_of, shaft_lean
 from scleraforce.recording.folder import OctInfo, Plane
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
@@ -332,6 +332,7 @@ class ForceReader(Reader):
         if not fits:
             return [unusable(self.classes, TOO_LITTLE)]
         if place is not None:
+            place = place.at_depth(*contact_depth(fits[0], priors[0], library))
             angles = [
                 (planes[number].direction_rad, seen.needle.angle_rad)
                 for (number, seen, *_), fit in zip(each, fits, strict=True)
