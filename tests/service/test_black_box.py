@@ -18,12 +18,11 @@ from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.service import messages
-from scleraforce.service.black_box import BlackBox
+from scleraforce.service.black_box import BlackBox, RobotForce
 from scleraforce.service.channel import Channel, Child, encode_message
 from scleraforce.service.decision_log import DecisionLog, read_log
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import Alive, Decided, ForceHeard, MonitorEnds, Note, SelfReport, WithdrawalKept
-from scleraforce.service.recordings import RobotForce
 from scleraforce.study import ClassesStudy
 
 SHAPE = 24, 32

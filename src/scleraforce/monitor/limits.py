@@ -73,11 +73,9 @@ class MonitorLimits:
     def counted_loss(self, before_s: float, loss: QueueLoss) -> float:
         """Return what a loss adds to the time unread within the window, s, after `before_s` of the same row.
 
-        A row counts as a whole once the readings around it are too far apart. `RISING` withdraws `reaction_s` ahead, by
-        the slope of `rate_frames` readings. While that many come within the reaction time, and within the longest
-        stretch that may go unread at once, the slope is as recent as where every frame is read, and a withdrawal comes
-        later by one of their gaps at most: 4 ms, a twelfth of the reaction time. A scanner of 100 Hz that loses
-        nothing has gaps of 10 ms. So shorter rows do not count, however many there are.
+        A row counts as a whole once `RISING`, by the slope of `rate_frames` readings, may come late: while that many
+        come within the reaction time and the longest stretch that may go unread, a withdrawal is later by one of their
+        gaps at most, 4 ms. A scanner of 100 Hz that loses nothing has gaps of 10 ms. So shorter rows never count.
         """
         interval_s = loss.unread_s / loss.lost if loss.lost >= 1 else inf
         most_s = min(self.reaction_s, self.loss_in_row_s) / self.rate_frames - interval_s + SLACK_S

@@ -305,7 +305,6 @@ def _interval(value: object) -> tuple[float, float] | None:
 
 
 FORCE_DEVICE = "RobotForce"
-UNIT = 0  # of the protocol: not stated, because one message holds forces and torques
 AHEAD = 48  # frames that are read before they are due: half a second at 100 a second, 25 MB
 READERS = 2
 FORCES_PER_S = 1000.0  # that are sent at most; of a faster log, every n-th sample
@@ -444,7 +443,7 @@ class Player:
         known = np.isfinite(values_sc).all(axis=1)  # a robot sends no force that it does not have
         times_s, values_sc = log.time_s[known], values_sc[known]
         for time_s, values_c in zip(times_s[::every].tolist(), values_sc[::every].tolist(), strict=True):
-            yield Timed(time_s, 0, Unstamped(Sensor(tuple(values_c), UNIT), FORCE_DEVICE, self.version))
+            yield Timed(time_s, 0, Unstamped(Sensor(tuple(values_c)), FORCE_DEVICE, self.version))
 
 
 def median_interval_s(recording: Recording) -> float:

@@ -5,23 +5,346 @@ Other threads only wait for the disk. docs/black_box.md describes what is writte
 """
 
 import os
+import shutil
 import signal
 import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from math import floor, isfinite
+from pathlib import Path
 from select import select
 
 from scleraforce import __version__
-from scleraforce.errors import MessageError
+from scleraforce.errors import MessageError, ScleraforceError
+from scleraforce.recording.folder import ForceInfo, RecordingInfo, read_recording
+from scleraforce.recording.labels import label_frames
+from scleraforce.recording.tables import FORCE_COLUMNS, MIN_SAMPLE_RATE_HZ
+from scleraforce.recording.writing import FORCE_STEP_S, ForceWriter, RecordingWriter
 from scleraforce.service import messages
 from scleraforce.service.channel import Channel, ChannelClosedError, run_companion
 from scleraforce.service.decision_log import Journal
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.recordings import FrameTaker, RobotForce, SessionBeginning, SessionRecording, Withdrawals
+from scleraforce.study import ClassesStudy
 
 NICENESS = 5
 ALIVE_S = 0.5
 POLL_S = 0.02
 MOST_MESSAGES = 100  # until a frame is written
+MOST_LINES = 20_000
+HISTORY_S = 600.0  # the tare is found before the first contact, so a log of the last 10 s would be too short
+CLOCK_STEP_S = 1e-6  # of frames.csv
+SESSION, WITHDRAWAL = "session", "withdrawal"  # the names of their faults
+
+
+@dataclass(frozen=True)
+class SessionBeginning:
+    """Time 0 of the session's recordings on the monotonic clock, and the first line of each recording.toml."""
+
+    at_s: float
+    comment: str
+
+
+ForceSample = tuple[float, tuple[float, ...]]  # the middle of a step (s), and the means in it (N, N m)
+
+
+class RobotForce:
+    """Takes the forces that robots send; `samples` has the last ten minutes.
+
+    Even steps give the log a defined rate; by times of arrival, a burst could have any rate. No sample is invented: a
+    step in which nothing came is left out. Only the first device is taken, with its first count of numbers. `info` has
+    the axis and sign of a force that comes as one number, positive in contact.
+    """
+
+    def __init__(self, info: ForceInfo) -> None:
+        self.samples: deque[ForceSample] = deque(maxlen=round(HISTORY_S / FORCE_STEP_S))
+        self.columns: tuple[str, ...] = ()
+        self.refused = 0
+        self._info = info
+        self._source: tuple[str, int] | None = None
+        self._step = -1
+        self._sums: list[float] = []
+        self._count = 0
+
+    def add(self, at_s: float, values: Sequence[float], device: str) -> ForceSample | None:
+        """Take a message that came at `at_s`; if it begins a new step, return the sample of the step before."""
+        source = (device, len(values))
+        sound = len(values) in (1, 3, 6) and all(map(isfinite, (at_s, *values)))
+        if not sound or self._source not in (None, source):
+            self.refused += 1
+            return None
+        self._source = source
+        if len(values) == 1:
+            values = [self._info.contact_sign * values[0]]
+        self.columns = (f"{self._info.axis}_n",) if len(values) == 1 else FORCE_COLUMNS[1 : 1 + len(values)]
+        step, sample = max(floor(at_s / FORCE_STEP_S), self._step), None
+        if step > self._step:
+            if self._count:
+                sample = (self._step + 0.5) * FORCE_STEP_S, tuple(total / self._count for total in self._sums)
+                self.samples.append(sample)
+            self._step, self._count, self._sums = step, 0, [0.0] * len(self.columns)
+        self._sums = [total + value for total, value in zip(self._sums, values, strict=True)]
+        self._count += 1
+        return sample
+
+
+class FrameTaker:
+    """Takes frames out of the ring, oldest first, and writes them into a new recording folder, or raises OSError.
+
+    `written` counts the complete frames, `lost` the ones that were overwritten before or could not be written.
+    """
+
+    def __init__(self, ring: FrameRing, folder: Path, info: RecordingInfo, comment: str) -> None:
+        self.folder = folder
+        self.written = self.lost = 0
+        self._ring, self._writer = ring, RecordingWriter(folder, info, comment)
+        self._waiting: deque[tuple[int, float]] = deque()
+        self._last_s = -float("inf")
+
+    def add(self, number: int, time_s: float) -> None:
+        """Enqueue a frame; `time_s` is the time of its decision on the recording's clock."""
+        if len(self._waiting) == self._ring.frames:  # then the oldest one has been overwritten
+            self._waiting.popleft()
+            self.lost += 1
+        self._waiting.append((number, time_s))
+
+    @property
+    def next(self) -> int | None:
+        """Number of the next frame to write."""
+        return self._waiting[0][0] if self._waiting else None
+
+    def take(self) -> None:
+        """Write the next frame, or count it as lost."""
+        number, time_s = self._waiting.popleft()
+        pixels = self._ring.get(number)
+        if pixels is None:
+            self.lost += 1
+            return
+        self._last_s = max(time_s, self._last_s + CLOCK_STEP_S)  # no two frames of a table share a time
+        try:
+            self._writer.add(f"{number:07d}.png", self._last_s, pixels)
+        except OSError:
+            self.lost += 1
+            raise
+        self.written += 1
+
+    def close(self) -> None:
+        """Close the folder's tables; frames that still wait count as lost."""
+        self.lost += len(self._waiting)
+        self._waiting.clear()
+        self._writer.close()
+
+
+class SessionRecording:
+    """The recording of the session, if the settings ask for one; a disk that fails ends it, and nothing else.
+
+    It can be read at any time. `taker` takes its frames; None while nothing is recorded.
+    """
+
+    def __init__(self, settings: messages.BlackBoxSettings, ring: FrameRing, journal: Journal) -> None:
+        self.taker: FrameTaker | None = None
+        self._settings, self._ring, self._journal = settings, ring, journal
+        self._forces: ForceWriter | None = None
+        self._loss_noted = False
+
+    def begin(self, beginning: SessionBeginning) -> None:
+        """Begin the recording, if one is asked for."""
+        folder = self._settings.record
+        if folder is not None and self._journal.has_room(SESSION, folder):
+            with self._ended_by_a_fault():
+                self.taker = FrameTaker(self._ring, folder, self._settings.info, beginning.comment)
+
+    def add_force(self, columns: tuple[str, ...], sample: ForceSample, start_s: float) -> None:
+        """Add a sample of the robot's force; `start_s` is time 0 of the recording, on the clock of the sample."""
+        if self.taker is not None:
+            with self._ended_by_a_fault():
+                self._forces = self._forces or ForceWriter(self.taker.folder, columns)
+                self._forces.add(sample[0] - start_s, sample[1])
+
+    def write_frame(self, taker: FrameTaker) -> None:
+        """Write the next frame of the taker."""
+        if not self._journal.has_room(SESSION, taker.folder):
+            self.end()
+            return
+        with self._ended_by_a_fault():
+            taker.take()
+            if taker.lost and not self._loss_noted:
+                self._loss_noted = True
+                self._journal.note(f"{taker.folder}: the disk does not keep up: frames are lost")
+
+    @contextmanager
+    def _ended_by_a_fault(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as fault:
+            self._journal.fault(SESSION, fault)
+            self.end()
+
+    def end(self) -> None:
+        """Close the recording, if there is one; frames that still wait count as lost."""
+        taker, self.taker = self.taker, None
+        if taker is None:
+            return
+        try:
+            taker.close()
+            if self._forces is not None:
+                self._forces.close()
+        except OSError as fault:
+            self._journal.fault(SESSION, fault)
+        self._journal.note(f"recorded {taker.written} frames in {taker.folder}; {taker.lost} were lost")
+
+
+@dataclass
+class _Writing:
+    """A withdrawal that is being written, in `.NAME.partial`, which is renamed to `folder` when it is complete.
+
+    `start_s` is time 0 of the recording, and from `due_s` on the forces after it suffice. `finishing` writes the rest
+    after the frames; its result is the reason if the force log gives no labels, else None.
+    """
+
+    folder: Path
+    taker: FrameTaker
+    start_s: float
+    due_s: float
+    finishing: Future[str | None] | None = None
+
+
+class Withdrawals:
+    """Remembers the frames and the log's lines of the last seconds, and keeps them at a withdrawal."""
+
+    def __init__(
+        self, settings: messages.BlackBoxSettings, ring: FrameRing, force: RobotForce, journal: Journal
+    ) -> None:
+        self._settings, self._ring, self._force, self._journal = settings, ring, force, journal
+        self._frames: deque[tuple[float, int]] = deque(maxlen=ring.frames)
+        self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix=WITHDRAWAL)
+        self._writing: _Writing | None = None
+        self._wanted: tuple[str, messages.Entry, SessionBeginning] | None = None
+
+    def remember(self, entry: messages.Entry, line: bytes) -> bool:
+        """Remember the line and the frame of a decision; return whether the frame is new (opinions name it again)."""
+        self._lines.append((entry.at_s, line))
+        while self._lines[0][0] < entry.at_s - self._settings.keep_s:
+            self._lines.popleft()
+        if entry.frame is None or (self._frames and entry.frame <= self._frames[-1][1]):
+            return False
+        self._frames.append((entry.at_s, entry.frame))
+        return True
+
+    @property
+    def taker(self) -> FrameTaker | None:
+        """Takes the frames of the withdrawal that is being written, if one is."""
+        return self._writing.taker if self._writing else None
+
+    def keep(self, cause: str, entry: messages.Entry, beginning: SessionBeginning) -> None:
+        """Keep the seconds up to an entry; while others are being written, only the latest request waits."""
+        if self._writing is not None:
+            if self._wanted:
+                self._journal.note(
+                    f"the seconds up to {self._wanted[0]} are not kept: more happened while others were written"
+                )
+            self._wanted = cause, entry, beginning
+            return
+        self._wanted = None
+        if not self._journal.has_room(WITHDRAWAL, self._settings.folder):
+            return
+        try:
+            self._writing = self._begin(cause, entry, beginning)
+        except OSError as fault:
+            self._journal.fault(WITHDRAWAL, fault)
+
+    def _begin(self, cause: str, entry: messages.Entry, beginning: SessionBeginning) -> _Writing:
+        """Begin the recording of the seconds up to an entry."""
+        since_s = entry.at_s - self._settings.keep_s
+        stamp = datetime.fromtimestamp(entry.time_s, UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
+        folder = self._settings.folder / "withdrawals" / f"{stamp}Z-{cause}"
+        partial, comment = folder.parent / f".{folder.name}.partial", f"{beginning.comment} Kept: {cause}."
+        taker = FrameTaker(self._ring, partial, self._settings.info, comment)
+        lines = [line for line_s, line in self._lines if since_s <= line_s <= entry.at_s]
+        (partial / "decisions.jsonl").write_bytes(b"".join(lines))
+        for frame_s, number in self._frames:
+            if since_s <= frame_s <= entry.at_s:
+                taker.add(number, frame_s - beginning.at_s)
+        # Labels of the last frames average over what comes after them.
+        return _Writing(folder, taker, beginning.at_s, time.monotonic() + self._settings.force.average_s)
+
+    def write_frame(self, taker: FrameTaker) -> None:
+        """Write the next frame of the taker."""
+        try:
+            taker.take()
+        except OSError as fault:
+            self._journal.fault(WITHDRAWAL, fault)
+
+    def turn(self, *, ended: bool) -> None:
+        """Write the rest in a thread once all frames are written. If the monitor has `ended`, no more forces come."""
+        writing, force = self._writing, self._force
+        if writing is None or writing.taker.next is not None:
+            return
+        if writing.finishing is None:
+            if time.monotonic() < writing.due_s and not ended and force.columns:
+                return
+            writing.finishing = self._thread.submit(_finish, writing, force.columns, tuple(force.samples))
+        if writing.finishing.done():
+            self._complete(writing, writing.finishing)
+
+    def _complete(self, writing: _Writing, finished: Future[str | None]) -> None:
+        """Report the result of a recording; then begin the one that waits."""
+        taker, folder = writing.taker, writing.folder
+        try:
+            reason = finished.result()
+            self._journal.note(f"kept {taker.written} frames in {folder}; {taker.lost} were lost")
+            if reason:
+                self._journal.note(f"{folder}: the robot's force gives no labels: {reason}")
+            self._journal.send(messages.WithdrawalKept(folder=str(folder)))
+        except OSError as fault:
+            shutil.rmtree(taker.folder, ignore_errors=True)
+            self._journal.fault(WITHDRAWAL, fault)
+        self._writing = None
+        if self._wanted:
+            self.keep(*self._wanted)
+
+    def close(self) -> None:
+        """End the thread, which has nothing left to do."""
+        self._thread.shutdown()
+
+
+def _finish(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
+    """Write the force log, wait for the disk, rename the folder; return the reason if the log gives no labels."""
+    writing.taker.close()
+    reason = _write_forces(writing, columns, forces) if columns else None
+    partial = writing.taker.folder
+    for path in (*partial.rglob("*"), partial):
+        _sync(path)
+    partial.rename(writing.folder)
+    _sync(writing.folder.parent)
+    return reason
+
+
+def _write_forces(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
+    """Write the log; if it can label no frame, set it aside, so that the frames can be read."""
+    partial = writing.taker.folder
+    log = ForceWriter(partial, columns)
+    for at_s, values in forces:
+        log.add(at_s - writing.start_s, values)
+    log.close()
+    try:
+        label_frames(read_recording(partial), ClassesStudy())
+    except ScleraforceError as fault:
+        log.set_aside()
+        return str(fault).replace(str(partial), str(writing.folder))
+    return None if (partial / "forces.csv").exists() else f"fewer than {MIN_SAMPLE_RATE_HZ:g} samples a second"
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 class BlackBox:
