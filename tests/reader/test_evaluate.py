@@ -15,11 +15,13 @@ from scleraforce.errors import RecordingError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader import Classifier, load_classifier
-from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.answer import unusable
+from scleraforce.reader.evaluate import FrameAnswer, _Session, evaluate_recordings
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, RecordingInfo, frame_digest, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.recording.tables import FrameEntry
 from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study, format_record
@@ -95,6 +97,44 @@ def test_labels_exclusions_and_metrics_follow_the_recording(places, reader) -> N
     assert found.accuracy.value == np.mean(right)
     assert found.confusion.sum(axis=1).tolist() == [1, 2, 1]
     assert found.notes == ()
+
+
+def read_as(recording: Path, times_s: np.ndarray, forces_n: np.ndarray, reader: Classifier) -> tuple[FrameAnswer, ...]:
+    """Return the frames of an evaluation at these times that read as these forces."""
+    one = FrameAnswer(recording="", eye="", file="", answer=unusable(3, "not asked"))
+    given = zip(times_s.tolist(), forces_n.tolist(), strict=True)
+    frames = tuple(FrameEntry(f"{number}.png", at_s) for number, (at_s, _) in enumerate(given))
+    session = _Session.of(reader, replace(read_recording(recording), frames=frames, forces=None), None)
+    answers = [replace(one, answer=replace(one.answer, force_n=force_n)) for force_n in forces_n.tolist()]
+    return session.without_pierced(tuple(answers))
+
+
+def test_frames_after_a_puncture_in_the_readings_are_left_out_up_to_the_end_of_the_push(places, reader) -> None:
+    times_s = np.arange(300) / 100.0
+    corners_s, corners_n = [0.0, 0.5, 0.503, 1.2, 1.25, 2.0, 2.1], [0.01, 0.03, 0.008, 0.008, 0.0, 0.0, 0.02]
+    found = read_as(places["silent"], times_s, np.interp(times_s, corners_s, corners_n), reader)
+    pierced = np.array([frame.pierced for frame in found])
+    assert not pierced[times_s < 0.5].any()
+    assert pierced[(times_s > 0.51) & (times_s < 1.2)].all()
+    assert not pierced[times_s > 2.0].any()
+    assert [frame.excluded == "pierced" for frame in found] == pierced.tolist()
+    slow_n = np.interp(times_s, [0.0, 0.5, 0.8, 1.2], [0.01, 0.03, 0.008, 0.0])
+    assert not any(frame.pierced for frame in read_as(places["silent"], times_s, slow_n, reader))
+
+
+def test_a_puncture_in_the_force_log_is_found_unless_frames_csv_says_otherwise(places, reader, tmp_path: Path) -> None:
+    path = shutil.copytree(places["a"], tmp_path / "through")
+    log = np.loadtxt(path / "forces.csv", delimiter=",", skiprows=1)
+    log[(log[:, 0] > 16.5) & (log[:, 0] < 20.0), 3] = 0.1 - 6e-3  # of the third push: friction, before its middle
+    header = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
+    np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
+    assert [frame.pierced for frame in evaluate_recordings(reader, [path]).frames] == [False] * 5 + [True]
+    lines = [line.rpartition(",")[0] for line in (path / "frames.csv").read_text().splitlines()]
+    (path / "frames.csv").write_text("\n".join(lines) + "\n")
+    found = evaluate_recordings(reader, [path])
+    assert [frame.pierced for frame in found.frames] == [False, False, True, False, False, False]
+    assert found.frames[2].as_json()["pierced"] is True
+    assert found.notes == (f"{path}: 1 frames after a puncture are left out, from 2.png on",)
 
 
 def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(places, reader) -> None:

@@ -55,7 +55,7 @@ class MonitorLimits:
     fall_n: float = 2e-3
     fall_s: float = 0.03
     retraction_m_s: float = 5e-3
-    stiffness_n_m: float = 60.0
+    stiffness_n_m: float = 100.0
     eye_m_s: float = 2e-3
     travel_lag_s: float = 0.05
 

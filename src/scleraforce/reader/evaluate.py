@@ -9,6 +9,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import numpy as np
+
 from scleraforce.arrays import Integers
 from scleraforce.calibration.forces import label_sds
 from scleraforce.errors import CalibrationError, RecordingError
@@ -16,8 +18,9 @@ from scleraforce.known import Known, known_of_recording
 from scleraforce.known.calibration_file import CalibrationSummary, foreign_modulus, known_of_eye
 from scleraforce.models import model_name
 from scleraforce.monitor.limits import MonitorLimits, upper_end
+from scleraforce.monitor.piercing import OUTSIDE, Dent, unexplained_fall
 from scleraforce.monitor.rise import TimeToBound, rise_of, time_to_bound
-from scleraforce.monitor.state import NOISE_WINDOWS
+from scleraforce.monitor.state import DENTS, NOISE_WINDOWS
 from scleraforce.reader import metrics
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
@@ -26,8 +29,9 @@ from scleraforce.reader.kinds import Reader
 from scleraforce.reader.leak import Leak
 from scleraforce.reader.model import suited
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
-from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
+from scleraforce.recording.labels import Trial, contact_force, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.recording.puncture import after_punctures, marked, pierced_by_log
 from scleraforce.recording.tables import FrameEntry
 from scleraforce.units import from_si
 
@@ -42,9 +46,10 @@ class FrameAnswer:
     `target`; `measured_force_sd_n` is the standard deviation of its error (`calibration.forces`). `true_force_n`, of a
     virtual eye's `truth.json`, is for comparison only. `to_bound`: when the force reaches the highest class, by the
     frames before (`monitor.rise`). `excluded` says why a trial is left out of the metrics although
-    it has a label (pierced, or above the study's largest force); `calibration` marks a frame that Young's modulus was
-    fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`. Frames of
-    several planes have one answer, which counts once: the frames of other planes than the first one are `repeats`.
+    it has a label (pierced, or above the study's largest force); `pierced`: the needle had gone through
+    the wall, by frames.csv, or else by the readings or the force log; `calibration` marks a frame that Young's modulus
+    was fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`. Frames
+    of several planes have one answer, which counts once: the frames of other planes than the first one are `repeats`.
     """
 
     recording: str
@@ -55,6 +60,7 @@ class FrameAnswer:
     target: int | None = None
     calibration: bool = False
     excluded: str | None = None
+    pierced: bool = False
     youngs_modulus_pa: float | None = None
     modulus_source: str | None = None
     measured_force_sd_n: float | None = None
@@ -91,6 +97,7 @@ class FrameAnswer:
             "time_to_bound_ms_interval": interval_ms,
             "calibration": self.calibration,
             "excluded": self.excluded,
+            "pierced": self.pierced,
             "youngs_modulus_mpa": from_si(self.youngs_modulus_pa, "mpa"),
             "modulus_source": self.modulus_source,
         }
@@ -259,8 +266,11 @@ def evaluate_recordings(
         )
     for recording in opened:
         session = _Session.of(reader, recording, calibration)
-        answers = tuple(session.answers(progress))
+        answers = session.without_pierced(tuple(session.answers(progress)))
         notes += (f"{recording.path}: {note}" for note in session.notes())
+        if not session.stated and (count := sum(frame.pierced for frame in answers)):
+            first = next(frame.file for frame in answers if frame.pierced)
+            notes.append(f"{recording.path}: {count} frames after a puncture are left out, from {first} on")
         later += (f"{recording.path}: {doubt}" for doubt in session.doubts(answers))
         frames += answers
     return Evaluation(
@@ -283,13 +293,17 @@ def recording_scores(
 
 @dataclass(frozen=True, eq=False)
 class _Session:
-    """A recording, its reader in place of the one that was `asked` for, and the calibration of the eyes, if any."""
+    """A recording, its reader in place of the one that was `asked` for, and the calibration of the eyes, if any.
+
+    `stated`: frames.csv says which frames are pierced.
+    """
 
     reader: Reader
     recording: Recording
     summary: CalibrationSummary | None
     known: Known
     asked: Path
+    stated: bool
 
     @classmethod
     def of(cls, reader: Reader, recording: Recording, summary: CalibrationSummary | None) -> "_Session":
@@ -297,7 +311,9 @@ class _Session:
         known = known_of_recording(recording.info)
         if summary is not None:
             known = known_of_eye(known, summary, recording.info.eye.id)
-        return cls(suited(reader, known), recording, summary, known, reader.path)
+        stated = any(entry.pierced is not None for entry in recording.frames)
+        recording = recording if stated else marked(recording, pierced_by_log(recording))
+        return cls(suited(reader, known), recording, summary, known, reader.path, stated)
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
@@ -369,6 +385,7 @@ class _Session:
                 target=trial.target,
                 calibration=calibrates,
                 excluded=trial.excluded,
+                pierced=bool(entry.pierced),
                 youngs_modulus_pa=modulus_pa,
                 modulus_source=source,
                 to_bound=self._to_bound(answer, entry.time_s, seen),
@@ -377,6 +394,28 @@ class _Session:
                 repeats=bool(planes) and entry.plane != planes[0].name,
                 answer=replace(answer, warnings=(*answer.warnings, *doubts)),
             )
+
+    def without_pierced(self, answers: tuple[FrameAnswer, ...]) -> tuple[FrameAnswer, ...]:
+        """Leave out the frames after a puncture that the readings show, as the monitor does; frames.csv overrules."""
+        if self.stated:
+            return answers
+        dents, punctures_s, limits = list[Dent](), list[float](), MonitorLimits()
+        for entry, frame in zip(self.recording.frames, answers, strict=True):
+            force_n = frame.answer.force_n if frame.answer.elastic_force_n is None else frame.answer.elastic_force_n
+            if force_n is not None and not frame.repeats:
+                dents.append(Dent(entry.time_s, force_n, entry.travel_m))
+            if unexplained_fall(tuple(dents[-DENTS:]), limits):
+                punctures_s.append(dents[-OUTSIDE].at_s)
+        times_s = np.array([entry.time_s for entry in self.recording.frames])
+        contact = np.array([(dent.at_s, dent.force_n) for dent in dents]).reshape(-1, 2).T
+        log, info = self.recording.forces, self.recording.info.force
+        if log is not None and info is not None:
+            contact = np.array([log.time_s, contact_force(log, info)])
+        found = after_punctures(times_s, punctures_s, contact[0], contact[1])
+        return tuple(
+            replace(frame, pierced=True, excluded=frame.excluded or "pierced") if pierced else frame
+            for frame, pierced in zip(answers, found, strict=True)
+        )
 
     def _to_bound(self, answer: Answer, at_s: float, seen: list[tuple[float, float]]) -> TimeToBound | None:
         """Return when the force will reach the highest class, as the monitor does; add a usable frame to those seen."""
