@@ -271,7 +271,8 @@ def read(monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
         def spy(record: object, name: str) -> object:
             caller = sys._getframe(1)
-            if caller.f_globals["__name__"] not in BOOKKEEPING and not caller.f_code.co_name.startswith("__"):
+            is_special = caller.f_code.co_name.startswith("__") and caller.f_code.co_name != "__init__"
+            if caller.f_globals["__name__"] not in BOOKKEEPING and not is_special:
                 seen.update({keys[name]} if name in keys else ())
             return object.__getattribute__(record, name)
 
