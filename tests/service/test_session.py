@@ -11,7 +11,7 @@ from small_monitor import COLUMNS, RAISES, READ_ENTRY, ROWS, SCALE_M, TICK_ENTRY
 from scleraforce.known import Known
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.monitor import MonitorLimits
-from scleraforce.monitor.events import OvertakenRead, Reset, Tick
+from scleraforce.monitor.events import FrameRead, OvertakenRead, Reset, Tick
 from scleraforce.reader.felt import History
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.clients import reading_messages
@@ -102,10 +102,11 @@ def test_frames_have_the_travel_that_was_stated_last_and_its_age() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)
     image = ScannerFrame(frame_of(10_000, 1), **SCALE)
-    assert session.frame(image, 1, 1, clock.now_s).travel is None
+    assert session.frame(image, 1, 1, clock.now_s).unread.travel_m is None
     session.travelled(0.002, clock.now_s)
-    assert session.frame(image, 2, 1, clock.now_s + 0.004).travel == pytest.approx((0.002, 0.004))
-    assert session.frame(image, 3, 1, clock.now_s + 0.11).travel is None, "too old"
+    fresh = session.frame(image, 2, 1, clock.now_s + 0.004).unread
+    assert (fresh.travel_m, fresh.travel_age_s) == pytest.approx((0.002, 0.004))
+    assert session.frame(image, 3, 1, clock.now_s + 0.11).unread.travel_m is None, "too old"
     for back_m, code in ((0.0, 3), (0.0005, 1)):  # what the needle went back explains the fall, or not
         session = Session(read, replace(LIMITS, retraction_m_s=0.05), clock, clock)
         for sender_id, force_un in enumerate((24_000, 24_001, 24_002, 24_003, 7_000, 7_001), 1):
@@ -188,8 +189,8 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
 
 def deferred(number: int, at_s: float, interval_s: float = 0.01) -> Frame:
     image = ScannerFrame(frame_of(0, number), **SCALE)
-    return Frame(number=number, order=number, sender_id=number, at_s=at_s, interval_s=interval_s, image=image,
-                 shown_back=0, misfit=False, sent_s=None)  # fmt: skip
+    unread = FrameRead(at_s=at_s, frame_id=number, verdict=verdict(), shown_back=0, size=(1, 1), scale_m=SCALE_M)
+    return Frame(number=number, sender_id=number, interval_s=interval_s, image=image, misfit=False, unread=unread)
 
 
 def test_a_flood_is_a_loss_even_if_every_frame_is_read_at_once_and_a_steady_stream_is_not() -> None:

@@ -12,10 +12,7 @@ from scleraforce.openigtlink.decoder import MAX_BODY_BYTES
 from scleraforce.recording.pixels import Pixels
 from scleraforce.units import to_si
 
-COUNTS: dict[np.dtype[Any], np.dtype[Any]] = {
-    np.dtype(sent): np.dtype(counted)
-    for sent, counted in [("int8", "uint8"), ("uint8", "uint8"), ("int16", "uint16"), ("uint16", "uint16")]
-}
+SENT = tuple(map(np.dtype, ("int8", "uint8", "int16", "uint16")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +56,7 @@ class FrameAssembler:
             return frame
         reason = begun.refusal(part) if begun else None
         if begun is None or (reason and part.first and not part.whole):
-            begun = _Begun(part, self.max_frame_bytes)
+            begun = _Begun(part, frame.pixels.dtype, self.max_frame_bytes)
         if reason is None or begun.first is part:
             begun.put(frame.pixels, part)
             self._begun = begun if begun.left else None
@@ -78,7 +75,6 @@ class _Part:
     rows: slice
     columns: slice
     size: tuple[int, int]
-    dtype: np.dtype[Any]
     stated: tuple[object, ...]
 
     @classmethod
@@ -86,9 +82,9 @@ class _Part:
         _, rows, columns = image.pixels.shape
         whole_columns, whole_rows, _ = image.size or (columns, rows, 1)
         column, row, _ = image.offset
-        size, dtype = (whole_rows, whole_columns), image.pixels.dtype
-        stated = size, dtype, image.matrix, image.coordinates
-        return cls(slice(row, row + rows), slice(column, column + columns), size, dtype, stated)
+        size = whole_rows, whole_columns
+        stated = size, image.pixels.dtype, image.matrix, image.coordinates
+        return cls(slice(row, row + rows), slice(column, column + columns), size, stated)
 
     @property
     def first(self) -> bool:
@@ -106,14 +102,14 @@ class _Part:
 class _Begun:
     """A frame of which parts have come; `left` pixels are missing."""
 
-    def __init__(self, first: _Part, most_bytes: int) -> None:
-        stated = prod(first.size) * first.dtype.itemsize
+    def __init__(self, first: _Part, dtype: np.dtype[Any], most_bytes: int) -> None:
+        stated = prod(first.size) * dtype.itemsize
         if not first.first:
             raise ProtocolError(f"IMAGE: the part {first} arrived without the one with the first pixel")
         if stated > most_bytes:
             raise ProtocolError(f"IMAGE: parts of an image of {stated} bytes: at most {most_bytes}")
         self.first, self.left = first, prod(first.size)
-        self.pixels: Pixels = np.empty(first.size, dtype=COUNTS[first.dtype])
+        self.pixels: Pixels = np.empty(first.size, dtype=dtype)
         self._covered = np.zeros(first.size, dtype=np.bool_)
 
     def refusal(self, part: _Part) -> str | None:
@@ -131,7 +127,7 @@ class _Begun:
 def _frame(image: Image) -> ScannerFrame:
     """Return the pixels of an image as counts, and their size."""
     pixels = image.pixels
-    if pixels.dtype not in COUNTS:
+    if pixels.dtype not in SENT:
         raise ProtocolError(f"IMAGE: {pixels.dtype} pixels: must be 8 or 16 bit in this machine's byte order")
     slices = (image.size or (0, 0, pixels.shape[0]))[2]
     if pixels.ndim != 3 or slices != 1:
@@ -142,6 +138,6 @@ def _frame(image: Image) -> ScannerFrame:
     lateral_m, depth_m = (to_si(hypot(*image.matrix[n : n + 3]), "mm") for n in (0, 3))
     if not (lateral_m > 0.0 and depth_m > 0.0):
         raise ProtocolError(f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must have a length")
-    counts = pixels[0].view(COUNTS[pixels.dtype])
+    counts = pixels[0].view(f"u{pixels.itemsize}")
     counts.flags.writeable = False
     return ScannerFrame(counts, lateral_m=lateral_m, depth_m=depth_m, sent_type=pixels.dtype.name)

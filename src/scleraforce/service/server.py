@@ -215,16 +215,16 @@ class Server:
         """Decide on a frame and send the decision: first the STATUS, for which the robot waits."""
         session = self.session
         session.take_frame(frame)
-        self._clients.broadcast(self._status(), frame.at_s)
+        self._clients.broadcast(self._status(), frame.unread.at_s)
         now_s = session.clock()
-        entry = session.entry("frame", now_s, frame, now_s - frame.at_s)
+        entry = session.entry("frame", now_s, frame, now_s - frame.unread.at_s)
         self._clients.broadcast(Outgoing(READING_DEVICE, peers.reading_messages(entry), session.wall_clock), now_s)
         self._note_state()
         if frame.image.pixels.shape == self._ring.shape:
             self._ring.put(frame.number, frame.image.pixels)
         self._companions.entry(entry)
         if session.answer is not None:
-            asked = messages.OpinionAsked(number=frame.number, order=frame.order, at_s=frame.at_s)
+            asked = messages.OpinionAsked(number=frame.number, order=frame.unread.frame_id, at_s=frame.unread.at_s)
             self._companions.send(OPINION, asked, now_s)
             if session.answer.segmentation is not None:
                 self._companions.outline(frame.number, session.answer.segmentation, now_s)

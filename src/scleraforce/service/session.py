@@ -71,25 +71,20 @@ class FramePace:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
-    """A received frame: its `number` in this session, the sender's `sender_id`, the time of its last byte, `at_s`.
+    """A received frame: its `number` in this session, the sender's `sender_id`, and its record for the decision.
 
     `misfit`: its size, scale, pixel type or order is wrong, known before it is read; such a frame is never skipped.
-    `interval_s`: the time that it stands for, the scanner's mean interval. `order` rises with `sender_id`, and keeps
-    rising where another sender starts to count anew. `shown_back`: the number of frames since its picture was last
-    shown, 0 if it is new. `sent_s`: the time in its header, None if it has none. `travel`: the needle's last one (m),
-    and how old it was (s). `history`: the tissue's before it, and before all frames that came with it.
+    `interval_s`: the time that it stands for, the scanner's mean interval. `unread` has the time of its last byte, a
+    `frame_id` that rises with `sender_id` and keeps rising where another sender starts to count anew, and the verdict
+    on a frame of another size. `history`: the tissue's before it, and before all frames that came with it.
     """
 
     number: int
-    order: int
     sender_id: int
-    at_s: float
     interval_s: float
     image: ScannerFrame
-    shown_back: int
     misfit: bool
-    sent_s: float | None
-    travel: tuple[float, float] | None = None
+    unread: FrameRead
     history: History = ELASTIC
 
 
@@ -111,8 +106,8 @@ class DeferredFrames:
     def add(self, frame: Frame, row: int) -> None:
         """Enqueue a frame; the frame of number `row` overtook it."""
         self._waiting.append((frame, row))
-        self._bunch_s = max(0.0, self._bunch_s - (frame.at_s - self._last_s)) + frame.interval_s
-        self._last_s = frame.at_s
+        self._bunch_s = max(0.0, self._bunch_s - (frame.unread.at_s - self._last_s)) + frame.interval_s
+        self._last_s = frame.unread.at_s
 
     def take(self) -> Frame:
         """Dequeue the frame that has waited longest."""
@@ -129,7 +124,7 @@ class DeferredFrames:
         return [QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row) for row, (lost, unread_s) in rows.items()]
 
     def _too_much(self, now_s: float) -> bool:
-        late = now_s - self._waiting[0][0].at_s > self._most_s
+        late = now_s - self._waiting[0][0].unread.at_s > self._most_s
         return late or self._bunch_s > self._most_s + SLACK_S or len(self._waiting) > MOST_FRAMES
 
 
@@ -163,6 +158,7 @@ class Session:
         self._pace, self._deferred = FramePace(limits.silence_s), DeferredFrames(limits.catch_up_s)
         self._overtaken = 0
         self._travel = (0.0, -inf)
+        self._other_size = unusable(limits.withdraw_class + 1, "another size").verdict
 
     @property
     def lost(self) -> int:
@@ -198,20 +194,18 @@ class Session:
         order = self._offset + sender_id
         misfit = order <= self._order or not self._fits(image)
         self._order, self._sent_type = order, image.sent_type
-        travel_m, age_s = self._travel[0], at_s - self._travel[1]
+        age_s = at_s - self._travel[1]
+        is_fresh = 0.0 <= age_s < self.limits.silence_s
+        unread = FrameRead(
+            at_s=at_s, frame_id=order, verdict=self._other_size, shown_back=self._shown.back(image.pixels),
+            size=(image.pixels.shape[0], image.pixels.shape[1]), scale_m=(image.lateral_m, image.depth_m),
+            sent_s=sent_s, pixel_type=image.sent_type,
+            travel_m=self._travel[0] if is_fresh else None, travel_age_s=age_s if is_fresh else 0.0,
+        )  # fmt: skip
         return Frame(
-            number=self.frames,
-            order=order,
-            sender_id=sender_id,
-            at_s=at_s,
-            interval_s=self._pace.arrived(at_s, sent_s),
-            image=image,
-            shown_back=self._shown.back(image.pixels),
-            misfit=misfit,
-            sent_s=sent_s,
-            travel=(travel_m, age_s) if 0.0 <= age_s < self.limits.silence_s else None,
-            history=self._history,
-        )
+            number=self.frames, sender_id=sender_id, interval_s=self._pace.arrived(at_s, sent_s), image=image,
+            misfit=misfit, unread=unread, history=self._history,
+        )  # fmt: skip
 
     def _fits(self, image: ScannerFrame) -> bool:
         """Return whether an image is of the expected size and scale, and its pixels of the type before it."""
@@ -226,9 +220,9 @@ class Session:
         try:
             self.answer, read, history = self._read_frame(frame)
         except Exception as fault:  # the frame was not read
-            self.take(_failure(frame, fault, frame.at_s))
+            self.take(_failure(frame, fault, frame.unread.at_s))
         else:
-            if not frame.misfit and frame.shown_back == 0:  # others are gaps
+            if not frame.misfit and frame.unread.shown_back == 0:  # others are gaps
                 self._history = history
             self.take(read)
 
@@ -255,24 +249,12 @@ class Session:
 
         The tissue's history after the frame is returned as well.
         """
-        image, limits = frame.image, self.limits
-        size = image.pixels.shape[0], image.pixels.shape[1]
-        answer, history = None, frame.history
-        if size == limits.size:
-            elastic = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
-            answer, history = history.read(elastic, self._class_bounds_n, frame.at_s)
-        read = FrameRead(
-            at_s=frame.at_s,
-            frame_id=frame.order,
-            verdict=answer.verdict if answer else unusable(limits.withdraw_class + 1, "another size").verdict,
-            shown_back=frame.shown_back,
-            size=size,
-            scale_m=(image.lateral_m, image.depth_m),
-            sent_s=frame.sent_s,
-            pixel_type=image.sent_type,
-            travel_m=frame.travel[0] if frame.travel else None,
-            travel_age_s=frame.travel[1] if frame.travel else 0.0,
-        )
+        image, unread = frame.image, frame.unread
+        if unread.size != self.limits.size:
+            return None, unread, frame.history
+        elastic = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
+        answer, history = frame.history.read(elastic, self._class_bounds_n, unread.at_s)
+        read = FrameRead(**vars(unread) | {"verdict": answer.verdict})  # 3 µs; `replace` takes 8
         return answer, read, history
 
     def summary(self) -> dict[str, Any]:
