@@ -173,10 +173,8 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     """Return the contents of recording.toml for a recording of the session."""
     known, gauge = settings.known, nearest_gauge(study.needle.outer_diameter_m)
     gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
-    needle = NeedleInfo(
-        gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad,
-        lean_rad=one_lean(known.lean_rad),
-    )  # fmt: skip
+    lean_rad = one_lean(known.lean_rad)
+    needle = NeedleInfo(gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad, lean_rad=lean_rad)
     return RecordingInfo(stated_eye(settings.eye, known), session_scan(settings), needle, FORCE)
 
 

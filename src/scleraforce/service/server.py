@@ -102,7 +102,8 @@ class Server:
             except Exception as fault:  # any exception is a cause of a withdrawal
                 now_s = self.session.clock()
                 self._decide("exception", Fault(now_s, Cause.EXCEPTION, f"{type(fault).__name__}: {fault}"))
-            self._beat(now_s)
+            if silent := self._guard.beat(now_s):
+                self._decide("watchdog", Fault(now_s, Cause.EXCEPTION, silent))
 
     def close(self) -> None:
         """Send the clients that the monitor ends, and disconnect them."""
@@ -267,10 +268,6 @@ class Server:
         for address in self._clients.sweep(now_s, self._scanner):
             if self._notes.take(now_s):
                 self._note(f"client {address} was disconnected: it read too slowly, so that answers to it were old")
-
-    def _beat(self, now_s: float) -> None:
-        if fault := self._guard.beat(now_s):
-            self._decide("watchdog", Fault(now_s, Cause.EXCEPTION, fault))
 
     def _send_rates(self, now_s: float) -> None:
         dropped = f"{self._left_out} notes and forces of clients were dropped: there were too many"
