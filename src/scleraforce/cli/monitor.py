@@ -121,7 +121,7 @@ def monitor(
     settings = MonitorSettings(
         eye=eye or "eye-1",
         known=known,
-        limits=_limits(reader, given),
+        limits=_limits(reader, known, given),
         refractive_index=given["refractive_index"] or reader.study.oct.refractive_index,
         address=Address(host, port),
         console=None if web_port is None else Address(web_host, web_port),
@@ -157,9 +157,11 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 
 
-def _limits(reader: "Reader", given: dict[str, Any]) -> "MonitorLimits":
+def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "MonitorLimits":
     from scleraforce.monitor import MonitorLimits
+    from scleraforce.reader.kinds import ForceReader
 
+    steepest_n_m = reader.steepest_n_m(known) if isinstance(reader, ForceReader) else None
     oct_study = reader.study.oct
     columns, rows, width_m, depth_m = (
         given[name] or getattr(oct_study, name) for name in ("columns", "rows", "width_m", "depth_m")
@@ -171,6 +173,7 @@ def _limits(reader: "Reader", given: dict[str, Any]) -> "MonitorLimits":
         unusable_opinions=given["unusable_opinions"],
         reaction_s=to_si(given["reaction_ms"], "ms"),
         retraction_m_s=to_si(given["retraction_mm_s"], "mm"),
+        stiffness_n_m=MonitorLimits.stiffness_n_m if steepest_n_m is None else 1.2 * steepest_n_m,
         reports_pierced=given["on_pierced"] == "report",
         loss_in_window_s=to_si(given["unread_ms"], "ms"),
         size=(rows, columns),
