@@ -55,7 +55,7 @@ class _StepCount:
             self.progress(steps)
 
 
-class _Frames:
+class EyeFrames:
     """The frames of a recording whose digests are not in `used`; each is segmented and labelled once.
 
     Forces are parts along the wall's normal, with a library elastic ones. `relaxation` is how the tissue relaxes, if
@@ -63,7 +63,7 @@ class _Frames:
     """
 
     def __init__(
-        self, recording: Recording, settings: "_Settings", used: frozenset[str], relaxation: KnownRelaxation | None
+        self, recording: Recording, settings: "Settings", used: frozenset[str], relaxation: KnownRelaxation | None
     ) -> None:
         self.recording, self.settings, self.used, self.relaxation = recording, settings, used, relaxation
         self.seen, self.labelled = cache(self._seen), cache(self._labelled)
@@ -93,7 +93,7 @@ class _Frames:
 
 
 @dataclass(frozen=True)
-class _Settings:
+class Settings:
     """The arguments of `calibrate_recordings`; `parameters` are the filter's."""
 
     study: Study
@@ -135,7 +135,7 @@ def calibrate_recordings(
         )
     of_filter = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
-    settings = _Settings(study, library, of_filter, STIFFENING in parameters, frames, finder)
+    settings = Settings(study, library, of_filter, STIFFENING in parameters, frames, finder)
     eyes = {} if earlier is None else dict(earlier.eyes)
     for recording in recordings:
         eye_id = recording.info.eye.id
@@ -153,12 +153,14 @@ def calibration_passes(library: Library | None, parameters: tuple[str, ...] | No
 
 
 def _of_eye(
-    recording: Recording, settings: _Settings, before: EyeCalibration | None, count: _StepCount
+    recording: Recording, settings: Settings, before: EyeCalibration | None, count: _StepCount
 ) -> EyeCalibration:
     """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
     stated = recording.info.eye.globe
+    if before is not None and before.state is None:
+        raise CalibrationError(f"{before.id}: the earlier calibration was made without forces; begin anew")
     used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
-    frames = _Frames(recording, settings, used, _known_relaxation(recording, before))
+    frames = EyeFrames(recording, settings, used, _known_relaxation(recording, before))
     if before is not None and stated == before.globe.kind == "open" and before.globe.can_be_sealed:
         return _as_open(_of_tissue(_without_globe(recording), settings, frames, before, count))
     found = _of_tissue(recording, settings, frames, before, count)
@@ -208,7 +210,7 @@ def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
 
 
 def _of_tissue(
-    recording: Recording, settings: _Settings, frames: _Frames, earlier: EyeCalibration | None, count: _StepCount
+    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None, count: _StepCount
 ) -> EyeCalibration:
     """Calibrate an eye with the walls of the tissue that explains its frames best, or of the known one."""
     library = settings.library
@@ -222,7 +224,7 @@ def _of_tissue(
 
 
 def _of_sought_tissue(
-    recording: Recording, settings: _Settings, library: Library, frames: _Frames, count: _StepCount
+    recording: Recording, settings: Settings, library: Library, frames: EyeFrames, count: _StepCount
 ) -> EyeCalibration:
     faults = list[CalibrationError]()
     more = len(recording.frames) > SOUGHT_ON and (settings.frames is None or settings.frames > SOUGHT_ON)
@@ -246,7 +248,7 @@ def _of_sought_tissue(
 
 
 def calibrate_eye(
-    recording: Recording, settings: _Settings, frames: _Frames, earlier: EyeCalibration | None, count: _StepCount
+    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None, count: _StepCount
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue; of one that leaks, anew with the pressures that this gives."""
     found, library = _calibrate_eye(recording, settings, frames, earlier, count, None), settings.library
@@ -258,7 +260,7 @@ def calibrate_eye(
     return found
 
 
-def _rests_pa(recording: Recording, study: Study, library: Library, frames: _Frames, eye: EyeCalibration) -> Floats:
+def _rests_pa(recording: Recording, study: Study, library: Library, frames: EyeFrames, eye: EyeCalibration) -> Floats:
     """Return the pressure at rest of a leaking eye at each frame (frame,), by its log, E and k."""
     _, forces, _, elastic_n = frames.labelled()
     iop_pa = eye_constants(recording, study).iop_pa
@@ -281,8 +283,8 @@ def _rests_pa(recording: Recording, study: Study, library: Library, frames: _Fra
 
 def _calibrate_eye(
     recording: Recording,
-    settings: _Settings,
-    frames: _Frames,
+    settings: Settings,
+    frames: EyeFrames,
     earlier: EyeCalibration | None,
     count: _StepCount,
     rests_pa: Floats | None,
@@ -407,7 +409,7 @@ def _gap_m(recording: Recording) -> float:
 
 def _begin(
     recording: Recording,
-    settings: _Settings,
+    settings: Settings,
     forces: FrameForces,
     earlier: EyeCalibration | None,
     poses: dict[Boundaries, PoseBelief],
@@ -431,6 +433,7 @@ def _begin(
             f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of {earlier.id} state it and some "
             "do not; state it in all of them, or in none"
         )
+    assert earlier.state is not None  # `_of_eye`
     with np.errstate(over="ignore", invalid="ignore"):
         means, sds = assimilation.moments(session.filter, earlier.state)
     same = abs(means[names.index(assimilation.PARAMETERS["e"])] / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS

@@ -37,8 +37,8 @@ class FrameRecord:
     """The result of a frame: estimate of E after it, or the reason why it was not used.
 
     `sha256` is the digest of the frame's pixels (`recording.folder.frame_digest`), which identifies it under any name.
-    `force_n` is the label without offset and drift. `own_modulus_pa`: the modulus from the frame alone; `again`: the
-    frame read again in the end.
+    `force_n` is the label without offset and drift, 0 if none was used. `own_modulus_pa`: the modulus from the frame
+    alone; `again`: the frame read again in the end.
     """
 
     recording: str
@@ -79,8 +79,9 @@ class EyeCalibration:
     `globe`: the known globe after the frames; `discrepancy`: of its forces from the library's; `stiffening`: b of the
     tissue whose walls explain its frames best; `relaxation`: how it relaxes; `lean_rad`: of the needle in the last
     recording; if it is known, forces are parts along the wall's normal, and E is of these. With a library, modulus and
-    rigidity are from the frames read again (`calibration.known_forces`), `state` is the filter's. `steps` are for
-    figures, and are empty if read from a file.
+    rigidity are from the frames read again (`calibration.known_forces`), `state` is the filter's,
+    None if no filter ran: E is from the shape of the dents (`calibration.eye_posterior`). `steps` are for figures, and
+    are empty if read from a file.
     """
 
     id: str
@@ -89,7 +90,7 @@ class EyeCalibration:
     sds: tuple[float, ...]
     stated_thickness_m: float
     globe: KnownGlobe
-    state: EyeState = field(repr=False)
+    state: EyeState | None = field(repr=False)
     recordings: tuple[UsedRecording, ...] = field(repr=False)
     frames: tuple[FrameRecord, ...] = field(repr=False)
     discrepancy: ForceDiscrepancy | None = None
@@ -129,6 +130,11 @@ class EyeCalibration:
             if frame.own_modulus_pa is not None:
                 classes[int(np.searchsorted(bounds_n, frame.force_n))].append(frame.own_modulus_pa)
         return tuple(float(np.median(values)) if values else None for values in classes)
+
+    @property
+    def updates(self) -> int:
+        """The number of frames that the estimate rests on."""
+        return len(self.used) if self.state is None else self.state.posterior.updates
 
     @property
     def status(self) -> str:
@@ -182,7 +188,8 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     (an uneven wall); and the scatter of its frames, if that is large (a wall that the library does not have).
     """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
-    words = [_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]]
+    words = ["E from shape"] if eye.state is None else []
+    words += [_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]]
     if eye.stiffening > 0.0:
         words.append(f"tissue stiffens, b {eye.stiffening:.2g}")
     lost = 0.0 if eye.relaxation is None else float(np.dot(eye.relaxation.shares, eye.relaxation.held))
@@ -245,7 +252,6 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
 
 
 def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
-    posterior, belief = eye.state.posterior, eye.state.belief
     return {
         "mean_mpa": from_si(eye.mean_pa, "mpa"),
         "sd_mpa": from_si(eye.sd_pa, "mpa"),
@@ -255,28 +261,34 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "relaxation": eye.relaxation and vars(eye.relaxation),
         "lean_deg": from_si(eye.lean_rad, "deg"),
         "discrepancy": eye.discrepancy and vars(eye.discrepancy),
-        "updates": posterior.updates,
+        "updates": eye.updates,
+        "without_force": eye.state is None,
         "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
         "recording": eye.recordings[0].path,
-        "frames": [{"file": frame.file, "sha256": frame.sha256} for frame in eye.used],
+        "frames": [{"file": frame.file, "sha256": frame.sha256} for frame in eye.used if eye.state or frame.force_n],
         "parameters": {
             name: {"mean": mean, "sd": sd} for name, mean, sd in zip(eye.names, eye.means, eye.sds, strict=True)
         },
         "recordings": [vars(entry) for entry in eye.recordings],
         "steps": [_frame_entry(frame) for frame in eye.frames],
-        "state": {
-            "mean": posterior.mean.tolist(),
-            "factor": posterior.factor.tolist(),
-            "precision": posterior.precision.tolist(),
-            "updates": posterior.updates,
-            "recent": [list(entry) for entry in posterior.recent],
-            "belief_mean": belief.mean.tolist(),
-            "belief_covariance": belief.covariance.tolist(),
-            "shared": list(SHARED),
-            "sensitivity": eye.state.sensitivity.tolist(),
-            "zero_covariance": eye.state.zero_covariance.tolist(),
-        },
+        "state": eye.state and _state_entry(eye.state),
+    }
+
+
+def _state_entry(state: EyeState) -> dict[str, Any]:
+    posterior, belief = state.posterior, state.belief
+    return {
+        "mean": posterior.mean.tolist(),
+        "factor": posterior.factor.tolist(),
+        "precision": posterior.precision.tolist(),
+        "updates": posterior.updates,
+        "recent": [list(entry) for entry in posterior.recent],
+        "belief_mean": belief.mean.tolist(),
+        "belief_covariance": belief.covariance.tolist(),
+        "shared": list(SHARED),
+        "sensitivity": state.sensitivity.tolist(),
+        "zero_covariance": state.zero_covariance.tolist(),
     }
 
 
@@ -325,7 +337,7 @@ class _Saved(msgspec.Struct):
     parameters: dict[str, dict[str, Any]]
     recordings: tuple[UsedRecording, ...]
     steps: tuple[FrameRecord, ...]
-    state: dict[str, Any]
+    state: dict[str, Any] | None
 
 
 def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
@@ -346,7 +358,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         sds=tuple(each.sd for each in moments.values()),
         stated_thickness_m=summary.thickness_m,
         globe=summary.globe,
-        state=_parse_state(converted(saved.state, _State, f"{place}.state"), len(moments), f"{place}.state"),
+        state=_parse_state(saved.state, len(moments), f"{place}.state"),
         recordings=saved.recordings,
         frames=saved.steps,
         discrepancy=summary.discrepancy,
@@ -361,7 +373,10 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
     return found
 
 
-def _parse_state(saved: _State, size: int, place: str) -> EyeState:
+def _parse_state(content: dict[str, Any] | None, size: int, place: str) -> EyeState | None:
+    if content is None:
+        return None
+    saved = converted(content, _State, place)
     if saved.shared != SHARED:
         raise CalibrationError(f"{place}.shared: expected {', '.join(SHARED)}; {WRITER}")
     pose, shared = len(NUISANCES), len(SHARED)
@@ -419,7 +434,7 @@ def _line(name: str, eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
     ]
     text = "; ".join(remark for remark in remarks if remark)
     modulus = f"{from_si(eye.mean_pa, 'mpa'):>8.3f}{from_si(eye.sd_pa, 'mpa'):>9.4f}"
-    return wrapped(text, f"{name:<16}{modulus}{eye.state.posterior.updates:>9}  ")
+    return wrapped(text, f"{name:<16}{modulus}{eye.updates:>9}  ")
 
 
 def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:

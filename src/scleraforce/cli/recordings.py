@@ -42,6 +42,11 @@ class _Notes(list[str]):
 @click.option("--parameters", metavar="NAME,NAME,...", callback=_names, show_default="e,stiffening; linear: e",
               help="Parameters to estimate: e, and any of stiffening, iop, thickness, gap.")  # fmt: skip
 @options("thickness_m", "wall_finder", default="the recordings'")
+@click.option("--without-force", is_flag=True, help="Find E by the shape of the dents beside the stated IOP, without a "
+              "force log; with --frames, that many known forces count as well.")  # fmt: skip
+@options(
+    "calibration", calibration="With --without-force: other eyes' calibration; their population is the prior of E."
+)
 @click.option("--resume", "earlier", type=PATH, help="Continue from an earlier file of this command.")
 @click.option("--intervals", "model", type=PATH, metavar="MODEL", help="Adapt the intervals of this reader (a folder, "
               "or `default`) to these recordings; --out is the adapted copy.")  # fmt: skip
@@ -66,6 +71,10 @@ def calibrate(
     tissue is found by a search. Finite strain needs a response library; for
     another study than the paper's it is computed once (a minute). Notes at the
     start name the quantities that a reader of the study would ignore.
+
+    With --without-force, one fit of all frames of an eye finds E by how its
+    dents spread, from the IOP; needle travel (travel_m) and changed pressures
+    (iop_pa) in frames.csv count as well. E is then sure to 10 to 20 %.
 
     With --intervals, each eye is calibrated on three of its frames (or on
     --frames); the reader reads the others, and its copy in --out has intervals

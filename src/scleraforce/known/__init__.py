@@ -172,13 +172,19 @@ LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are wha
 _SEALED_DOUBT = "eye.globe is sealed, and linear mechanics takes every eye for an open one: forces are read too low"
 
 
-# Sources of a modulus, in words.
-MODULUS_SOURCES = {"own": "calibrated", "population": "mean of the calibrated eyes", "stated": "given"}
+# Sources of a modulus, in words; of an eye's own: by known forces, or by the shape of its dents alone.
+MODULUS_SOURCES = {
+    "own": "calibrated",
+    "shape": "from shape, without force",
+    "population": "mean of the calibrated eyes",
+    "stated": "given",
+}
+OWN_SOURCES = ("own", "shape")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Modulus:
-    """Young's modulus with its standard deviation, Pa, and where it comes from ("own", "population", "stated")."""
+    """Young's modulus with its standard deviation, Pa, and where it comes from (`MODULUS_SOURCES`)."""
 
     mean_pa: float
     sd_pa: float
@@ -226,7 +232,7 @@ class Known:
     @property
     def has_own_modulus(self) -> bool:
         """True if E was found on frames of the eye."""
-        return self.modulus is not None and self.modulus.source == "own"
+        return self.modulus is not None and self.modulus.source in OWN_SOURCES
 
     @property
     def has_calibrated_modulus(self) -> bool:

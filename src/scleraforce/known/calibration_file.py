@@ -69,7 +69,7 @@ class EyeSummary:
     frames (open in early files), `discrepancy` that of its forces from the library's, `stiffening` b of its tissue,
     `relaxation` how it relaxes; None and 0 with linear mechanics and in early files. `lean_rad`: of the needle, where
     the forces were those along the wall's normal. `status` is "ok", or says that the filter diverged: the standard
-    deviation then means nothing.
+    deviation then means nothing. `without_force`: E is from the shape of its dents.
     """
 
     mean_pa: float
@@ -82,6 +82,7 @@ class EyeSummary:
     relaxation: KnownRelaxation | None = None
     lean_rad: float | None = None
     status: str = "ok"
+    without_force: bool = False
 
     @property
     def usable(self) -> bool:
@@ -153,6 +154,7 @@ class _EyeEntry(msgspec.Struct):
     stiffening: _Stiffening = 0.0
     relaxation: KnownRelaxation | None = None
     lean_deg: _LeanDeg | None = None
+    without_force: bool = False
 
 
 class _Population(msgspec.Struct):
@@ -216,7 +218,7 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
 def summary_of_eye(entry: Any, place: str) -> EyeSummary:
     """Return one entry of `eyes`; `place` is its place in messages; raises `CalibrationError`."""
     eye = converted(entry, _EyeEntry, place)
-    unchanged = ("frames", "discrepancy", "stiffening", "relaxation", "status")
+    unchanged = ("frames", "discrepancy", "stiffening", "relaxation", "status", "without_force")
     return EyeSummary(
         mean_pa=to_si(eye.mean_mpa, "mpa"),
         sd_pa=to_si(eye.sd_mpa, "mpa"),
@@ -256,7 +258,7 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     modulus, own = calibrated_modulus(summary, eye), summary.eyes.get(eye)
     if own is not None and not own.usable:
         return replace(known, modulus=None, globe=None if own.globe.kind == "unknown" else known.globe)
-    if own is None:
+    if own is None or modulus is None:
         relaxation = known.relaxation or population_relaxation(summary)
         known = replace(known, modulus=modulus, stiffening=summary.population_stiffening, relaxation=relaxation)
         leans = [eye.lean_rad for eye in summary.eyes.values() if eye.usable]
@@ -294,9 +296,15 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
     eye then differs from it by the spread of two eyes.
     """
     own = summary.eyes.get(eye)
-    if own is not None and own.usable:
-        return Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="own")
-    if own is not None or not any(other.usable for other in summary.eyes.values()):
+    if own is not None:
+        source = "shape" if own.without_force else "own"
+        return Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source=source) if own.usable else None
+    return population_modulus(summary)
+
+
+def population_modulus(summary: CalibrationSummary) -> Modulus | None:
+    """Return the modulus of an eye that a calibration does not have (`calibrated_modulus`)."""
+    if not any(eye.usable for eye in summary.eyes.values()):
         return None
     mean_pa = summary.population_mean_pa
     if summary.population_sd_pa is None:

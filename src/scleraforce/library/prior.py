@@ -1,12 +1,12 @@
 """The prior of a fit: the known eye, the pose, and the forms that eyes have."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, radians, sin, sqrt
 
 import numpy as np
 
 from scleraforce.arrays import Floats
-from scleraforce.known import NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
+from scleraforce.known import LEAST_MODULUS_SD, NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import pole_directions
 from scleraforce.library.plan import LARGEST_POLAR_DEG
@@ -67,7 +67,9 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
     mean[at.IOP], sd[at.IOP] = _stated(iop, _logs(trained.iop_pa.bounds), KNOWN_SD[at.IOP])
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
-    modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
+    modulus_sd, discrepancy = known.modulus.relative_sd if known.modulus else 0.0, known.discrepancy or NO_DISCREPANCY
+    if known.modulus is not None and known.modulus.source == "shape":  # frames do not tell it once more
+        modulus_sd, discrepancy = LEAST_MODULUS_SD, replace(NO_DISCREPANCY, level_sd=modulus_sd)
     mean[at.MODULUS], sd[at.MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
     mean[at.PRESSURE], sd[at.PRESSURE] = mean[at.IOP], PRESSURE_SD
     own = known.has_own_modulus
@@ -76,7 +78,7 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     globe = UNKNOWN if known.globe is None else known.globe
     correlation = globe.correlation if own else 0.0
     calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
-    return Prior(mean, sd, precision, same_force, globe, calibrated, known.discrepancy or NO_DISCREPANCY)
+    return Prior(mean, sd, precision, same_force, globe, calibrated, discrepancy)
 
 
 def _pole(known: Known) -> tuple[Floats | float, float]:

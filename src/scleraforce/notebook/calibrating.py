@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scleraforce import models
-from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
+from scleraforce.calibration.calibrate import STIFFENING, Settings, calibrate_recordings, calibration_passes
+from scleraforce.calibration.eye_posterior import calibrate_without_force
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.errors import InputError
 from scleraforce.known import known_of_recording
-from scleraforce.known.calibration_file import open_calibration, write_calibration
+from scleraforce.known.calibration_file import open_calibration, population_modulus, write_calibration
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.frames import Given, finder_of, opened, summary_of_calibration
 from scleraforce.notebook.libraries import library_for
@@ -23,6 +24,7 @@ from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
+    from scleraforce.notebook.frames import GivenCalibration
     from scleraforce.reader.intervals import Stretch
 
 MECHANICS = ("finite-strain", "linear")
@@ -37,6 +39,8 @@ def calibrate(
     parameters: Sequence[str] | None = None,
     mechanics: str = "finite-strain",
     earlier: Calibration | str | PathLike[str] | None = None,
+    without_force: bool = False,
+    calibration: "GivenCalibration | None" = None,
     wall_finder: str | PathLike[str] | None = models.SHIPPED_WALL_FINDER,
     thickness_m: float | None = None,
     out: str | PathLike[str] | None = None,
@@ -47,13 +51,17 @@ def calibrate(
     """Estimate Young's modulus of each eye from its recordings.
 
     Args:
-        recordings: one or more, opened or as folders, with force logs; recordings of one eye add up.
+        recordings: one or more, opened or as folders, with force logs unless `without_force`; recordings of one eye
+            add up.
         study: prior, filter and library; None: the paper's.
-        frames: number of frames above 5 mN to take of each recording; None: all.
+        frames: number of frames above 5 mN to take of each recording; None: all. With `without_force`, the number of
+            frames whose forces count as well; None: none.
         parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap"; "e" among them. None: e and the
             stiffening, with linear mechanics e.
         mechanics: "finite-strain" (from the library), or the paper's "linear".
         earlier: a calibration, or its file, to continue.
+        without_force: find E by the shape of the dents beside the stated IOP; no force log is needed.
+        calibration: with `without_force`, other eyes' calibration or its file: their population is the prior of E.
         wall_finder: model folder that checks the walls, by default the bundled one; None: nothing checks them.
         thickness_m: of the wall, of a single eye; None: the recordings'.
         out: a file to write as well; it must not exist.
@@ -65,8 +73,8 @@ def calibrate(
         `eyes` by name, each with `mean_pa`, `sd_pa` and `status`, and the mean and spread of the `population`.
 
     Raises:
-        InputError: a recording cannot be calibrated on, `out` exists, or the study has keys that this mechanics does
-            not use.
+        InputError: a recording cannot be calibrated on, `out` exists, the study has keys that this mechanics does not
+            use, or `without_force` meets `parameters`, linear mechanics, or a recording that does not state the IOP.
 
     >>> import scleraforce as sf
     >>> calibration = sf.calibrate("eye-a", sf.read_study("study.toml"), frames=2)
@@ -79,6 +87,10 @@ def calibrate(
     if parameters is not None and ("e" not in names or names - set(PARAMETERS) or len(names) < len(parameters)):
         others = ", ".join(repr(name) for name in PARAMETERS[1:])
         raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of others that are uncertain: {others}")
+    if without_force and (mechanics == "linear" or parameters is not None):
+        raise InputError("without_force: finds E at finite strain; leave out parameters and mechanics")
+    if calibration is not None and not without_force:
+        raise InputError("calibration: is the prior of without_force; to continue a calibration, give it as earlier")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
     if thickness_m is not None:
@@ -106,9 +118,17 @@ def calibrate(
         earlier = parse_calibration(open_calibration(Path(earlier)))
     finder = finder_of(wall_finder)
     library = library_for(study, mechanics, counting)
-    passes = calibration_passes(library, sought)
+    passes = 1 if without_force else calibration_passes(library, sought)
     with counting("frames", passes * sum(len(recording.frames) for recording in each)) as advance:
-        found = calibrate_recordings(each, study, study_hash(study), library, sought, frames, earlier, advance, finder)
+        if without_force and library is not None:
+            summary = None if calibration is None else summary_of_calibration(calibration)
+            prior = None if summary is None else population_modulus(summary)
+            stiffening = study.tissue.stiffening if summary is None else summary.population_stiffening
+            settings = Settings(study, library.for_stiffening(stiffening), ("e",), False, frames, finder)
+            found = calibrate_without_force(each, settings, study_hash(study), prior, earlier, advance)
+        else:
+            by_force = study, study_hash(study), library, sought, frames, earlier, advance, finder
+            found = calibrate_recordings(each, *by_force)
     if out is not None:
         write_calibration(calibration_as_json(found), Path(out))
     return found

@@ -10,7 +10,7 @@ from math import hypot, inf, sqrt
 from pathlib import Path
 
 from scleraforce.errors import ModelError
-from scleraforce.known import NOTHING_KNOWN, UNKNOWN, Known, Modulus, known_of_recording, open_doubts
+from scleraforce.known import NOTHING_KNOWN, OWN_SOURCES, UNKNOWN, Known, Modulus, known_of_recording, open_doubts
 from scleraforce.models import folder_study, model_folder, model_name, read_folder
 from scleraforce.reader.verdicts import LEAST_FRAME_M, least_wall_m, read_by_fit, wall_seen
 from scleraforce.recording.folder import OctInfo, RecordingInfo, nearest_gauge
@@ -178,7 +178,7 @@ def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float |
         return None
     low, high = trained.youngs_modulus_pa.bounds
     carried = hypot(2.0 * trained.thickness_noise_fraction, trained.iop_noise_fraction / 3.0)
-    reach = hypot(modulus.relative_sd, carried) if modulus.source == "own" else 0.0
+    reach = hypot(modulus.relative_sd, carried) if modulus.source in OWN_SOURCES else 0.0
     return None if low * (1.0 - reach) <= modulus.mean_pa <= high * (1.0 + reach) else modulus.mean_pa
 
 

@@ -229,13 +229,18 @@ def _row_numbers(
 
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
-FRAME_COLUMNS = ("file", "time_s", "pierced", "travel_m", "held_s", "plane")
 GOOD_SAMPLE_RATE_HZ = 100.0
 # A push takes 0.2 s or more: at fewer samples a second it has less than four, and a clock in ms is read as one in s.
 MIN_SAMPLE_RATE_HZ = 20.0
 # Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand times what such a sensor bears.
 LARGEST_TIME_S, LARGEST_FORCE_N = 1e10, 1e6
-LARGEST_TRAVEL_M = 1.0  # of a needle: metres, not mm
+FRAME_COLUMNS = ("file", "time_s", "pierced", "travel_m", "held_s", "plane", "iop_pa")
+# Optional columns of numbers, each with its least and largest value and their unit in words.
+FRAME_NUMBERS = {
+    "held_s": (0.0, LARGEST_TIME_S, "of seconds, 0 or more"),
+    "travel_m": (-1.0, 1.0, "of metres within 1 m"),
+    "iop_pa": (1.0, 1e5, "of Pa, from 1 to 100,000"),
+}
 # A sample is not a force beyond 1,000 times the median distance from the log's median (or the sensor's step, if that is
 # larger), but never below 3 N: no needle pushes an eye by more, and on a quiet log 60 mN are 1,000 times its noise.
 IMPLAUSIBLE_RATIO, LEAST_IMPLAUSIBLE_N = 1000.0, 3.0
@@ -248,7 +253,8 @@ class FrameEntry:
     """A line of frames.csv: name below `frames/`, time on the log's clock, whether the needle had pierced, if stated.
 
     `travel_m`: the needle's travel along its axis, inwards, from any start. `held_s`: the time since the needle's push,
-    which it has held since. None: not known. `plane`: the name of the frame's plane, if there are several.
+    which it has held since. `plane`: the name of the frame's plane, if there are several. `iop_pa`: the pressure without
+    the needle, if it was changed. None: not known.
     """
 
     file: str
@@ -257,6 +263,7 @@ class FrameEntry:
     held_s: float | None = None
     travel_m: float | None = None
     plane: str | None = None
+    iop_pa: float | None = None
 
 
 @dataclass(frozen=True)
@@ -290,8 +297,7 @@ class ForceLog:
 def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     """Read frames.csv, in its order."""
     table = _read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
-    numbers = ("time_s", "travel_m", "held_s")
-    mark = decimal_mark(table, tuple(table.names.index(name) for name in numbers if name in table.names))
+    mark = decimal_mark(table, [at for at, name in enumerate(table.names) if name in ("time_s", *FRAME_NUMBERS)])
     entries: list[FrameEntry] = []
     seen, together = dict[str, int](), set[str | None]()  # planes of one time
     for index, line in enumerate(table.numbers):
@@ -410,12 +416,9 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
     time_s = number(row["time_s"], mark)
     if time_s is None or not abs(time_s) <= LARGEST_TIME_S:
         raise RecordingError(f"{place}: time_s: {row['time_s']!r} is not a finite number of seconds")
-    held_s = number(row["held_s"], mark) if row.get("held_s") else None
-    if row.get("held_s") and (held_s is None or not 0.0 <= held_s <= LARGEST_TIME_S):
-        raise RecordingError(f"{place}: held_s: {row['held_s']!r} is not a number of seconds, 0 or more")
-    travel_m = number(row["travel_m"], mark) if row.get("travel_m") else None
-    if row.get("travel_m") and (travel_m is None or not abs(travel_m) <= LARGEST_TRAVEL_M):
-        raise RecordingError(
-            f"{place}: travel_m: {row['travel_m']!r} is not a number of metres within {LARGEST_TRAVEL_M:g} m"
-        )
-    return FrameEntry(file, time_s, pierced == "1" if pierced else None, held_s, travel_m, row.get("plane") or None)
+    numbers = {name: number(row[name], mark) for name in FRAME_NUMBERS if row.get(name)}
+    for name, found in numbers.items():
+        low, high, words = FRAME_NUMBERS[name]
+        if found is None or not low <= found <= high:
+            raise RecordingError(f"{place}: {name}: {row[name]!r} is not a number {words}")
+    return FrameEntry(file, time_s, pierced == "1" if pierced else None, plane=row.get("plane") or None, **numbers)

@@ -1,0 +1,222 @@
+"""E of an eye from pictures alone: its posterior, frame by frame, and the calibration of recordings without forces."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import exp, sqrt
+
+import numpy as np
+
+from scleraforce.calibration.assimilation import PARAMETERS, Skipped
+from scleraforce.calibration.calibrate import EyeFrames, Settings
+from scleraforce.calibration.forces import LABEL_SD_N, frame_order
+from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
+from scleraforce.errors import CalibrationError
+from scleraforce.known import UNKNOWN, Known, Modulus, known_of_recording
+from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.library import Library
+from scleraforce.library.fit import NO_WALL_M, fit_boundaries
+from scleraforce.library.joint_fit import OWN, THICKNESS, JointFit, ShownFrame, fit_jointly
+from scleraforce.library.prior import prior_of
+from scleraforce.recording.folder import Recording, tables_digest
+from scleraforce.study import Study
+from scleraforce.units import from_si
+
+MOST_FRAMES = 24  # of a posterior; frames of like dents say the same
+START_SD = 0.05  # relative, of E in the fits of single frames that the joint fit begins with
+TELLS_LITTLE = 0.8  # of the prior's standard deviation
+NO_WALL = "the library's walls do not lie on its boundaries"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EyePosterior:
+    """The modulus of an eye by its frames, without forces, and a prior; `with_frames` returns a narrower one.
+
+    `known`: the known eye with the prior of its modulus, `library`: that of its tissue. `frames` are the ones that
+    count, at most `MOST_FRAMES`, whose dents are the most different; `fit` is theirs, None before the first.
+    """
+
+    known: Known
+    study: Study
+    library: Library
+    frames: tuple[ShownFrame, ...] = ()
+    fit: JointFit | None = None
+
+    @property
+    def modulus(self) -> Modulus:
+        """The modulus; its source is "shape" from the first frame on."""
+        assert self.known.modulus is not None
+        if self.fit is None:
+            return self.known.modulus
+        mean, sd = self.fit.log_modulus
+        mean_pa = exp(mean + 0.5 * sd**2)
+        return Modulus(mean_pa=mean_pa, sd_pa=mean_pa * sqrt(np.expm1(sd**2)), source="shape")
+
+    @property
+    def thickness_m(self) -> float | None:
+        """The wall's thickness, m, with which the modulus reads forces."""
+        return self.known.thickness_m if self.fit is None else float(self.fit.shared[THICKNESS])
+
+    @property
+    def known_eye(self) -> Known:
+        """The known eye with this modulus and thickness, as a reader takes it."""
+        return replace(self.known, modulus=self.modulus, thickness_m=self.thickness_m)
+
+    def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
+        """Return the posterior after more frames; a frame that no wall of the library lies on is left out."""
+        library, smoothing_m = self.library.nearest_contact(self.known.polar_rad), self._smoothing_m
+        begun = replace(self.modulus, sd_pa=START_SD * self.modulus.mean_pa, source="population")
+        prior = prior_of(replace(self.known, modulus=begun), self.study.reader)
+        shown, own = list(self.frames), [] if self.fit is None else list(self.fit.own)
+        for frame in frames:
+            fit = fit_boundaries(library, frame.lateral_m, frame.depth_bc, prior, smoothing_m, frame.force_n)
+            if fit is not None and fit.misfit_m <= NO_WALL_M:
+                shown.append(frame)
+                own.append(fit.unknown[OWN])
+        if len(shown) == len(self.frames):
+            return self
+        kept = _spread([one[0] for one in own], [frame.force_n is not None for frame in shown])
+        shown, own = [shown[place] for place in kept], [own[place] for place in kept]
+        begin = None if self.fit is None else self.fit.shared
+        of_eye = library, shown, self.known, self.study.reader, smoothing_m
+        return replace(self, frames=tuple(shown), fit=fit_jointly(*of_eye, np.array(own), begin))
+
+    @property
+    def _smoothing_m(self) -> float:
+        return self.study.calibration.surface_smoothing_m
+
+
+def _spread(tips_m: Sequence[float], needed: Sequence[bool]) -> list[int]:
+    """Return the places of `MOST_FRAMES` dents that are the most different, and of the needed ones, in order."""
+    kept = sorted(range(len(tips_m)), key=lambda place: tips_m[place])
+    while len(kept) > MOST_FRAMES:
+        around = [tips_m[after] - tips_m[before] for before, after in zip(kept, kept[2:], strict=False)]
+        free = [place for place in range(1, len(kept) - 1) if not needed[kept[place]]]
+        if not free:
+            break
+        kept.pop(min(free, key=lambda place: around[place - 1]))
+    return sorted(kept)
+
+
+def calibrate_without_force(
+    recordings: Sequence[Recording],
+    settings: Settings,
+    study_sha256: str,
+    population: Modulus | None = None,
+    earlier: Calibration | None = None,
+    progress: Callable[[int], object] = lambda _: None,
+) -> Calibration:
+    """Calibrate every eye on the shape of its dents; `settings.frames` of each recording also by their forces.
+
+    `population` is the prior of E, by default the study's. A later recording of an eye begins with the posterior of an
+    earlier one. It raises `CalibrationError`: no pressure is stated, no frame is usable, or `earlier` knows forces.
+    """
+    eyes = {} if earlier is None else dict(earlier.eyes)
+    study = settings.study.calibration
+    prior = population or Modulus(mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population")
+    for recording in recordings:
+        eye = recording.info.eye.id
+        eyes[eye] = _of_eye(recording, settings, prior, eyes.get(eye), progress)
+    mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
+    return Calibration(mine, study_sha256, settings.study.classes.bounds_n, "finite-strain")
+
+
+def _of_eye(
+    recording: Recording,
+    settings: Settings,
+    prior: Modulus,
+    before: EyeCalibration | None,
+    progress: Callable[[int], object],
+) -> EyeCalibration:
+    info, place, known = recording.info, recording.path / "recording.toml", known_of_recording(recording.info)
+    library = settings.library
+    assert library is not None  # at finite strain
+    if info.eye.iop_pa is None:
+        raise CalibrationError(f"{place}: eye.iop_pa: missing; without forces E is found beside the known pressure")
+    if before is not None:
+        if before.state is not None:
+            raise CalibrationError(f"{before.id}: the earlier calibration knows its forces; leave out without_force")
+        prior = Modulus(mean_pa=before.mean_pa, sd_pa=before.sd_pa, source="population")
+    relaxation = None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation)
+    used = frozenset[str]() if before is None else frozenset(frame.sha256 for frame in before.frames)
+    frames = EyeFrames(recording, settings, used, relaxation)
+    begun = EyePosterior(known=replace(known, modulus=prior), study=settings.study, library=library)
+    shown, records = _shown(recording, frames, _known_forces(frames, settings), progress)
+    after = begun.with_frames(list(shown.values()))
+    if not after.frames:
+        reason = next((record.skipped for record in records if record.skipped), NO_WALL)
+        raise CalibrationError(f"{recording.path}: none of its {len(records)} frames can be calibrated on ({reason})")
+    counted, modulus = set(map(id, after.frames)), after.modulus
+    for number, frame in shown.items():
+        skipped = None if id(frame) in counted else f"{NO_WALL}, or other frames have the same dent"
+        records[number] = replace(records[number], skipped=skipped, mean_pa=modulus.mean_pa, sd_pa=modulus.sd_pa)
+    entry = UsedRecording(
+        path=str(recording.path), sha256=tables_digest(recording), zero_n=0.0, drift_n_per_s=0.0,
+        doubts=_doubts(after, prior),
+    )  # fmt: skip
+    assert after.thickness_m is not None
+    return EyeCalibration(
+        id=info.eye.id,
+        names=(PARAMETERS["e"], PARAMETERS["thickness"]),
+        means=(modulus.mean_pa, after.thickness_m),
+        sds=(modulus.sd_pa, float(np.sqrt(after.fit.covariance[THICKNESS, THICKNESS])) if after.fit else 0.0),
+        stated_thickness_m=after.thickness_m,
+        globe=known.globe or UNKNOWN,
+        state=None,
+        recordings=(*(() if before is None else before.recordings), entry),
+        frames=(*(() if before is None else before.frames), *records),
+        stiffening=library.stiffening,
+        relaxation=relaxation,
+        lean_rad=info.needle.lean_rad,
+    )
+
+
+def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:
+    """Return the forces, N, that are to be known, by the numbers of their frames."""
+    if settings.frames is None:
+        return {}
+    trials, forces, _, _ = frames.labelled()
+    least_n, included = settings.study.calibration.min_force_n, [trial.excluded is None for trial in trials]
+    found = dict[int, float]()
+    for place in frame_order(forces.force_n, included, least_n, settings.frames, False):
+        seen, force_n = frames.seen(place), float(forces.force_n[place])
+        if len(found) < settings.frames and force_n > least_n and seen and not isinstance(seen[1], Skipped):
+            found[place] = force_n
+    return found
+
+
+def _shown(
+    recording: Recording, frames: EyeFrames, forces_n: dict[int, float], progress: Callable[[int], object]
+) -> tuple[dict[int, ShownFrame], list[FrameRecord]]:
+    """Return what usable frames show, by the numbers of their records, and a record of each new frame."""
+    shown, records = dict[int, ShownFrame](), list[FrameRecord]()
+    for number, entry in enumerate(recording.frames):
+        seen = None if entry.pierced else frames.seen(number)
+        progress(1)
+        if seen is None:
+            continue
+        (sha256, wall), path, force_n = seen, str(recording.path), forces_n.get(number, 0.0)
+        record = FrameRecord(recording=path, file=entry.file, sha256=sha256, force_n=force_n, mean_pa=0.0, sd_pa=0.0)
+        if isinstance(wall, Skipped):
+            record = replace(record, skipped=wall.reason)
+        else:
+            shown[len(records)] = ShownFrame(
+                lateral_m=wall.lateral_m, depth_bc=wall.depth_m, iop_pa=entry.iop_pa, travel_m=entry.travel_m,
+                force_n=forces_n.get(number), force_sd_n=LABEL_SD_N,
+            )  # fmt: skip
+        records.append(record)
+    return shown, records
+
+
+def _doubts(after: EyePosterior, prior: Modulus) -> tuple[str, ...]:
+    """Return sentences that say what E rests on."""
+    known = sum(frame.force_n is not None for frame in after.frames)
+    forces = "no force was measured" if not known else f"{known} forces are known"
+    percent = from_si(after.modulus.relative_sd, "percent")
+    said = f"{forces}: E is from the shape of {len(after.frames)} dents beside the IOP, and sure to {percent:.0f} %"
+    if after.modulus.relative_sd < TELLS_LITTLE * prior.relative_sd:
+        return (said,)
+    deepest_mm = from_si(float(after.fit.own[:, 0].max()) if after.fit else 0.0, "mm")
+    return (
+        said,
+        f"dents of up to {deepest_mm:.1f} mm tell little: E is mostly its prior; push deeper, or measure a force",
+    )
