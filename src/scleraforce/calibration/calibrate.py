@@ -392,7 +392,7 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     return EyeConstants(
         iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
         thickness_m=info.eye.thickness_m,
-        gap_m=_gap_m(recording),
+        gap_m=single_gap_m(recording),
         polar_rad=(low + high) / 2 if stated is None else stated,
         polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
         direction_rad=info.oct.plane_direction_rad,
@@ -401,7 +401,8 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     )
 
 
-def _gap_m(recording: Recording) -> float:
+def single_gap_m(recording: Recording) -> float:
+    """Return the gap of a recording of one plane; raises `CalibrationError` for several planes."""
     if recording.info.needle.slice_gap_m is None:
         raise CalibrationError(f"{recording.path / 'recording.toml'}: oct.plane: a calibration needs a single plane")
     return recording.info.needle.slice_gap_m

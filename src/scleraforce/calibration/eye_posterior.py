@@ -7,7 +7,7 @@ from math import exp, sqrt
 import numpy as np
 
 from scleraforce.calibration.assimilation import PARAMETERS, Skipped
-from scleraforce.calibration.calibrate import EyeFrames, Settings
+from scleraforce.calibration.calibrate import EyeFrames, Settings, single_gap_m
 from scleraforce.calibration.forces import LABEL_SD_N, frame_order
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.errors import CalibrationError
@@ -136,6 +136,7 @@ def _of_eye(
         if before.state is not None:
             raise CalibrationError(f"{before.id}: the earlier calibration knows its forces; leave out without_force")
         prior = Modulus(mean_pa=before.mean_pa, sd_pa=before.sd_pa, source="population")
+    single_gap_m(recording)
     relaxation = None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation)
     used = frozenset[str]() if before is None else frozenset(frame.sha256 for frame in before.frames)
     frames = EyeFrames(recording, settings, used, relaxation)
