@@ -253,8 +253,8 @@ class FrameEntry:
     """A line of frames.csv: name below `frames/`, time on the log's clock, whether the needle had pierced, if stated.
 
     `travel_m`: the needle's travel along its axis, inwards, from any start. `held_s`: the time since the needle's push,
-    which it has held since. `plane`: the name of the frame's plane, if there are several. `iop_pa`: the pressure without
-    the needle, if it was changed. None: not known.
+    which it has held since. `plane`: the name of the frame's plane, if there are several. `iop_pa`: the pressure
+    without the needle, if it was changed. None: not known.
     """
 
     file: str
