@@ -64,6 +64,8 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
               help="After a puncture, order to withdraw or only report it: code 14, not OK.")  # fmt: skip
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
               help="Read the frames with the fit as well, in another process.")  # fmt: skip
+@click.option("--learn-eye", is_flag=True, help="Learn E from the shape of dents during the session; needs --iop-mmhg.")
+@click.option("--resume", type=PATH, help="With --learn-eye: begin with what an earlier session learned of this eye.")
 @click.option("--record", type=PATH, help="Recording folder to write the session to; must not exist.")
 @click.option("--black-box", type=PATH, help="Folder of the log; default: in the user's state folder.")
 def monitor(
@@ -74,6 +76,8 @@ def monitor(
     web_host: str,
     calibration: Path | None,
     eye: str | None,
+    learn_eye: bool,
+    resume: Path | None,
     record: Path | None,
     black_box: Path | None,
     **given: Any,
@@ -112,6 +116,10 @@ def monitor(
             "what its network reads in the loop"
         )
     known, doubt = _known(calibration, eye, {name: given[name] for name in EYE})
+    if resume is not None and not learn_eye:
+        raise InputError("--resume: needs --learn-eye")
+    if learn_eye:
+        known = _to_learn(reader, known, resume, eye, given)
     reader = suited(reader, known)
     if reason := reader.refusal(known):  # all frames would be unusable
         raise InputError(f"{reader.path}: {reason}")
@@ -127,6 +135,7 @@ def monitor(
         console=None if web_port is None else Address(web_host, web_port),
         black_box=black_box or user_state_path("scleraforce") / "monitor" / begun,
         record=record,
+        learns=learn_eye,
         token=token_hex(16),  # it cannot be guessed
     )
     with closing(Notes(_write_line)) as notes:
@@ -155,6 +164,31 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
         )
     summary = read_calibration(calibration)
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
+
+
+def _to_learn(reader: "Reader", known: "Known", resume: Path | None, eye: str | None, given: dict[str, Any]) -> "Known":
+    """Return the eye with the prior of an E that is to be learned."""
+    from dataclasses import replace
+
+    from scleraforce.known import Modulus
+    from scleraforce.service.learning import resumed
+
+    refused = {
+        f"{reader.path} is a {reader.kind}, which reads no force": not reader.reads_force,
+        "needs the second opinion; leave out --no-second-opinion": not given["second_opinion"],
+        "E is given with --youngs-modulus-mpa": given["youngs_modulus_pa"] is not None,
+        "the calibration has this eye's own E": known.has_own_modulus,
+        "--iop-mmhg is missing: E is found beside the known pressure": known.iop_pa is None,
+        "--eye is missing: --resume needs its name": resume is not None and eye is None,
+    }
+    for reason, holds in refused.items():
+        if holds:
+            raise InputError(f"--learn-eye: {reason}")
+    if resume is not None and eye is not None:
+        return resumed(known, resume, eye)
+    prior = reader.study.calibration
+    population = Modulus(mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population")
+    return replace(known, modulus=known.modulus or population)
 
 
 def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "MonitorLimits":

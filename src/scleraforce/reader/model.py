@@ -173,6 +173,11 @@ class LiveReader:
         for _ in range(WARMING_FRAMES):
             self.read(frame, scale)
 
+    def adopt(self, known: Known) -> None:
+        """Read the next frames with what was learned of the eye, if the model can read such an eye."""
+        if self._reader.refusal(known) is None:
+            self._known = known
+
     def read(self, frame: Pixels, scale: PixelScale) -> Answer:
         """Read one raw frame (`Reader.read_live`); the scanner's refractive index takes precedence over the scale's."""
         scale = PixelScale(lateral_m=scale.lateral_m, depth_m=scale.depth_m, refractive_index=self._refractive_index)

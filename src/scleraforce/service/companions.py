@@ -26,7 +26,7 @@ NEEDED = (BLACK_BOX, OPINION)  # a failure of these is a cause of a withdrawal; 
 SENDS: dict[str, type | UnionType] = {
     BLACK_BOX: messages.WithdrawalKept,
     CONSOLE: messages.ResetAsked | messages.ListensAt | messages.WrongTokens,
-    OPINION: messages.OpinionGiven,
+    OPINION: messages.OpinionGiven | messages.EyeLearned,
 }  # and each sends `Alive`, `SelfReport`
 OUTLINE_S = 0.04
 OUTLINE_STEP = 4  # columns

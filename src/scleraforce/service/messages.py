@@ -28,7 +28,7 @@ STATUS_DEVICE, READING_DEVICE, NEEDLE_DEVICE = "ForceMonitor", "ForceReading", "
 # Logs of earlier versions lack these.
 LATER = {
     "withdrawn_s": None, "present_cause": None, "present": "", "elastic_force_mn": None, "time_to_bound_ms": None,
-    "time_to_bound_ms_interval": None,
+    "time_to_bound_ms_interval": None, "modulus_mpa": None, "modulus_sd_mpa": None, "modulus_frames": None,
 }  # fmt: skip
 
 
@@ -39,6 +39,7 @@ class Entry:
     `withdrawn_s` is when the withdrawal began. `frame` is the number in this session, from 1, `frame_id` the sender's;
     `latency_ms` runs from the frame's last byte to the answer on the wire; `verdict` is also None for a frame that
     could not be read. `time_to_bound_ms` is the median, an end of the interval None beyond 2 s (`monitor.rise`).
+    `modulus_mpa` is E as learned in this session (mean, SD, number of frames), None if it is not.
     `overtaken` counts the frames since the start that newer ones overtook, `lost` the unread ones.
     """
 
@@ -62,6 +63,9 @@ class Entry:
     present: str = ""
     time_to_bound_ms: float | None = None
     time_to_bound_ms_interval: tuple[float, float | None] | None = None
+    modulus_mpa: float | None = None
+    modulus_sd_mpa: float | None = None
+    modulus_frames: int | None = None
 
     def __post_init__(self) -> None:
         if self.state not in State.__members__:
@@ -219,12 +223,15 @@ class WrongTokens(_Message, frozen=True, kw_only=True):
 class OpinionAsked(_Message, frozen=True, kw_only=True):
     """To the second opinion: read the frame of this number in the ring, complete at `at_s`.
 
-    `order` is the decision's name for it.
+    `order` is the decision's name for it. `teaches`: the eye may be learned from it, as the monitor watches and can
+    read it; `pierced`: it showed a puncture.
     """
 
     number: int
     order: int
     at_s: float
+    teaches: bool = False
+    pierced: bool = False
 
 
 class OpinionGiven(_Message, frozen=True, kw_only=True):
@@ -232,6 +239,14 @@ class OpinionGiven(_Message, frozen=True, kw_only=True):
 
     order: int
     verdict: Verdict
+
+
+class EyeLearned(_Message, frozen=True, kw_only=True):
+    """From the second opinion: the eye with E as learned from n frames, and why that could not be saved, or ""."""
+
+    known: Known
+    frames: int
+    fault: str = ""
 
 
 class Alive(_Message, frozen=True, kw_only=True):
@@ -278,12 +293,17 @@ class BlackBoxSettings(_Message, frozen=True, kw_only=True):
 
 
 class OpinionSettings(_Message, frozen=True, kw_only=True):
-    """Settings of the second opinion: the model's folder, what is known of the eye, and the frames."""
+    """Settings of the second opinion: the model's folder, what is known of the eye, and the frames.
+
+    `learns`: the name of the eye, if its E is learned; `record`: the folder of the session's recording.
+    """
 
     model: Path
     known: Known
     scale: PixelScale
     ring: RingPlace
+    learns: str | None = None
+    record: Path | None = None
 
 
 class ConsoleSettings(_Message, frozen=True, kw_only=True):
@@ -318,5 +338,5 @@ class ConsoleSettings(_Message, frozen=True, kw_only=True):
 
 Settings = BlackBoxSettings | OpinionSettings | ConsoleSettings
 ToCompanion = Decided | ForceHeard | Note | MonitorEnds | Outline | Rates | ResetAnswered | OpinionAsked | Settings
-ToMonitor = ResetAsked | ListensAt | WrongTokens | OpinionGiven | Alive | SelfReport | WithdrawalKept
+ToMonitor = ResetAsked | ListensAt | WrongTokens | OpinionGiven | EyeLearned | Alive | SelfReport | WithdrawalKept
 CompanionMessage = ToCompanion | ToMonitor

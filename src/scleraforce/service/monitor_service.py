@@ -62,7 +62,7 @@ class MonitorSettings:
     """The settings of a monitor; `limits` has the `size` and `scale_m` of the expected frames.
 
     Without a `console` address there is no console. The log and the recordings of withdrawals are in `black_box`;
-    `record` is the folder for a recording of the whole session.
+    `record` is the folder for a recording of the whole session. `learns`: the second opinion learns E.
     """
 
     eye: str
@@ -74,6 +74,7 @@ class MonitorSettings:
     black_box: Path
     record: Path | None
     token: str
+    learns: bool = False
 
 
 @contextmanager
@@ -105,7 +106,8 @@ def monitor_service(
         kept = BlackBoxSettings(folder=folder, ring=ring.place, info=info, record=record, keep_s=KEPT_S)
         children = {BLACK_BOX: _child("black_box", kept, ring)}
         if limits.expects_opinion:
-            opinion = OpinionSettings(model=model, known=known, scale=scale, ring=ring.place)
+            opinion = OpinionSettings(model=model, known=known, scale=scale, ring=ring.place,
+                                      learns=settings.eye if settings.learns else None, record=record)  # fmt: skip
             children[OPINION] = _child("second_opinion", opinion, ring)
         if settings.console and pages:
             console = ConsoleSettings(
@@ -118,7 +120,8 @@ def monitor_service(
         companions = Companions(children)
         stack.callback(companions.end)
         history = History.monitored(known, reader.study.needle.max_force_n)
-        session = Session(live.read, limits, history=history, class_bounds_n=reader.study.classes.bounds_n)
+        bounds_n = reader.study.classes.bounds_n
+        session = Session(live.read, limits, history=history, class_bounds_n=bounds_n, adopt=live.adopt)
         _wait_for_opinion(companions, note)
         gc.collect()
         gc.freeze()  # the model stays, so the collector need not scan it again and again

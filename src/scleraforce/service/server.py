@@ -225,7 +225,10 @@ class Server:
             self._ring.put(frame.number, frame.image.pixels)
         self._companions.entry(entry)
         if session.answer is not None:
-            asked = messages.OpinionAsked(number=frame.number, order=frame.unread.frame_id, at_s=frame.unread.at_s)
+            asked = messages.OpinionAsked(
+                number=frame.number, order=frame.unread.frame_id, at_s=frame.unread.at_s,
+                teaches=session.teaches and not frame.misfit and frame.unread.shown_back == 0, pierced=session.pierced,
+            )  # fmt: skip
             self._companions.send(OPINION, asked, now_s)
             if session.answer.segmentation is not None:
                 self._companions.outline(frame.number, session.answer.segmentation, now_s)
@@ -296,6 +299,10 @@ class Server:
         match message:
             case messages.OpinionGiven():
                 self._decide("opinion", SecondOpinion(at_s=now_s, frame_id=message.order, verdict=message.verdict))
+            case messages.EyeLearned(known=known, frames=frames, fault=fault):
+                self.session.learned(known, frames)
+                if fault:
+                    self._note(fault)
             case messages.ResetAsked(request=request, token=token):
                 granted, text = self._reset(token, now_s)
                 answer = messages.ResetAnswered(request=request, granted=granted, message=text)

@@ -8,6 +8,7 @@ from statistics import median_low
 from time import monotonic, time
 from typing import Any
 
+from scleraforce.known import Known
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import (
     SLACK_S,
@@ -134,7 +135,7 @@ class Session:
     `read` reads a frame of the size in `limits`; an exception in it is a cause of a withdrawal. `history`, of the
     tissue, continues through withdrawals and resets. `clock` is monotonic, `wall_clock` counts seconds since 1970.
     `answer` is the reading of the last frame; None if it was not read. `withdrawals` has frame, time, first cause and
-    message of each, for the summary.
+    message of each, for the summary. `adopt` takes the eye as learned, which `read` reads with from then on.
     """
 
     def __init__(
@@ -145,10 +146,12 @@ class Session:
         wall_clock: Callable[[], float] = time,
         history: History = ELASTIC,
         class_bounds_n: tuple[float, ...] = (),
+        adopt: Callable[[Known], object] = lambda _: None,
     ) -> None:
         self.limits, self.clock, self.wall_clock = limits, clock, wall_clock
         self.withdrawals: list[dict[str, Any]] = []
         self._read, self._history, self._class_bounds_n = read, history, class_bounds_n
+        self._adopt, self._learned = adopt, dict[str, float]()
         self._state, self.decision = decide(MonitorState(), Tick(clock()), limits)
         self.frames = self._entries = 0  # since the start
         self._sender = self._offset = self._order = 0
@@ -179,6 +182,23 @@ class Session:
             begun = {"frame": self.frames, "time_s": self.wall_clock(), "cause": cause.name, "message": message}
             self.withdrawals.append(begun)
         return self.decision != before
+
+    @property
+    def teaches(self) -> bool:
+        """True if the eye may be learned from the last frame: it is usable and harmless, and so was all before it."""
+        return self.decision.state is State.WATCHING and self.answer is not None and self.answer.usable
+
+    @property
+    def pierced(self) -> bool:
+        """True while a puncture is what is wrong."""
+        return Cause.PIERCED in (self.decision.cause, self.decision.present_cause)
+
+    def learned(self, known: Known, frames: int) -> None:
+        """Take what was learned of the eye: later frames are read with it."""
+        self._adopt(known)
+        if known.modulus is not None:
+            mean_mpa, sd_mpa = from_si(known.modulus.mean_pa, "mpa"), from_si(known.modulus.sd_pa, "mpa")
+            self._learned = {"modulus_mpa": mean_mpa, "modulus_sd_mpa": sd_mpa, "modulus_frames": frames}
 
     def travelled(self, travel_m: float, at_s: float) -> None:
         """Take the needle's travel along its axis at a time: frames until the next one have it."""
@@ -292,6 +312,7 @@ class Session:
             time_to_bound_ms_interval=to_bound[1],
             overtaken=self._overtaken,
             lost=self.lost,
+            **self._learned,  # type: ignore[arg-type]
         )
 
 

@@ -25,7 +25,7 @@ LATENCY_S = 5.0
 OUTLINE_S = 0.2  # after this long, a frame is shown without its outline
 READING = (
     "frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason", "time_to_bound_ms",
-    "time_to_bound_ms_interval",
+    "time_to_bound_ms_interval", "modulus_mpa", "modulus_sd_mpa", "modulus_frames",
 )  # fmt: skip
 
 

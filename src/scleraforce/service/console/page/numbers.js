@@ -70,6 +70,7 @@ function showReading(reading, settings) {
   write("force", usable ? fixed(reading.force_mn, 1) : "–");
   write("interval", intervalText(reading, usable, settings));
   showUntil(usable && reading.force_mn !== null ? reading : null);
+  write("learned", learnedText(reading));
 }
 
 // The time until the bound: a bar that shrinks to nothing, full at 2 s, and its words. Without a rise both say so.
@@ -98,6 +99,11 @@ function intervalText(reading, usable, settings) {
   if (!settings.reads_force) return "this model reads classes, not forces";
   const interval = reading.interval_mn;
   return interval ? `90 % interval ${fixed(interval[0], 1)} to ${fixed(interval[1], 1)} mN` : "no interval";
+}
+
+function learnedText(reading) {
+  if (typeof reading?.modulus_mpa !== "number") return "";
+  return `E ${fixed(reading.modulus_mpa, 3)} ± ${fixed(reading.modulus_sd_mpa, 3)} MPa, learned from ${reading.modulus_frames} frames`;
 }
 
 function showShares(shares) {

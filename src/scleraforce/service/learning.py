@@ -1,0 +1,207 @@
+"""The eye that a monitor learns: a process beside the second opinion narrows the posterior of E by the dents' shape.
+
+The joint fit takes seconds, an opinion must not wait for it. So the second opinion only chooses frames, and a process
+of low priority, which dies with it, fits them. A frame teaches `SETTLES_S` after it came, unless a withdrawal followed;
+after a puncture, what was learned since the contact began is dropped.
+"""
+
+import os
+from collections import deque
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from math import inf
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from scleraforce.calibration.eye_posterior import EyePosterior
+from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording, calibration_as_json
+from scleraforce.errors import InputError
+from scleraforce.known import UNKNOWN, Known, Modulus
+from scleraforce.known.calibration_file import open_calibration, summary_of, write_calibration
+from scleraforce.library.joint_fit import THICKNESS, ShownFrame
+from scleraforce.library.unknowns import TIP
+from scleraforce.reader.answer import Answer
+from scleraforce.reader.felt import LIGHT_N
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observations import segmented_boundaries
+from scleraforce.service.messages import EyeLearned, OpinionAsked
+from scleraforce.study import study_hash
+from scleraforce.units import from_si
+
+LEARNED_FILE = "learned.json"  # in the folder of a recorded session
+SETTLES_S = 0.5  # within which a withdrawal takes a frame away, and after which a needle has let go
+LEAST_S, MOST_WAITING = 0.1, 50  # between two frames that teach; of them that wait
+OTHER_TIP_M = 50e-6  # between the dents of two frames that teach
+NICENESS = 10
+KEEP, FORGET = "keep", "forget"
+
+
+class Closable(Protocol):
+    """Something that a forked process must not hold open."""
+
+    def close(self) -> None:
+        """Close it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnedEye:
+    """The name of the eye that is learned, and the folder of the session's recording, if there is one."""
+
+    eye: str
+    record: Path | None
+
+
+class EyeLearner:
+    """Chooses the frames that teach, and tells what they taught; it never waits for the fit."""
+
+    def __init__(self, begun: EyePosterior, learned: LearnedEye, others: tuple[Closable, ...] = ()) -> None:
+        """Start the process that fits, from the posterior `begun`; it closes `others`, which are of this process."""
+        context = get_context("fork")
+        self._link, theirs = context.Pipe()
+        arguments = theirs, (self._link, *others), begun, learned
+        self._process = context.Process(target=_fit, args=arguments, daemon=True)
+        self._process.start()
+        theirs.close()
+        self._waiting = deque[tuple[float, float, ShownFrame]](maxlen=MOST_WAITING)
+        self._tips_m = list[float]()  # of the frames that taught
+        self._awaited, self._taken_s, self._light_s = 0, -inf, inf
+
+    def close(self) -> None:
+        """End the process."""
+        self._link.close()
+        self._process.kill()
+        self._process.join()
+
+    def hear(self, asked: OpinionAsked) -> None:
+        """Take the monitor's word on a frame: one that does not teach takes away those just before it."""
+        if not asked.teaches:
+            self._waiting.clear()
+            self._light_s = inf
+        if asked.pierced:
+            self._tips_m.clear()
+            self._ask(FORGET)
+
+    def show(self, asked: OpinionAsked, answer: Answer, scale: PixelScale) -> None:
+        """Take a frame as the second opinion read it, if it teaches."""
+        if not (asked.teaches and answer.usable and answer.fit is not None and answer.segmentation is not None):
+            return
+        is_light = answer.force_n is not None and answer.force_n < LIGHT_N
+        self._light_s = min(self._light_s, asked.at_s) if is_light else inf
+        if asked.at_s - self._light_s > SETTLES_S and not self._waiting:  # the contact ended without a puncture
+            self._link.send(KEEP)
+            self._light_s = inf
+        tip_m = float(answer.fit.unknown[TIP])
+        before = [*self._tips_m, *(waiting[1] for waiting in self._waiting)]
+        is_new = all(abs(tip_m - other_m) > OTHER_TIP_M for other_m in before)
+        if is_new and answer.can_calibrate and not is_light and asked.at_s - self._taken_s >= LEAST_S:
+            self._taken_s, wall = asked.at_s, segmented_boundaries(answer.segmentation, scale)
+            shown = ShownFrame(lateral_m=wall.lateral_m, depth_bc=wall.depth_m)
+            self._waiting.append((asked.at_s, tip_m, shown))
+
+    def learned(self, now_s: float) -> EyeLearned | None:
+        """Return what was learned since the last call; begin to learn the frames that have waited long enough."""
+        found: EyeLearned | None = None
+        while self._awaited and self._link.poll():
+            found, self._awaited = self._link.recv(), self._awaited - 1
+        if self._awaited:
+            return None
+        ripe = list[ShownFrame]()
+        while self._waiting and now_s - self._waiting[0][0] > SETTLES_S:
+            _, tip_m, shown = self._waiting.popleft()
+            self._tips_m.append(tip_m)
+            ripe.append(shown)
+        if ripe:
+            self._ask(ripe)
+        return found
+
+    def _ask(self, what: str | list[ShownFrame]) -> None:
+        self._link.send(what)
+        self._awaited += 1
+
+
+def _fit(link: Connection, others: tuple[Closable, ...], begun: EyePosterior, learned: LearnedEye) -> None:
+    """Fit the frames that come, until the other process ends."""
+    for other in others:
+        other.close()
+    os.nice(NICENESS)
+    posterior = kept = begun
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            asked = link.recv()
+            if asked == KEEP:
+                kept = posterior
+                continue
+            if asked == FORGET:
+                posterior = kept
+            else:
+                with suppress(np.linalg.LinAlgError):  # frames that contradict each other teach nothing
+                    posterior = posterior.with_frames(asked)
+            link.send(
+                EyeLearned(known=posterior.known_eye, frames=len(posterior.frames), fault=_save(posterior, learned))
+            )
+
+
+def _save(posterior: EyePosterior, learned: LearnedEye) -> str:
+    """Write the posterior beside the session's recording; return why that failed, or ""."""
+    if learned.record is None or not learned.record.is_dir() or posterior.fit is None:
+        return ""
+    try:
+        write_calibration(calibration_as_json(as_calibration(posterior, learned)), learned.record / LEARNED_FILE)
+    except (InputError, OSError) as fault:
+        return f"{LEARNED_FILE} was not written: {fault}"
+    return ""
+
+
+def as_calibration(posterior: EyePosterior, learned: LearnedEye) -> Calibration:
+    """Return a posterior with a fit as the calibration of its eye, which also states the IOP."""
+    assert posterior.fit is not None
+    assert posterior.thickness_m is not None
+    known, modulus, path = posterior.known, posterior.modulus, str(learned.record or "")
+    assert known.iop_pa is not None
+    at = partial(FrameRecord, recording=path, sha256="", force_n=0.0, mean_pa=modulus.mean_pa, sd_pa=modulus.sd_pa)
+    frames = tuple(at(file=f"dent of {from_si(tip_m, 'mm'):.3f} mm") for tip_m in posterior.fit.own[:, 0].tolist())
+    said = "no force was measured: E was learned by a monitor, from the shape of dents beside the IOP"
+    eye = EyeCalibration(
+        id=learned.eye,
+        names=("youngs_modulus_pa", "thickness_m", "iop_pa"),
+        means=(modulus.mean_pa, posterior.thickness_m, known.iop_pa),
+        sds=(modulus.sd_pa, float(np.sqrt(posterior.fit.covariance[THICKNESS, THICKNESS])), 0.0),
+        stated_thickness_m=posterior.thickness_m,
+        globe=known.globe or UNKNOWN,
+        state=None,
+        recordings=(UsedRecording(path=path, sha256="", zero_n=0.0, drift_n_per_s=0.0, doubts=(said,)),),
+        frames=frames,
+        stiffening=posterior.library.stiffening,
+        relaxation=known.relaxation,
+    )  # fmt: skip
+    bounds_n = posterior.study.classes.bounds_n
+    return Calibration({learned.eye: eye}, study_hash(posterior.study), bounds_n, "finite-strain")
+
+
+def resumed(known: Known, path: Path, eye: str) -> Known:
+    """Return the known eye with the E of an earlier session as its prior.
+
+    Raises:
+        InputError: the file is of another eye, IOP or tissue, or no monitor has learned it.
+    """
+    file = open_calibration(path)
+    eyes, place = summary_of(file).eyes, f"--resume {path}: eyes"
+    if eye not in eyes:
+        raise InputError(f"{place}: {', '.join(eyes)}; not of {eye}, the eye of --eye")
+    own, stated = eyes[eye], file.content["eyes"][eye].get("parameters", {}).get("iop_pa")
+    if not own.without_force or not own.usable or not isinstance(stated, dict) or known.iop_pa is None:
+        raise InputError(f"{place}.{eye}: no monitor has learned it; give a {LEARNED_FILE}")
+    iop_mmhg, given_mmhg = from_si(float(stated["mean"]), "mmhg"), from_si(known.iop_pa, "mmhg")
+    if abs(iop_mmhg - given_mmhg) > 0.01 * given_mmhg:
+        raise InputError(f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is {given_mmhg:.1f}")
+    if abs(own.stiffening - (known.stiffening or 0.0)) > 1e-6:
+        raise InputError(
+            f"{place}.{eye}: stiffening: {own.stiffening:g}; that of this eye is {known.stiffening or 0.0:g}"
+        )
+    modulus = Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="population")
+    return replace(known, modulus=modulus, thickness_m=own.thickness_m)
