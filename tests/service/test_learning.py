@@ -68,7 +68,7 @@ class Learning:
         return None
 
 
-def test_frames_that_teach_narrow_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(tmp_path: Path) -> None:
+def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(tmp_path: Path) -> None:
     learning = Learning(tmp_path)
     learning.show(0.010, teaches=False)
     assert learning.learned(3 * SETTLES_S, teaches=False) is None
@@ -82,11 +82,11 @@ def test_frames_that_teach_narrow_e_a_puncture_takes_it_back_and_a_session_can_b
     modulus = found.known.modulus
     assert modulus is not None
     assert modulus.source == "shape"
-    assert modulus.sd_pa < PRIOR.sd_pa
+    assert modulus.relative_sd == pytest.approx(PRIOR.relative_sd, rel=0.05)  # one shallow dent tells little
     again = resumed(EYE, learning.record / LEARNED_FILE, "eye-a")
     assert again.modulus is not None
     assert again.modulus.source == "population"
-    assert 0.0 < again.modulus.sd_pa < PRIOR.sd_pa
+    assert again.modulus.sd_pa == pytest.approx(PRIOR.sd_pa, rel=0.1)
     with pytest.raises(InputError, match="not of eye-b"):
         resumed(EYE, learning.record / LEARNED_FILE, "eye-b")
     with pytest.raises(InputError, match=r"learned at 2\.0 mmHg"):

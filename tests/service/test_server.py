@@ -14,6 +14,7 @@ import small_monitor as rule
 from small_monitor import FakeCompanion, Peer, Running, TurnedClock, frame_of, serving, small_monitor
 from waiting import FUSE_S, wait_until
 
+from scleraforce.known import Known, Modulus
 from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
 from scleraforce.service import messages
@@ -472,6 +473,7 @@ def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts(cl
         wait_until(lambda: asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 12)
         questions = [message for message in asked if isinstance(message, messages.OpinionAsked)]
         assert [question.number for question in questions] == list(range(1, 13))
+        assert questions[-1].teaches
         opinion = messages.OpinionGiven(
             order=questions[-1].order,
             verdict=rule.verdict(31.0, (30.0, 32.0), predicted=2, probabilities=(0.0, 0.0, 1.0)),
@@ -479,6 +481,27 @@ def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts(cl
         companions[OPINION].says(opinion)
         status = scanner.wait_for_code(3)
         assert (status.name, "second opinion" in status.message) == ("DANGEROUS_CLASS", True)
+        scanner.read(10.0)  # it is harmless, and the withdrawal is held
+        wait_until(lambda: asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 13)
+        assert not asked[-1].teaches  # type: ignore[union-attr]
+
+
+def test_what_was_learned_of_the_eye_is_in_each_later_reading_and_ends_no_withdrawal(clock: TurnedClock) -> None:
+    with beside(clock, OPINION) as (_, scanner, companions):
+        assert json.loads(scanner.texts()[-1].text)["modulus_mpa"] is None
+        scanner.read(39.0)
+        known = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=0.02e6, source="shape"))
+        companions[OPINION].says(messages.EyeLearned(known=known, frames=7))
+
+        def learned() -> bool:
+            scanner.read(10.0)
+            said = json.loads(scanner.texts()[-1].text)
+            return [said["modulus_mpa"], said["modulus_sd_mpa"], said["modulus_frames"]] == pytest.approx(
+                [0.3, 0.02, 7]
+            )
+
+        wait_until(learned)
+        assert scanner.statuses()[-1].code == 3
 
 
 @pytest.mark.parametrize("name", [BLACK_BOX, OPINION])
