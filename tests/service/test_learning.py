@@ -1,4 +1,4 @@
-"""What a monitor learns of an eye: from frames that teach alone, forgotten after a puncture, saved and resumed."""
+"""The eye that a monitor learns: from frames that teach alone, forgotten after a puncture, saved and resumed."""
 
 from dataclasses import replace
 from pathlib import Path

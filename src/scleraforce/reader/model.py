@@ -174,7 +174,7 @@ class LiveReader:
             self.read(frame, scale)
 
     def adopt(self, known: Known) -> None:
-        """Read the next frames with what was learned of the eye, if the model can read such an eye."""
+        """Read the next frames with the eye as learned, if the model can read such an eye."""
         if self._reader.refusal(known) is None:
             self._known = known
 

@@ -5,7 +5,7 @@ fit to the response library, which takes several times as long. The process read
 skips frames that come meanwhile, and takes no more than half of a core: it runs in real time, and where a reading takes
 20 ms, others would get nothing of that core. It is ready when it has read a frame of its own: a first reading takes
 0.3 s, and much longer where loops are compiled, so the opinion of a real frame would be overdue. It keeps its own
-history of tissue that relaxes. With `learns`, it also learns E (`service.learning`) and reads with what it has learned.
+history of tissue that relaxes. With `learns`, it also learns E (`service.learning`), which its later readings use.
 """
 
 from contextlib import ExitStack, closing
