@@ -65,7 +65,7 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
               help="Read the frames with the fit as well, in another process.")  # fmt: skip
 @click.option("--learn-eye", is_flag=True, help="Learn E from the shape of dents during the session; needs --iop-mmhg.")
-@click.option("--resume", type=PATH, help="With --learn-eye: begin with the E that an earlier session learned of this eye.")
+@click.option("--resume", type=PATH, help="With --learn-eye: begin with the E of this eye from an earlier session.")
 @click.option("--record", type=PATH, help="Recording folder to write the session to; must not exist.")
 @click.option("--black-box", type=PATH, help="Folder of the log; default: in the user's state folder.")
 def monitor(
