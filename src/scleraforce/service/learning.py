@@ -38,6 +38,7 @@ SETTLES_S = 0.5  # within which a withdrawal takes a frame away, and after which
 LEAST_S, MOST_WAITING = 0.1, 50  # between two frames that teach; of them that wait
 OTHER_TIP_M = 50e-6  # between the dents of two frames that teach
 NICENESS = 10
+SAME_PRESSURE = 0.01  # relative: two roundings of one IOP
 KEEP, FORGET = "keep", "forget"
 
 
@@ -197,7 +198,7 @@ def resumed(known: Known, path: Path, eye: str) -> Known:
     if not own.without_force or not own.usable or not isinstance(stated, dict) or known.iop_pa is None:
         raise InputError(f"{place}.{eye}: no monitor has learned it; give a {LEARNED_FILE}")
     iop_mmhg, given_mmhg = from_si(float(stated["mean"]), "mmhg"), from_si(known.iop_pa, "mmhg")
-    if abs(iop_mmhg - given_mmhg) > 0.01 * given_mmhg:
+    if abs(iop_mmhg - given_mmhg) > SAME_PRESSURE * given_mmhg:
         raise InputError(f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is {given_mmhg:.1f}")
     if abs(own.stiffening - (known.stiffening or 0.0)) > 1e-6:
         raise InputError(
