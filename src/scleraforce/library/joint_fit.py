@@ -48,7 +48,8 @@ COARSER = 2  # columns of a single frame's fit for one here
 KNOTS, KNOT_TIPS_M = np.linspace(-np.arcsinh(6.5), np.arcsinh(6.5), 17), np.array([0.0, 1.3e-3, 2.8e-3, 4.8e-3])
 ALONG, OVER_M, INNER_SHARE, REFERENCE_M, WARP_M = 0.5, 2e-3, 0.7, 2e-3, 1e-3
 ROUNDING, LEAST_SIZE_M = 1e-4, 0.3e-6  # of the kernel; of a part that differs between depths of dents
-RESTING_SIZES_M, GROWING_SIZES_M = np.geomspace(1e-6, 16e-6, 5), np.geomspace(4e-6, 32e-6, 4)
+RESTING_SIZES_M = np.array([1e-6, 2e-6, 4e-6, 8e-6, 16e-6])
+GROWING_SIZES_M = np.array([4e-6, 8e-6, 16e-6, 32e-6])
 LEAST_NOISE = 0.8  # of the boundaries over their SDs
 # Of the standard deviation of ln E: rms of its errors over it, of 12 virtual eyes in three dimensions, a half of them
 # uneven, each with and without travel (benchmarks/README.md).
