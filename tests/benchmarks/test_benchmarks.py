@@ -27,6 +27,8 @@ SMALLEST = {
     "bench_monitor_sessions": "--model {model} --kinds sealed living --eyes 1 --seconds 1 --rates-mn-s 100",
     "bench_old_pictures": "{recording} --frames 20",
     "bench_openigtlink": "--messages 1000",
+    "bench_pierced": "--sessions 2",
+    "bench_planes": "1",
     "bench_real_tissue": "--rows 1",
     "bench_relaxation": "--rows 1 --rings 6 --samples 2",
     "bench_conjunctiva": "--frames 1",
