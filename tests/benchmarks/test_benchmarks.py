@@ -38,6 +38,7 @@ SMALLEST = {
     "bench_stiffening": "--rows 1",
     "bench_time_to_bound": "{model} --eyes 1 --rates-mn-s 100",
     "bench_where": "--groups plain --eyes 1 --frames 2 --needles",
+    "bench_without_force": "1 {out}",
     "bench_wall_finder": "{finder} --scenes 3 --phantoms 2 --readings 3",
     "figure_sealed_eye": "{model} --frames 2 --out {out}",
     "figure_supports": "--study {study} --out {out}",

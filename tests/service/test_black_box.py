@@ -371,7 +371,7 @@ def test_a_wrong_message_is_reported_for_good_and_the_log_continues(tmp_path):
     monitor = Monitor(tmp_path)
     monitor.decide()
     assert monitor.channel.send_encoded(encode_message(Note(time_s=1.5, text="x"))[:-1])
-    assert monitor.channel.send(messages.OpinionAsked(number=1, order=1, at_s=0.0))
+    assert monitor.channel.send(messages.OpinionAsked(number=1, order=1, at_s=0.0, teaches=False, pierced=False))
     monitor.decide(times=3)
     (report,) = monitor.heard(SelfReport)
     assert report.detail.startswith("message: not a message: ")
@@ -472,7 +472,8 @@ def test_the_lines_of_the_log_keep_their_keys_order_and_values(tmp_path):
         b'"frame_id": 77, "probabilities": [0.0, 0.75, 0.25], "force_mn": 12.5, "interval_mn": [11.0, 13.5], "usable": '
         b'true, "reason": null, "latency_ms": 0.75, "lost": 2, "overtaken": 0, "withdrawn_s": null, '
         b'"present_cause": null, "present": "", "time_to_bound_ms": 900.0, "time_to_bound_ms_interval": [310.5, null], '
-        b'"class": 1, "elastic_force_mn": null}, "crc32": "eb12f5c0"}\n'
+        b'"modulus_mpa": null, "modulus_sd_mpa": null, "modulus_frames": null, "class": 1, '
+        b'"elastic_force_mn": null}, "crc32": "a07f1381"}\n'
         b'{"kind": "note", "time_s": 1.5, "text": "robot came", "crc32": "1130c359"}\n'
     )
 

@@ -46,7 +46,8 @@ MESSAGES: list[messages.CompanionMessage] = [
     messages.ResetAnswered(request=1, granted=False, message="no"),
     messages.ListensAt(url="http://127.0.0.1:1/"),
     messages.WrongTokens(count=7),
-    messages.OpinionAsked(number=3, order=2**62, at_s=1e5),
+    messages.OpinionAsked(number=3, order=2**62, at_s=1e5, teaches=True, pierced=False),
+    messages.EyeLearned(known=NOTHING_KNOWN, frames=3, fault=""),
     messages.OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
     messages.OpinionGiven(order=3, verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None)),
     messages.Alive(faults=("log: full", "disk: full")),
@@ -56,9 +57,11 @@ MESSAGES: list[messages.CompanionMessage] = [
     messages.OpinionSettings(
         model=Path("m"), scale=SCALE, ring=RING,
         known=Known(modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"), iop_pa=2000.0, thickness_m=6e-4),
+        learns="eye-a", record=Path("/tmp/session"),
     ),
     messages.OpinionSettings(
-        model=Path("m"), scale=SCALE, ring=RING, known=Known(globe=known_globe("sealed", 1.5e8, "logarithmic"))
+        model=Path("m"), scale=SCALE, ring=RING, known=Known(globe=known_globe("sealed", 1.5e8, "logarithmic")),
+        learns=None, record=None,
     ),
     messages.ConsoleSettings(
         host="::1", listener=7, token_digest="d", ring=RING, scale=SCALE, limits=MonitorLimits(size=(32, 24)),
@@ -94,7 +97,7 @@ def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path
     assert channel.decode_message(channel.encode_message(messages.Alive(faults=("log: \udce9",)))) == messages.Alive(
         faults=("log: \\udce9",)
     )
-    settings = messages.OpinionSettings(model=Path("\udce9"), known=NOTHING_KNOWN, scale=SCALE, ring=RING)
+    settings = msgspec.structs.replace(ending_with(0), model=Path("\udce9"))
     assert channel.decode_message(channel.encode_message(settings)) == settings
 
 
@@ -244,7 +247,12 @@ def ending_with(code, descriptor=0):
     """Settings of some child: its exit code in place of a number of frames; it waits for ever for 0."""
     ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
     return messages.OpinionSettings(
-        model=Path("é"), known=NOTHING_KNOWN, scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=ring
+        model=Path("é"),
+        known=NOTHING_KNOWN,
+        scale=PixelScale(lateral_m=1e-5, depth_m=1e-5),
+        ring=ring,
+        learns=None,
+        record=None,
     )
 
 

@@ -26,11 +26,15 @@ class Reader:
     def __init__(self, model: Path) -> None:
         self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
         known = replace(KNOWN, relaxation=KnownRelaxation.declared([[0.2, 1.0]]))
-        settings = messages.OpinionSettings(model=model, known=known, scale=SCALE, ring=self.ring.place)
+        settings = messages.OpinionSettings(
+            model=model, known=known, scale=SCALE, ring=self.ring.place, learns=None, record=None
+        )
         self.child = Child("scleraforce.service.second_opinion", settings, [self.ring.place.descriptor])
 
     def ask(self, number: int, order: int, at_s: float = 0.0) -> None:
-        assert self.child.channel.send(messages.OpinionAsked(number=number, order=order, at_s=at_s))
+        assert self.child.channel.send(
+            messages.OpinionAsked(number=number, order=order, at_s=at_s, teaches=False, pierced=False)
+        )
 
     def hear(self, within_s: float = FUSE_S) -> messages.CompanionMessage:
         assert select([self.child.channel], [], [], within_s)[0], "no opinion came"

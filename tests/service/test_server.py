@@ -491,7 +491,7 @@ def test_what_was_learned_of_the_eye_is_in_each_later_reading_and_ends_no_withdr
         assert json.loads(scanner.texts()[-1].text)["modulus_mpa"] is None
         scanner.read(39.0)
         known = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=0.02e6, source="shape"))
-        companions[OPINION].says(messages.EyeLearned(known=known, frames=7))
+        companions[OPINION].says(messages.EyeLearned(known=known, frames=7, fault=""))
 
         def learned() -> bool:
             scanner.read(10.0)

@@ -230,8 +230,8 @@ class OpinionAsked(_Message, frozen=True, kw_only=True):
     number: int
     order: int
     at_s: float
-    teaches: bool = False
-    pierced: bool = False
+    teaches: bool
+    pierced: bool
 
 
 class OpinionGiven(_Message, frozen=True, kw_only=True):
@@ -246,7 +246,7 @@ class EyeLearned(_Message, frozen=True, kw_only=True):
 
     known: Known
     frames: int
-    fault: str = ""
+    fault: str
 
 
 class Alive(_Message, frozen=True, kw_only=True):
@@ -302,8 +302,8 @@ class OpinionSettings(_Message, frozen=True, kw_only=True):
     known: Known
     scale: PixelScale
     ring: RingPlace
-    learns: str | None = None
-    record: Path | None = None
+    learns: str | None
+    record: Path | None
 
 
 class ConsoleSettings(_Message, frozen=True, kw_only=True):
