@@ -23,7 +23,10 @@ nitpick_ignore_regex = [
     ("py:class", r"(numpy|dataclasses|pathlib|collections|contextlib|msgspec|os)\..*|PathLike|[\d.]+"),
     ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),
     ("py:class", r"scleraforce\.(monitor\.events\.Verdict|segmentation\.wall_finder\.WallFinder)"),
-    ("py:class", r"scleraforce\.(monitor\.rise\.TimeToBound|mechanics\.globe\.Globe)"),
+    (
+        "py:class",
+        r"scleraforce\.(monitor\.rise\.TimeToBound|mechanics\.globe\.Globe|reader\.where\.Places)|GivenCalibration",
+    ),
     ("py:class", r"scleraforce\.(reader\.kinds\.TrainedModel|known\.relaxation\.KnownRelaxation)"),
     ("py:class", r"scleraforce\.library\.(splines|stiffened)\..*"),
 ]

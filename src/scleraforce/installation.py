@@ -32,6 +32,7 @@ from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.models import SHIPPED_READER
 from scleraforce.processes import available_cores
 from scleraforce.reader import ForceReader, load_force_reader
+from scleraforce.recording.folder import Plane
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.study import Study
@@ -165,6 +166,8 @@ def compile_loops() -> None:
     for reading in (_reader().read, _reader().read_live):
         for eye in (known, Known()):
             reading(frame, scale, eye)
+    cross = Plane("along", 0.0, 0.0), Plane("across", 0.0, np.pi / 2.0)
+    _reader().read_together([frame, frame], scale, replace(known, gap_m=None), cross)
 
 
 def _solve() -> Finding:

@@ -257,8 +257,11 @@ def _do(work: bytes | str, unit: int) -> Any:
         result = _prepared.do(unit)
         if isinstance(work, bytes):
             return result
-        with NamedTemporaryFile(dir=Path(work).parent, delete=False) as file:
-            pickle.dump(result, file, pickle.HIGHEST_PROTOCOL)
+        try:
+            with NamedTemporaryFile(dir=Path(work).parent, delete=False) as file:
+                pickle.dump(result, file, pickle.HIGHEST_PROTOCOL)
+        except OSError:  # no room for it there: the pipe takes it
+            return result
         return _Stored(file.name)
     except Exception as fault:
         try:

@@ -100,7 +100,7 @@ def test_without_pytorch_training_is_missing_and_with_it_a_model_is_trained() ->
     assert "state='ok'" in second.stdout
 
 
-FOR_TESTS = {"fit_loops.predict"}  # of a single wall with its derivatives: no command calls it yet
+FOR_TESTS = {"fit_loops.predict"}  # of a joint fit, which takes much longer: compiled at its first use
 
 
 @pytest.mark.slow
