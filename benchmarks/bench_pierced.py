@@ -1,4 +1,4 @@
-"""Sessions with and without a puncture: is it found within 50 ms, and how often is it seen where there is none?
+"""Sessions with and without a puncture: is it found within 50 ms, and how often is one reported without a cause?
 
     python benchmarks/bench_pierced.py [--sessions 100] [--seed 20261130]
 

@@ -61,6 +61,26 @@ class EyePosterior:
         """The known eye with this modulus and thickness, as a reader takes it."""
         return replace(self.known, modulus=self.modulus, thickness_m=self.thickness_m)
 
+    def calibration(
+        self, eye: str, recordings: Sequence[UsedRecording], frames: Sequence[FrameRecord]
+    ) -> EyeCalibration:
+        """Return the posterior, of one frame at least, as the calibration of an eye without known forces."""
+        assert self.fit is not None
+        modulus, thickness_m = self.modulus, float(self.fit.shared[THICKNESS])
+        return EyeCalibration(
+            id=eye,
+            names=(PARAMETERS["e"], PARAMETERS["thickness"]),
+            means=(modulus.mean_pa, thickness_m),
+            sds=(modulus.sd_pa, float(np.sqrt(self.fit.covariance[THICKNESS, THICKNESS]))),
+            stated_thickness_m=thickness_m,
+            globe=self.known.globe or UNKNOWN,
+            state=None,
+            recordings=tuple(recordings),
+            frames=tuple(frames),
+            stiffening=self.library.stiffening,
+            relaxation=self.known.relaxation,
+        )
+
     def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
         """Return the posterior after more frames; a frame that no wall of the library lies on is left out."""
         library, smoothing_m = self.library.nearest_contact(self.known.polar_rad), self._smoothing_m
@@ -154,21 +174,9 @@ def _of_eye(
         path=str(recording.path), sha256=tables_digest(recording), zero_n=0.0, drift_n_per_s=0.0,
         doubts=_doubts(after, prior),
     )  # fmt: skip
-    assert after.thickness_m is not None
-    return EyeCalibration(
-        id=info.eye.id,
-        names=(PARAMETERS["e"], PARAMETERS["thickness"]),
-        means=(modulus.mean_pa, after.thickness_m),
-        sds=(modulus.sd_pa, float(np.sqrt(after.fit.covariance[THICKNESS, THICKNESS])) if after.fit else 0.0),
-        stated_thickness_m=after.thickness_m,
-        globe=known.globe or UNKNOWN,
-        state=None,
-        recordings=(*(() if before is None else before.recordings), entry),
-        frames=(*(() if before is None else before.frames), *records),
-        stiffening=library.stiffening,
-        relaxation=relaxation,
-        lean_rad=info.needle.lean_rad,
-    )
+    recordings, earlier = (before.recordings, before.frames) if before else ((), ())
+    found = after.calibration(info.eye.id, [*recordings, entry], [*earlier, *records])
+    return replace(found, lean_rad=info.needle.lean_rad)
 
 
 def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:

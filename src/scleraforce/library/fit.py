@@ -46,6 +46,15 @@ DRAWS = 512
 LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
 
 
+def library_walls(library: Library, unknown_su: Floats, pressure: int) -> tuple[Floats, Floats, Floats]:
+    """Return thickness, pressure over E and tip, each (state,), of unknowns (state, unknown), as `library_place`."""
+    size = np.exp(unknown_su[:, at.SIZE])
+    thickness = np.clip(unknown_su[:, at.THICKNESS] / size, *library.tables.thickness_ends_m)
+    ratio = np.exp(unknown_su[:, pressure] - unknown_su[:, at.MODULUS])
+    ratio = np.clip(ratio, *library.iop_ratio_ends(thickness))
+    return thickness, ratio, np.clip(unknown_su[:, at.TIP] / size, 0.0, library.tables.tip_m[-1])
+
+
 @lru_cache(maxsize=64)
 def law_of(globe: KnownGlobe) -> Law:
     """Return the law of a globe."""

@@ -24,7 +24,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.known import Known
 from scleraforce.library import unknowns as at
-from scleraforce.library.fit import law_of
+from scleraforce.library.fit import law_of, library_walls
 from scleraforce.library.fit_frame import COLUMNS, CORRELATED_M, INNER_SD_M, OUTER_SD_M
 from scleraforce.library.fit_loops import LEAST_SD, Depths, predict
 from scleraforce.library.placement import CAUCHY, NORMAL_MEDIAN, UNSEEN_LOSS
@@ -176,11 +176,7 @@ class _Problem:
 
     def forces_volumes(self, unknown_su: Floats) -> tuple[Floats, Floats]:
         """Return forces, N, and displaced volumes, m^3, of states (state, unknown)."""
-        tables, size = self.library.tables, np.exp(unknown_su[:, at.SIZE])
-        thickness = np.clip(unknown_su[:, at.THICKNESS] / size, *tables.thickness_ends_m)
-        ratio = np.exp(unknown_su[:, self.law.pressure] - unknown_su[:, at.MODULUS])
-        ratio = np.clip(ratio, *self.library.iop_ratio_ends(thickness))
-        wall = thickness, ratio, np.clip(unknown_su[:, at.TIP] / size, 0.0, tables.tip_m[-1])
+        size, wall = np.exp(unknown_su[:, at.SIZE]), library_walls(self.library, unknown_su, self.law.pressure)
         forces = np.exp(unknown_su[:, at.MODULUS]) * size**2 * self.library.forces(*wall)
         return forces, size**3 * self.library.displaced_m3(*wall)
 
@@ -190,10 +186,9 @@ class _Problem:
         forces, volumes = self.forces_volumes(unknown_su)
         pressure, resting = np.exp(unknown_su[:, self.law.pressure]), np.exp(unknown_su[:, at.IOP])
         if not self.law.is_open:
-            slope = 1.0 if self.law.is_logarithmic else np.cbrt(resting[0]) / 3.0
-            level = np.log if self.law.is_logarithmic else np.cbrt
-            risen = level(pressure) - level(resting)
-            found.append((self.law.mean * rigidity * volumes - risen) / (LEAST_SD * slope))
+            globe = self.globe.globe(self.globe.mean * rigidity)
+            risen, slope = globe.level(pressure) - globe.level(resting), resting[0] * globe.level_slope(resting[0])
+            found.append((globe.rate * volumes - risen) / (LEAST_SD * slope))
         if shown.travel_m is not None:  # under more pressure the wall rises as a sphere does
             stiffness = 2.0 * np.exp(unknown_su[:, at.MODULUS]) * unknown_su[:, at.THICKNESS]
             rise = (pressure - resting) * self.library.radius_m**2 * (1.0 - self.library.poisson_ratio) / stiffness

@@ -317,10 +317,10 @@ class ForceReader(Reader):
                 left_out.append(f"plane {plane.name}: {reason}")
         found = self._fitted_together(each, planes) if each else [unusable(self.classes, left_out[0])]
         fault = next((one for one in found if not one.usable), None)
+        of_plane = {number: one for (number, *_), one in zip(each, found, strict=False)}  # of no fit there is one only
         answers = list[Answer]()
         for number, seen in enumerate(looks):
-            mine = next((one for (other, *_), one in zip(each, found, strict=False) if other == number), None)
-            shared = mine or replace(found[0], contact_m=None, fit=None, can_calibrate=False)
+            shared = of_plane.get(number) or replace(found[0], contact_m=None, fit=None, can_calibrate=False)
             if fault is not None:
                 shared = replace(unusable(self.classes, fault.reason or ""), fit=shared.fit)
             warned = (*shared.warnings, *(f"left out: {reason}" for reason in left_out)) if shared.usable else ()

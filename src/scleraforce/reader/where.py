@@ -15,7 +15,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.known import NINETY_PERCENT, Known
 from scleraforce.library import unknowns as at
-from scleraforce.library.fit import BoundaryFit, law_of
+from scleraforce.library.fit import BoundaryFit, law_of, library_walls
 from scleraforce.library.planes import SpatialPlace
 from scleraforce.library.prior import Prior
 from scleraforce.library.responses import Library
@@ -131,12 +131,10 @@ def contact_depth(fit: BoundaryFit, prior: Prior, library: Library) -> tuple[flo
 
 
 def _depths(unknown_su: Floats, pressure: int, library: Library) -> Floats:
-    size, modulus = np.exp(unknown_su[:, at.SIZE]), np.exp(unknown_su[:, at.MODULUS])
-    thickness = np.clip(unknown_su[:, at.THICKNESS] / size, *library.thickness_m[[0, -1]])
-    ratio = np.clip(np.exp(unknown_su[:, pressure]) / modulus, *library.iop_ratio_ends(thickness))
-    tip = np.clip(unknown_su[:, at.TIP] / size, 0.0, library.tip_m[-1])
-    on_axis_m = library.shapes(thickness, ratio, tip)[:, 0, 0, 1]
-    return np.asarray(size * on_axis_m * np.cos(unknown_su[:, at.ROTATION]) + unknown_su[:, at.DEPTH])
+    on_axis_m = library.shapes(*library_walls(library, unknown_su, pressure))[:, 0, 0, 1]
+    return np.asarray(
+        np.exp(unknown_su[:, at.SIZE]) * on_axis_m * np.cos(unknown_su[:, at.ROTATION]) + unknown_su[:, at.DEPTH]
+    )
 
 
 def shaft_lean(fit: BoundaryFit | None, needle: SeenNeedle | None) -> float | None:

@@ -123,7 +123,7 @@ class OctInfo:
         check_planes(self.plane)
 
     def named(self, name: str | None) -> Plane | None:
-        """Return the plane of a name; None: there is none."""
+        """Return the plane of a name; None if it does not exist."""
         return next((plane for plane in self.plane if plane.name == name), None)
 
 

@@ -1,4 +1,4 @@
-"""The result of a segmentation: the wall with a verdict, or the reason why there is none; and its picture."""
+"""The result of a segmentation: the wall with a verdict, or the reason why it was not found; and its picture."""
 
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property

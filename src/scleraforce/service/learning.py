@@ -18,12 +18,13 @@ from typing import Protocol
 
 import numpy as np
 
+from scleraforce.calibration.assimilation import PARAMETERS
 from scleraforce.calibration.eye_posterior import EyePosterior
-from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording, calibration_as_json
+from scleraforce.calibration.result import Calibration, FrameRecord, UsedRecording, calibration_as_json
 from scleraforce.errors import InputError
-from scleraforce.known import UNKNOWN, Known, Modulus
+from scleraforce.known import Known, Modulus
 from scleraforce.known.calibration_file import open_calibration, summary_of, write_calibration
-from scleraforce.library.joint_fit import THICKNESS, ShownFrame
+from scleraforce.library.joint_fit import ShownFrame
 from scleraforce.library.unknowns import TIP
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import LIGHT_N
@@ -161,25 +162,14 @@ def _save(posterior: EyePosterior, learned: LearnedEye) -> str:
 def as_calibration(posterior: EyePosterior, learned: LearnedEye) -> Calibration:
     """Return a posterior with a fit as the calibration of its eye, which also states the IOP."""
     assert posterior.fit is not None
-    assert posterior.thickness_m is not None
     known, modulus, path = posterior.known, posterior.modulus, str(learned.record or "")
     assert known.iop_pa is not None
     at = partial(FrameRecord, recording=path, sha256="", force_n=0.0, mean_pa=modulus.mean_pa, sd_pa=modulus.sd_pa)
     frames = tuple(at(file=f"dent of {from_si(tip_m, 'mm'):.3f} mm") for tip_m in posterior.fit.own[:, 0].tolist())
     said = "no force was measured: E was learned by a monitor, from the shape of dents beside the IOP"
-    eye = EyeCalibration(
-        id=learned.eye,
-        names=("youngs_modulus_pa", "thickness_m", "iop_pa"),
-        means=(modulus.mean_pa, posterior.thickness_m, known.iop_pa),
-        sds=(modulus.sd_pa, float(np.sqrt(posterior.fit.covariance[THICKNESS, THICKNESS])), 0.0),
-        stated_thickness_m=posterior.thickness_m,
-        globe=known.globe or UNKNOWN,
-        state=None,
-        recordings=(UsedRecording(path=path, sha256="", zero_n=0.0, drift_n_per_s=0.0, doubts=(said,)),),
-        frames=frames,
-        stiffening=posterior.library.stiffening,
-        relaxation=known.relaxation,
-    )  # fmt: skip
+    recording = UsedRecording(path=path, sha256="", zero_n=0.0, drift_n_per_s=0.0, doubts=(said,))
+    eye = posterior.calibration(learned.eye, [recording], frames)
+    eye = replace(eye, names=(*eye.names, PARAMETERS["iop"]), means=(*eye.means, known.iop_pa), sds=(*eye.sds, 0.0))
     bounds_n = posterior.study.classes.bounds_n
     return Calibration({learned.eye: eye}, study_hash(posterior.study), bounds_n, "finite-strain")
 
