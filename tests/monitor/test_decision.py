@@ -776,6 +776,7 @@ def test_the_time_until_the_bound_of_a_straight_rise_is_exact_but_for_the_error_
     assert bound_ms(steady[:9]) == bound_ms(steady[::-1]) == bound_ms([20.0] * 12) == (None, None, None)
     assert bound_ms([0.0] * 12, share=1.0 / 3.0) == (None, None, None), "no contact, and no force"
     assert bound_ms(steady[:9], share=0.4) == (0.0, 0.0, 0.0), "reached already"
+    assert bound_ms([*(22.7 + 0.5 * n for n in range(11)), 26.5]) == (0.0, 0.0, 0.0), "the line has reached it"
 
 
 def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike() -> None:
@@ -924,6 +925,12 @@ def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view() ->
         assert (after.state, decision.code, decision.cause, decision.present_cause) == (State.WATCHING, 1, None, None)
         _, again = decide(after, replace(frame(206, 0.007), at_s=2.06), limits)
         assert again.code == 1
+
+
+def test_a_fall_is_found_once() -> None:
+    now = play([frame(1, 0.024), *THROUGH], limits=REPORTS)
+    fresh = [frame(n, 0.007) for n in range(7, 7 + REPORTS.fresh_frames)]
+    assert play([*fresh, Reset(fresh[-1].at_s + 1e-3)], now, REPORTS).state is State.WATCHING
 
 
 def test_what_is_only_reported_suppresses_no_other_cause() -> None:

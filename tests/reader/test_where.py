@@ -42,13 +42,14 @@ def drawn(rng: np.random.Generator, least_m: float = 0.4e-3) -> np.ndarray:
 
 
 def test_without_noise_the_places_are_the_walls_own() -> None:
-    for seed in range(4):
-        truth = drawn(np.random.default_rng(seed))
+    turned = middling_eye(2.5e-3, rotation_rad=0.2, lateral_m=0.0, depth_m=0.5e-3)
+    for truth in (turned, *(drawn(np.random.default_rng(seed)) for seed in range(4))):
         found = seen(truth, needle=SHAFT)
         on_axis = truth.copy()
         on_axis[at.GAP] = 1e-7  # in a plane through the axis the wall is deepest below the needle
         wall_m = formed_wall(WALLS, on_axis)[0]
-        contact = wall_m[np.argmin(np.abs(wall_m[:, 0] - truth[at.LATERAL]))]
+        axis = np.array([np.cos(truth[at.ROTATION]), np.sin(truth[at.ROTATION])])
+        contact = wall_m[np.argmin(np.abs((wall_m - truth[[at.LATERAL, at.DEPTH]]) @ axis))]
         assert found.contact_m.value == pytest.approx(truth[at.LATERAL], abs=15e-6)
         assert found.dent_m.value == pytest.approx(truth[at.TIP], rel=0.02)
         assert found.gap_m.value == pytest.approx(truth[at.GAP], abs=20e-6)
