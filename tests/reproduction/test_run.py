@@ -200,13 +200,13 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
         progress(passes * sum(len(recording.frames) for recording in recordings))
 
     pushes = {eye.id: range(len(forces_n)) for eye, forces_n in reproduction.bent_trials(Study())}
-    monkeypatch.setattr(reproduction, "read_recording", lambda path: Frames(pushes[path.name]))
-    monkeypatch.setattr(reproduction, "calibrate_recordings", calibrate)
-    monkeypatch.setattr(reproduction, "calibration_as_json", lambda _: {})
-    monkeypatch.setattr(reproduction, "write_calibration", lambda *_: None)
+    monkeypatch.setattr(stages, "read_recording", lambda path: Frames(pushes[path.name]))
+    monkeypatch.setattr(stages, "calibrate_recordings", calibrate)
+    monkeypatch.setattr(stages, "calibration_as_json", lambda _: {})
+    monkeypatch.setattr(stages, "write_calibration", lambda *_: None)
     monkeypatch.setattr(reproduction, "run_library", lambda *_: library)
     run = open_run(tmp_path / "out", Study(), 1)
-    reproduction.calibrate_bent(run, counted.append)
+    stages._calibrate_bent(run, counted.append)
     assert len(counted) == 2
     assert stages._bent_frames(run) == sum(counted) > sum(len(frames) for frames in pushes.values())
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from importlib.resources import files
+from itertools import product
 from math import isnan
 from pathlib import Path
 from statistics import mean, median
@@ -40,6 +41,7 @@ from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
 
 TEXTS = tomllib.loads(files("scleraforce.reproduction").joinpath("words.toml").read_text(encoding="utf-8"))
+Drawn = Callable[[html.Html], html.Html]  # called with each figure
 SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
 
 
@@ -48,7 +50,7 @@ def said(key: str, /, **fields: Any) -> str:
     return str(TEXTS[key]).format(**fields)
 
 
-def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callable[[html.Html], html.Html]) -> html.Html:
+def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Drawn) -> html.Html:
     """Return the comparison of the paper's method and the force reader on the same frames; `drawn` counts figures."""
     forces = ", ".join(f"{from_si(force, 'mn'):g}" for force in CALIBRATION_FORCES_N)
     words = said("bent", calibrated=CALIBRATED_EYES, forces=forces, reader=reader_words(run))
@@ -61,8 +63,8 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callabl
         drawn(read_forces_figure(reader)),
         html.confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
         html.confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
-        *_misread(paper, "the paper's method"),
-        *_misread(reader, "the force reader"),
+        _misread(paper, "the paper's method"),
+        _misread(reader, "the force reader"),
         drawn(_walls_figure(run, reader)),
     )
 
@@ -153,11 +155,11 @@ def _moduli(run: Run) -> html.Html:
     return html.table(["", *eyes], rows, said("bent_moduli"))
 
 
-def _misread(evaluation: Evaluation, name: str) -> tuple[html.Html, ...]:
+def _misread(evaluation: Evaluation, name: str) -> html.Html:
     misread = [frame for frame in evaluation.scored if frame.misread]
     if not misread:
-        return (html.paragraph(f"No trial was misread by {name}."),)
-    return (html.frame_table(evaluation, misread, f"Trials misread by {name}."),)
+        return html.paragraph(f"No trial was misread by {name}.")
+    return html.frame_table(evaluation, misread, f"Trials misread by {name}.")
 
 
 def _walls_figure(run: Run, reader: Evaluation) -> html.Html:
@@ -221,8 +223,6 @@ MONTAGE_SLICES = 36
 LOG_TRIALS = 5  # the paper's Fig. 3 shows five acquisitions
 AFTER_LAST_S = 4.0  # of them, in the figure
 
-Drawn = Callable[[html.Html], html.Html]  # called with each figure
-
 
 def write_reproduction_html(
     run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str, float], made_at: datetime, progress: Progress
@@ -259,8 +259,7 @@ def write_reproduction_html(
 
 
 def _overview(run: Run, evaluation: Evaluation) -> html.Html:
-    chosen = [_typical(evaluation, target, 0) for target in range(len(evaluation.bounds_n) + 1)]
-    drawn = frame_figures.draw_overview(look_at_all([answer for answer in chosen if answer is not None]), evaluation)
+    drawn = frame_figures.draw_overview(look_at_all(_typical(evaluation, 0)), evaluation)
     write_figure(drawn, run.overview)
     return html.figure(drawn, "frames with the class read, and the forces of all trials", said("overview"), "png")
 
@@ -269,10 +268,8 @@ def _design(run: Run, evaluation: Evaluation) -> html.Html:
     """Return Table 1: wall thickness and trials of each class, here and in the paper."""
     design, names = paper_eyes(run.study), html.class_names(run.study.classes.bounds_n)
     eyes, bounds_n = [eye for eye, _ in design], run.study.classes.bounds_n
-    targets = {
-        eye.id: [f.target for f in evaluation.scored if f.eye == eye.id and f.target is not None] for eye in eyes
-    }
-    here = _counts(list(targets.values()), len(names))
+    targets = [[f.target for f in evaluation.scored if f.eye == eye.id and f.target is not None] for eye in eyes]
+    here = _counts(targets, len(names))
     paper = _counts([np.digitize(forces_n, bounds_n) for _, forces_n in design], len(names))
     moduli = [f"{from_si(eye.youngs_modulus_pa, 'mpa'):.2f}" for eye in eyes]
     rows: list[list[object]] = [
@@ -312,9 +309,8 @@ def _segmentation_figure(evaluation: Evaluation) -> html.Html:
     first = [frame for frame in evaluation.frames if frame.eye == evaluation.frames[0].eye]
     look = look_at_all([max(first, key=lambda frame: frame.measured_force_n or 0.0)])[0]
     caption = f"Raw frame {look.answer.eye}/{look.answer.file} and the wall that was found in it (the paper's Fig. 9)."
-    return html.figure(
-        frame_figures.draw_segmentation(look), "raw frame, boundaries, mask, masked frame", caption, "png"
-    )
+    drawn = frame_figures.draw_segmentation(look)
+    return html.figure(drawn, "raw frame, boundaries, mask, masked frame", caption, "png")
 
 
 def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> html.Html:
@@ -329,18 +325,15 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> html.Html:
     paper_mpa = from_si(PAPER_MODULUS_PA, "mpa")
     words = said("calibration", mean=_mpa(mean_pa), spread=spread, paper_mpa=paper_mpa)
     truth_pa = paper_eyes(study)[0][0].youngs_modulus_pa
-    over_frames = html.figure(
-        draw_modulus_over_frames(first, truth_pa),
-        "mean and band of the modulus over the frames",
-        f"Young's modulus of {first.id} over its frames, from the prior on (the paper's Fig. 5).",
-    )
+    caption = f"Young's modulus of {first.id} over its frames, from the prior on (the paper's Fig. 5)."
+    drawn_e = draw_modulus_over_frames(first, truth_pa)
+    over_frames = html.figure(drawn_e, "mean and band of the modulus over the frames", caption)
     index = max(range(len(first.used)), key=lambda number: first.used[number].force_n)
     shown = first.id, first.used[index].file
     look = look_at_all([next(frame for frame in evaluation.frames if (frame.eye, frame.file) == shown)])[0]
-    observed, caption = draw_observed_points(first, look.frame, index, *look.extent_m), "/".join(shown)
-    points = html.figure(
-        observed, "observed and predicted points before and after", said("points", frame=caption), "png"
-    )
+    observed = draw_observed_points(first, look.frame, index, *look.extent_m)
+    caption = said("points", frame="/".join(shown))
+    points = html.figure(observed, "observed and predicted points before and after", caption, "png")
     return html.section(
         "Young's modulus", html.paragraph(words), modulus_table(calibration, study), drawn(over_frames), drawn(points)
     )
@@ -367,30 +360,28 @@ def _mpa(modulus_pa: float) -> str:
 
 def _pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: str) -> html.Html:
     """Return a frame of each class, of its `rank`-th eye, and the slice simulated for its force (Figs. 6, 7)."""
-    chosen = [_typical(evaluation, target, rank) for target in range(reader.classes)]
-    pairs = [_pair(frame, reader.study) for frame in chosen if frame is not None]
+    pairs = [_pair(look, reader.study) for look in look_at_all(_typical(evaluation, rank))]
     likeness = np.mean([metrics.dice(pair.measured, pair.simulated) for pair in pairs])
     modulus_mpa = from_si(reader.study.eye.youngs_modulus_pa, "mpa")
     caption = said("pairs", modulus_mpa=modulus_mpa, figure=name, likeness=likeness)
-    return html.figure(
-        frame_figures.draw_slice_pairs(pairs), "frames beside simulated slices for each class", caption, "png"
-    )
+    drawn = frame_figures.draw_slice_pairs(pairs)
+    return html.figure(drawn, "frames beside simulated slices for each class", caption, "png")
 
 
-def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | None:
-    """Return the usable trial of median force of a class, from the eye that is `rank`-th in trials of the class."""
-    of_class = [f for f in evaluation.scored if f.target == target and f.answer.usable]
-    eyes = sorted({f.eye for f in of_class}, key=lambda eye: (-sum(f.eye == eye for f in of_class), eye))
-    if rank >= len(eyes):
-        return None
-    frames = sorted((f for f in of_class if f.eye == eyes[rank]), key=lambda f: f.measured_force_n or 0.0)
-    return frames[len(frames) // 2]
+def _typical(evaluation: Evaluation, rank: int) -> list[FrameAnswer]:
+    """Return the usable trial of median force of each class, from the eye that is `rank`-th in trials of the class."""
+    found = []
+    for target in range(len(evaluation.bounds_n) + 1):
+        of_class = [f for f in evaluation.scored if f.target == target and f.answer.usable]
+        eyes = sorted({f.eye for f in of_class}, key=lambda eye: (-sum(f.eye == eye for f in of_class), eye))
+        if rank < len(eyes):
+            frames = sorted((f for f in of_class if f.eye == eyes[rank]), key=lambda f: f.measured_force_n or 0.0)
+            found.append(frames[len(frames) // 2])
+    return found
 
 
-def _pair(answer: FrameAnswer, study: Study) -> frame_figures.SlicePair:
-    (look,) = look_at_all([answer])
-    measured = look.slice(study.slice)
-    force_n = max(answer.measured_force_n or 0.0, 0.0)
+def _pair(look: AnsweredFrame, study: Study) -> frame_figures.SlicePair:
+    measured, force_n = look.slice(study.slice), max(look.answer.measured_force_n or 0.0, 0.0)
     unloaded, section = LinearSections(eye_of(look.recording, study), study)([0.0, force_n])
     laid = _laid_on(section, float(unloaded.outer[:, 1].min()), measured, study)
     return frame_figures.SlicePair(look, measured, laid, study.slice.pixel_m)
@@ -398,15 +389,12 @@ def _pair(answer: FrameAnswer, study: Study) -> frame_figures.SlicePair:
 
 def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> Bytes:
     """Draw a section shifted to where it covers a slice best, in steps of half a pixel; `top_m`: unloaded wall."""
-    best, best_likeness = measured * 0, -1.0
-    steps = 0.5 * study.slice.pixel_m * np.arange(-12, 13)
-    for depth_m in steps:
-        for lateral_m in steps[4:-4]:
-            drawn = fill_section(section, slice_window(study.slice, top_m, float(lateral_m), float(depth_m)))
-            likeness = metrics.dice(drawn, measured)
-            if likeness > best_likeness:
-                best, best_likeness = drawn, likeness
-    return best
+    steps = (0.5 * study.slice.pixel_m * np.arange(-12, 13)).tolist()
+    drawn = (
+        fill_section(section, slice_window(study.slice, top_m, lateral_m, depth_m))
+        for depth_m, lateral_m in product(steps, steps[4:-4])
+    )
+    return max(drawn, key=lambda one: metrics.dice(one, measured))
 
 
 def _training_words(reader: Classifier, seconds: Mapping[str, float]) -> str:
@@ -456,11 +444,7 @@ def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: html.Htm
     bounds_n, caption = evaluation.bounds_n, "The paper's Table 3, under the standard names: 42 of 45."
     mine = html.confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {NAMES_REMARK}")
     paper = html.confusion_table(np.array(PAPER_CONFUSION), bounds_n, caption)
-    misread = [frame for frame in evaluation.scored if frame.misread]
-    missed = (
-        html.frame_table(evaluation, misread, "Misread trials.") if misread else html.paragraph("No trial was misread.")
-    )
-    return html.section("Reading the forces", mine, paper, gap, forces, missed)
+    return html.section("Reading the forces", mine, paper, gap, forces, _misread(evaluation, "the network"))
 
 
 def _deviations() -> html.Html:
