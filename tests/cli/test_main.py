@@ -190,6 +190,13 @@ def test_an_interruption_inside_a_library_is_not_an_internal_fault(
     assert capsys.readouterr().err == "error: interrupted\n"
 
 
+def test_help_is_a_command_as_well_and_a_misspelt_name_is_recognised(shell) -> None:
+    assert shell.run("help") == shell.run("--help")
+    assert shell.run("help", "read") == shell.run("read", "--help")
+    assert "Did you mean 'export'?" in shell.refused("exprt")
+    assert "Did you mean 'read'?" in shell.refused("help", "raed")
+
+
 def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
     command, script = tmp_path / "scleraforce", tmp_path / "completion"
     command.write_text(f"#!{sys.executable}\nfrom scleraforce.cli.main import main\nmain()\n")

@@ -30,6 +30,7 @@ FRAME = "eye-a/frames/0001.png"
 # The arguments of each command, in the folder below; {out} is new for each run.
 RUNS = {
     "init": "{out}",
+    "cite": "",
     "simulate": "--study small.toml --thickness-um 600 --force-mn 10",
     "phantom": "--study small.toml --out {out} --forces-mn 2,20 --thickness-um 600",
     "segment": FRAME + " --out {out}",

@@ -1,4 +1,4 @@
-"""`scleraforce demo`, `doctor`, `init` and `reproduce`: a first session."""
+"""`scleraforce demo`, `doctor`, `init`, `cite` and `reproduce`: a first session."""
 
 import platform
 import sys
@@ -26,6 +26,20 @@ if TYPE_CHECKING:
     from scleraforce.reproduction.run import Progress
 
 REMEDY = " " * 25 + "-> "
+BIBTEX = f"""\
+@software{{scleraforce,
+  title = {{scleraforce: the force of a needle on the eye, read from a single {{OCT}} slice}},
+  author = {{{{The scleraforce authors}}}},
+  version = {{{__version__}}},
+  license = {{BSD-3-Clause}}
+}}
+
+@article{{mendizabal2020force,
+  title = {{Force classification during robotic interventions through simulation-trained neural networks}},
+  author = {{Mendizabal, Andrea and Sznitman, Raphael and Cotin, Stephane}},
+  journal = {{International Journal of Computer Assisted Radiology and Surgery}},
+  year = {{2020}}
+}}"""
 
 
 @click.command(cls=Command)
@@ -101,6 +115,12 @@ def doctor() -> Report:
 def _lines(finding: "Finding") -> list[str]:
     lines = [wrapped(finding.found, f"{finding.state:<8} {finding.name:<15} ")]
     return [*lines, wrapped(finding.remedy, REMEDY)] if finding.remedy else lines
+
+
+@click.command(cls=Command)
+def cite() -> Report:
+    """Print BibTeX entries of this software and of the paper whose method it has."""
+    return Report({"bibtex": BIBTEX}, BIBTEX.splitlines())
 
 
 @click.command(cls=Command)

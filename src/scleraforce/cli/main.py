@@ -18,29 +18,43 @@ INTERRUPTED = 130
 interrupted = Event()  # by a signal that reached a callback of a library only
 FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 
-# Command -> its module in `cli`, and one line of help.
-COMMANDS = {
-    "demo": ("first", "Simulate and read a small session, as a web page."),
-    "doctor": ("first", "Check this installation, and say what is missing."),
-    "init": ("first", "Write a commented study.toml."),
-    "simulate": ("virtual", "Bend one eye by one force."),
-    "phantom": ("virtual", "Make a virtual acquisition: raw B-scans and a force log."),
-    "import": ("import_", "Import frames and forces of other programs."),
-    "segment": ("frames", "Find the wall in raw frames."),
-    "scanner": ("scanner", "Measure a scanner on its frames, to simulate it."),
-    "library": ("train", "Compute a library of finite-strain load paths."),
-    "calibrate": ("recordings", "Estimate Young's modulus from recordings."),
-    "generate": ("train", "Simulate the slices that a classifier learns from."),
-    "train": ("train", "Train a classifier, a reader or a wall finder."),
-    "read": ("frames", "Read the force, or its class, from single frames."),
-    "evaluate": ("recordings", "Compare a model's answers with recordings."),
-    "show": ("show", "Describe or draw a study, recording, model, ..."),
-    "export": ("show", "Write a recording or answers for other programs."),
-    "monitor": ("monitor", "Tell a robot, from live B-scans, when to withdraw."),
-    "monitor-reset": ("monitor", "Reset the monitor after a withdrawal."),
-    "replay": ("replay", "Play a recording to a monitor as a scanner would."),
-    "reproduce": ("first", "Run the whole pipeline and write an HTML report."),
+# Group of the help -> command -> its module in `cli`, and one line of help.
+GROUPS = {
+    "Start": {
+        "demo": ("first", "Simulate and read a small session, as a web page."),
+        "doctor": ("first", "Check this installation, and say what is missing."),
+        "init": ("first", "Write a commented study.toml."),
+        "cite": ("first", "Print BibTeX entries of the software and the paper."),
+    },
+    "Data": {
+        "import": ("import_", "Import frames and forces of other programs."),
+        "phantom": ("virtual", "Make a virtual acquisition: raw B-scans and a force log."),
+        "show": ("show", "Describe or draw a study, recording, model, ..."),
+        "export": ("show", "Write a recording or answers for other programs."),
+    },
+    "Read": {
+        "segment": ("frames", "Find the wall in raw frames."),
+        "calibrate": ("recordings", "Estimate Young's modulus from recordings."),
+        "read": ("frames", "Read the force, or its class, from single frames."),
+        "evaluate": ("recordings", "Compare a model's answers with recordings."),
+    },
+    "Train": {
+        "library": ("train", "Compute a library of finite-strain load paths."),
+        "generate": ("train", "Simulate the slices that a classifier learns from."),
+        "train": ("train", "Train a classifier, a reader or a wall finder."),
+        "scanner": ("scanner", "Measure a scanner on its frames, to simulate it."),
+    },
+    "Live": {
+        "monitor": ("monitor", "Tell a robot, from live B-scans, when to withdraw."),
+        "monitor-reset": ("monitor", "Reset the monitor after a withdrawal."),
+        "replay": ("replay", "Play a recording to a monitor as a scanner would."),
+    },
+    "Research": {
+        "simulate": ("virtual", "Bend one eye by one force."),
+        "reproduce": ("first", "Run the whole pipeline and write an HTML report."),
+    },
 }
+COMMANDS = {name: entry for commands in GROUPS.values() for name, entry in commands.items()}
 ALIASES = {"classify": "read"}
 
 
@@ -61,8 +75,10 @@ class _LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - as above
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, words) for name, (_, words) in COMMANDS.items()])
+        width = max(map(len, COMMANDS))
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(f"{name:<{width}}", words) for name, (_, words) in commands.items()])
 
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
@@ -71,8 +87,12 @@ def cli() -> None:
     """Read the force of a needle on the eye from a single OCT slice.
 
     Exit codes: 0 done, 1 internal fault, 2 bad input or usage, 3 unusable frames
-    (segment --strict), 130 interrupted.
+    (segment --strict), 130 interrupted. `scleraforce help COMMAND` explains a
+    command.
     """
+
+
+cli.commands.update({name: click.Command(name) for name in COMMANDS})  # the names that click suggests for a typo
 
 
 def main() -> None:
@@ -99,6 +119,8 @@ def _note_interruption(fault: "sys.UnraisableHookArgs") -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command; return its exit code. A failure is one line; a file's system error or a full disk is 2."""
+    if arguments[:1] == ["help"]:
+        arguments = [*arguments[1:], "--help"]
     try:
         done = cli.main(arguments, prog_name="scleraforce", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as usage:
