@@ -104,8 +104,10 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(fold
             push(scanner, 8, 20)
             assert run(["monitor-reset", "--port", str(monitor.port), "--token", "wrong"]) == 2
             assert {status.code for status in scanner.statuses()[-5:]} == {3}
-            reset = ["monitor-reset", "--port", str(monitor.port), "--token", monitor.token]
+            (code,) = (line.split()[1].rstrip(",") for line in monitor.lines if line.startswith("code"))
+            reset = ["monitor-reset", "--port", str(monitor.port), "--token", code]
             wait_until(lambda: _after(scanner, 8).code == 3 and run(reset) == 0)
+            assert run(reset) == 2  # each code is for one reset
             _wait_at_rest(scanner, monitor)
         monitor.process.send_signal(signal.SIGINT)
         told, _ = monitor.process.communicate(timeout=FUSE_S)

@@ -7,7 +7,16 @@ from small_monitor import TOKEN, Peer, serving
 from waiting import FUSE_S
 
 from scleraforce.openigtlink import Text, encode
-from scleraforce.service.reset import ANSWERED, WITHIN_S, ResetToken, ask_reset, token_digest
+from scleraforce.service.reset import (
+    ANSWERED,
+    LOCKED_S,
+    WITHIN_S,
+    WRONG_CODES,
+    ResetCode,
+    ResetToken,
+    ask_reset,
+    token_digest,
+)
 
 
 def withdrawn_but_harmless(scanner: Peer) -> None:
@@ -61,3 +70,21 @@ def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_mean
     assert not token.knows("wrong")
     assert not token.knows("\ud800")
     assert token.answers_wrong(WITHIN_S)
+
+
+def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_one_reset() -> None:
+    code = ResetCode()
+    wrong = f"{(int(code.digits) + 1) % 10**6:06d}"
+    assert code.digits in code.line
+    for _ in range(3):  # the right one forgives those before it
+        assert not any(code.knows(guess, 0.0) for guess in [wrong] * (WRONG_CODES - 1) + ["", "12345", TOKEN])
+        assert code.knows(code.digits, 0.0)
+    assert not any(code.knows(wrong, 1.0) for _ in range(WRONG_CODES))
+    assert code.locked(1.0 + 0.99 * LOCKED_S)
+    assert not code.knows(code.digits, 1.0 + 0.99 * LOCKED_S)
+    assert code.knows(code.digits, 1.0 + LOCKED_S)
+    used = {code.digits}
+    for _ in range(3):
+        code.renew()
+        used.add(code.digits)
+    assert len(used) > 1

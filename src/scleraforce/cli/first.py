@@ -28,16 +28,19 @@ if TYPE_CHECKING:
 REMEDY = " " * 25 + "-> "
 BIBTEX = f"""\
 @software{{scleraforce,
-  title = {{scleraforce: the force of a needle on the eye, read from a single {{OCT}} slice}},
+  title = {{scleraforce: the force of a needle on the eye,
+           read from a single {{OCT}} slice}},
   author = {{{{The scleraforce authors}}}},
   version = {{{__version__}}},
   license = {{BSD-3-Clause}}
 }}
 
 @article{{mendizabal2020force,
-  title = {{Force classification during robotic interventions through simulation-trained neural networks}},
+  title = {{Force classification during robotic interventions
+           through simulation-trained neural networks}},
   author = {{Mendizabal, Andrea and Sznitman, Raphael and Cotin, Stephane}},
-  journal = {{International Journal of Computer Assisted Radiology and Surgery}},
+  journal = {{International Journal of Computer Assisted Radiology
+             and Surgery}},
   year = {{2020}}
 }}"""
 

@@ -89,7 +89,7 @@ def monitor(
     Frames arrive as OpenIGTLink IMAGE messages. The monitor answers each one
     with a STATUS `ForceMonitor`, which it also sends every 50 ms. Any code but
     1, or 150 ms of silence, means withdraw. A withdrawal ends only with a
-    reset: `scleraforce monitor-reset`, or the console, with the token that is
+    reset: `scleraforce monitor-reset`, or the console, with the code that is
     printed at the start. Ctrl-C ends the monitor, with exit code 0. Linux only.
 
     Example: scleraforce monitor reader --calibration modulus.json --eye eye-a
@@ -141,7 +141,7 @@ def monitor(
     with closing(Notes(_write_line)) as notes:
         with ExitStack() as until_ended, monitor_service(reader.path, reader, settings, notes) as (server, address):
             until_ended.enter_context(_ended_by_signals(server.stop))
-            for line in _greeting(reader, settings, address, doubt):
+            for line in _greeting(reader, settings, address, doubt, server.code.line):
                 notes(line)
             server.run()
             summary = server.session.summary()
@@ -217,7 +217,9 @@ def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "Monitor
     )
 
 
-def _greeting(reader: "Reader", settings: "MonitorSettings", address: "Address", doubt: str | None) -> Iterator[str]:
+def _greeting(
+    reader: "Reader", settings: "MonitorSettings", address: "Address", doubt: str | None, code: str
+) -> Iterator[str]:
     from scleraforce.service.monitor_service import session_scan
 
     limits, scan = settings.limits, session_scan(settings)
@@ -240,6 +242,7 @@ def _greeting(reader: "Reader", settings: "MonitorSettings", address: "Address",
     yield f"withdraws  at class {limits.withdraw_class}{forces}"
     yield f"listens    on {address.host}:{address.port} (OpenIGTLink)"
     yield f"black box  {settings.black_box}"
+    yield code
     yield f"reset      scleraforce monitor-reset --port {address.port} --token {settings.token}"
 
 
@@ -302,7 +305,7 @@ def _write_line(text: str) -> None:
 
 
 @click.command(cls=Command)
-@click.option("--token", required=True, help="The token that the monitor printed when it started.")
+@click.option("--token", required=True, help="The token that the monitor printed when it started, or its code.")
 @options("host", "port")
 def monitor_reset(token: str, host: str, port: int) -> Report:
     """Ask the monitor to leave a withdrawal.

@@ -1,13 +1,16 @@
-"""The operator's reset: its token, the check of a token, and the request from a terminal.
+"""The operator's reset: the token of programs, the code of operators, their checks, the request from a terminal.
 
 Over OpenIGTLink, a STRING `ForceReset` with the token requests a reset, and another STRING answers.
 """
 
 import hmac
 import json
+import re
+import secrets
 import socket
 from collections import deque
 from hashlib import sha256
+from math import inf
 from time import monotonic, time
 
 from scleraforce.errors import InputError, ProtocolError
@@ -15,6 +18,8 @@ from scleraforce.openigtlink import Decoder, Received, Text, encode
 
 RESET_DEVICE = "ForceReset"
 ANSWERED, WITHIN_S = 10, 10.0  # wrong tokens, of all clients together
+CODE = re.compile(r"[0-9]{6}")
+WRONG_CODES, LOCKED_S = 5, 60.0
 ANSWER_S = 2.0
 PIECE = 65536
 
@@ -45,6 +50,40 @@ class ResetToken:
             return False
         self._answered_s.append(now_s)
         return True
+
+
+class ResetCode:
+    """The six digits that an operator types; `WRONG_CODES` wrong ones lock them for `LOCKED_S`.
+
+    Five guesses a minute find it in 70 days, in the mean.
+    """
+
+    def __init__(self) -> None:
+        self._wrong, self._locked_until_s = 0, -inf
+        self.renew()
+
+    def renew(self) -> None:
+        """Draw new digits: each code is for one reset."""
+        self.digits = f"{secrets.randbelow(10**6):06d}"
+
+    @property
+    def line(self) -> str:
+        """The line that gives it to the operator."""
+        return f"code       {self.digits}, for the next reset by hand"
+
+    def knows(self, code: str, now_s: float) -> bool:
+        """Return whether a code is the right one and not locked; count a wrong one."""
+        if self.locked(now_s) or not CODE.fullmatch(code):
+            return False
+        right = hmac.compare_digest(code, self.digits)
+        self._wrong = 0 if right else self._wrong + 1
+        if self._wrong == WRONG_CODES:
+            self._wrong, self._locked_until_s = 0, now_s + LOCKED_S
+        return right
+
+    def locked(self, now_s: float) -> bool:
+        """Return whether no code is accepted now."""
+        return now_s < self._locked_until_s
 
 
 def ask_reset(host: str, port: int, token: str, within_s: float = ANSWER_S) -> tuple[bool, str]:

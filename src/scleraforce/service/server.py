@@ -27,7 +27,7 @@ from scleraforce.service.clients import Clients, Connection, Outgoing, RateLimit
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import NEEDLE_DEVICE, READING_DEVICE, STATUS_DEVICE
-from scleraforce.service.reset import RESET_DEVICE, ResetToken, token_digest
+from scleraforce.service.reset import LOCKED_S, RESET_DEVICE, WRONG_CODES, ResetCode, ResetToken, token_digest
 from scleraforce.service.scanner_image import FrameAssembler
 from scleraforce.service.session import Frame, Session
 from scleraforce.units import from_si, to_si
@@ -76,7 +76,7 @@ class Server:
         self._noted = session.decision.state
         self._notes, self._forces = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE), RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
         self._left_out = 0
-        self._token = ResetToken(token_digest(settings.token))
+        self._token, self.code = ResetToken(token_digest(settings.token)), ResetCode()
         self._stopping = False
 
     def stop(self) -> None:
@@ -304,7 +304,7 @@ class Server:
                 if fault:
                     self._note(fault)
             case messages.ResetAsked(request=request, token=token):
-                granted, text = self._reset(token, now_s)
+                granted, text = self._reset(self._knows(token, now_s), now_s)
                 answer = messages.ResetAnswered(request=request, granted=granted, message=text)
                 self._companions.send(CONSOLE, answer, now_s)
             case messages.ListensAt(url=url):
@@ -314,21 +314,30 @@ class Server:
             case messages.WithdrawalKept(folder=folder):
                 self._note(f"the last seconds were kept in {folder}")
 
-    def _reset(self, token: str, now_s: float) -> tuple[bool, str]:
-        """Return whether a reset is granted, and the message to answer with."""
-        if not self._token.knows(token):
-            self._note_client("a reset with a wrong token")
-            return False, "the token is wrong; the monitor printed the right one at its start"
-        self._decide("reset", Reset(now_s))
-        return self.session.decision.code == 1, self.session.decision.message
+    def _knows(self, secret: str, now_s: float) -> bool:
+        """Return whether this is the program's token or the operator's code."""
+        return self._token.knows(secret) or self.code.knows(secret, now_s)
 
-    def _reset_by_client(self, client: Connection, token: str, now_s: float) -> None:
-        wrong = not self._token.knows(token)
-        if wrong and not self._token.answers_wrong(now_s):
+    def _reset(self, known: bool, now_s: float) -> tuple[bool, str]:
+        """Return whether a reset is granted, and the message to answer with; each code is for one reset."""
+        if not known:
+            self._note_client("a reset with a wrong token")
+            if self.code.locked(now_s):
+                return False, f"{WRONG_CODES} wrong codes: none is accepted for {LOCKED_S:.0f} s; the token is"
+            return False, "the token or code is wrong; the monitor printed the right ones"
+        self._decide("reset", Reset(now_s))
+        if granted := self.session.decision.code == 1:
+            self.code.renew()
+            self._note(self.code.line)
+        return granted, self.session.decision.message
+
+    def _reset_by_client(self, client: Connection, secret: str, now_s: float) -> None:
+        known = self._knows(secret, now_s)
+        if not known and not self._token.answers_wrong(now_s):
             client.wrong_tokens = WRONG_TOKENS
         else:
-            client.wrong_tokens += wrong
-            granted, text = self._reset(token, now_s)
+            client.wrong_tokens += not known
+            granted, text = self._reset(known, now_s)
             answer = Text(json.dumps({"granted": granted, "message": text}))
             self._clients.send(client, Outgoing(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
         if client.wrong_tokens >= WRONG_TOKENS:

@@ -263,7 +263,7 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(sh
         assert monitor.child.channel.receive() == []
         page.keyboard.type("wrong")
         page.keyboard.press("Enter")
-        found.shows(refusal="Refused: the token is wrong; the monitor printed the right one at its start")
+        found.shows(refusal="Refused: the token or code is wrong; the monitor printed the right ones")
         assert monitor.hear(WrongTokens).count == 1
         assert page.locator("#token").input_value() == ""
         page.keyboard.type(TOKEN)

@@ -25,6 +25,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from scleraforce.service.console.hub import MOST_PAGES
 from scleraforce.service.messages import Outline, ResetAnswered, ResetAsked, WrongTokens
+from scleraforce.service.reset import ANSWERED
 
 MOST = 128  # connections that are kept
 FRAME = np.tile(np.arange(0, 64 * 60, 60, dtype=np.uint16)[:, None], (1, 96))
@@ -221,6 +222,22 @@ def test_a_reset_goes_to_the_monitor_with_its_token_and_comes_back_with_its_answ
     operator_resets(monitor)
 
 
+def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_does_not(monitor: ConsoleMonitor) -> None:
+    with ExitStack() as stack:
+        guessers = [stack.enter_context(closing(post(monitor, f"{number:06d}"))) for number in range(ANSWERED + 5)]
+        asked = wrong = 0
+        while asked < ANSWERED or wrong < 5:
+            match monitor.hear(ResetAsked | WrongTokens):
+                case WrongTokens(count=count):
+                    wrong += count
+                case ResetAsked(request=request):
+                    asked += 1
+                    monitor.tell(ResetAnswered(request=request, granted=False, message="asked"))
+        said = [json.loads(guesser.getresponse().read())["message"] for guesser in guessers]
+    assert (said.count("asked"), sum("wrong" in words for words in said)) == (ANSWERED, 5)
+    operator_resets(monitor)
+
+
 def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(monitor: ConsoleMonitor) -> None:
     """The stalled one never answers: it has a few messages and one picture, whatever happens meanwhile."""
     monitor.entry("WATCHING")
@@ -299,7 +316,7 @@ def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_he
         guessers = [stack.enter_context(closing(post(monitor, f"wrong {number}"))) for number in range(60)]
         said = [json.loads(guesser.getresponse().read()) for guesser in guessers]
         assert {(answer["granted"], answer["message"].split(";")[0]) for answer in said} == {
-            (False, "the token is wrong")
+            (False, "the token or code is wrong")
         }
         counted = 0
         while counted < 60:
