@@ -148,7 +148,7 @@ def test_the_tip_touches_the_wall() -> None:
     window, rng = FrameWindow.of(STUDY.raw_reader), np.random.default_rng(4)
     depth = np.full((1, 2, window.columns), 1.5e-3)
     optics = [raw_reader.draw_optics(STUDY, 0.0, rng)]
-    (shaft,) = raw_reader.draw_shafts(optics, depth, np.array([0.4e-3]), np.zeros(1), STUDY, window)
+    (shaft,) = raw_reader.draw_shafts(optics, depth, np.array([0.4e-3]), np.zeros(1), STUDY)
     rows, columns = np.nonzero(shaft.inside)
     lowest = columns[rows == rows.max()] - window.columns / 2
     assert rows.max() * window.row_m == pytest.approx(1.45e-3, abs=0.06e-3)

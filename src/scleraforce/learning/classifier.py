@@ -9,7 +9,7 @@ sample (Inoue, "Multi-sample dropout", 2019) are cheap: the first layer, most of
 import hashlib
 import threading
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise, product
@@ -222,16 +222,8 @@ def fit(
             yield loss, len(index)
         rows.append((right / len(training), *_measure(network, centre, *unseen)))
 
-    fitted = trained(
-        lambda: build_network(int(varies.sum()), study, classes),
-        epoch,
-        (number for number in range(study.epochs)),
-        study,
-        study.epochs * batches,
-        progress,
-        CLASSIFIER_THREADS,
-        device,
-    )
+    build, numbers = partial(build_network, int(varies.sum()), study, classes), (n for n in range(study.epochs))
+    fitted = trained(build, epoch, numbers, study, study.epochs * batches, progress, CLASSIFIER_THREADS, device)
     curves = Curves(fitted.training_loss, *zip(*rows, strict=True))
     return Fitted(trained_network(fitted.network, mean, varies), curves)
 
@@ -275,7 +267,7 @@ def grid(study: NetworkStudy) -> tuple[tuple[int, ...], ...]:
     return tuple((width,) * depth for depth, width in product(study.search_depths, study.search_widths))
 
 
-def best(candidates: tuple[Candidate, ...]) -> int:
+def best(candidates: Sequence[Candidate]) -> int:
     """Return the number of the candidate with the highest validation accuracy; of equal ones, the fewest weights."""
     reached = [(-entry.validation_accuracy, entry.weights, number) for number, entry in enumerate(candidates)
                if entry.validation_accuracy is not None]  # fmt: skip
@@ -298,29 +290,25 @@ def search_sizes(
     Whoever trains, the result is the same on one kind of processor. The validation set chooses, so the accuracy of the
     chosen size is slightly flattered.
     """
-    sizes = grid(study)
-    candidates: tuple[Candidate, ...] = ()
-    kept: tuple[NetworkStudy, Fitted] | None = None
-    here, numbers = workers is None, range(len(sizes))
+    sizes, fitted, candidates = grid(study), list[Fitted | None](), list[Candidate]()
     train = partial(fit, training=training, validation=validation, classes=classes, device=device)
-    train = partial(train, progress=progress if here else None)
+    train = partial(train, progress=progress if workers is None else None)
     prepare = partial(partial, _try_size, train, study)  # gives the function of a size's number
+    numbers = range(len(sizes))
     tried = map(prepare(), numbers) if workers is None else work_in_order(prepare, numbers, workers, ahead=len(sizes))
-    for hidden, fitted in zip(sizes, tried, strict=True):
-        if progress and not here:
+    for hidden, found in zip(sizes, tried, strict=True):
+        if progress and workers is not None:
             progress(study.epochs)
-        candidate = Candidate(
-            hidden=hidden,
-            weights=sum((a + 1) * b for a, b in pairwise((training.pixels.shape[1], *hidden, classes))),
-            validation_accuracy=fitted.curves.validation_accuracy[-1] if fitted else None,
-            validation_loss=fitted.curves.validation_loss[-1] if fitted else None,
+        weights = sum((a + 1) * b for a, b in pairwise((training.pixels.shape[1], *hidden, classes)))
+        accuracy, loss = (
+            (found.curves.validation_accuracy[-1], found.curves.validation_loss[-1]) if found else (None, None)
         )
-        candidates = (*candidates, candidate)
-        if fitted and best(candidates) == len(candidates) - 1:
-            kept = replace(study, hidden=hidden), fitted
-    best(candidates)
-    assert kept is not None
-    return candidates, *kept
+        fitted.append(found)
+        candidates.append(Candidate(hidden=hidden, weights=weights, validation_accuracy=accuracy, validation_loss=loss))
+    chosen = best(candidates)
+    network = fitted[chosen]
+    assert network is not None
+    return tuple(candidates), replace(study, hidden=sizes[chosen]), network
 
 
 _one_training = threading.Lock()  # PyTorch's random numbers belong to the process, which may be a worker of threads

@@ -19,16 +19,10 @@ from scleraforce.known import Known
 from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
+from scleraforce.learning import samples
 from scleraforce.learning.descent import Fitted, drawn_ahead, tensor, torch, trained
 from scleraforce.learning.reader import ReaderNetwork, compared, fit_reader, reader_loss, targets
-from scleraforce.learning.samples import (
-    RawSamples,
-    Source,
-    concatenated,
-    draw_framed,
-    library_of_tissue,
-    validation_chunks,
-)
+from scleraforce.learning.samples import RawSamples, Source, concatenated
 from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, eye_scores, network_score, of_population, wall_depths
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
@@ -117,14 +111,10 @@ def draw_optics(study: Study, needle_gap_m: float | None, rng: np.random.Generat
 
 
 def draw_shafts(
-    optics: Sequence[BscanOptics],
-    depth_sbc: Floats,
-    contact_m: Floats,
-    rotation_rad: Floats,
-    study: Study,
-    window: FrameWindow,
+    optics: Sequence[BscanOptics], depth_sbc: Floats, contact_m: Floats, rotation_rad: Floats, study: Study
 ) -> list[DrawnShaft]:
-    """Return the needles of frames in a window's cells; frames without a needle in their optics give none."""
+    """Return the needles of reduced frames; frames without a needle in their optics give none."""
+    window = FrameWindow.of(study.raw_reader)
     width_m, depth_m = window.columns * window.column_m, window.rows * window.row_m
     cells = replace(study.oct, width_m=width_m, depth_m=depth_m, columns=window.columns, rows=window.rows)
     places = zip(optics, depth_sbc[:, OUTER], contact_m.tolist(), rotation_rad.tolist(), strict=True)
@@ -161,10 +151,10 @@ class RawSource:
     def _drawn(self, reader: ReaderStudy, count: int, needle: bool, rng: np.random.Generator) -> RawSamples:
         """Draw samples of a reader's study, all with a needle or all without."""
         study, window = self.study, FrameWindow.of(self.study.raw_reader)
-        library = library_of_tissue(self.library, reader, rng)
-        eyes, framing, depth_sbc = draw_framed(library, reader, window_columns(window), count, rng)
+        library = samples.library_of_tissue(self.library, reader, rng)
+        eyes, framing, depth_sbc = samples.draw_framed(library, reader, window_columns(window), count, rng)
         optics = [draw_optics(study, gap_m if needle else None, rng) for gap_m in eyes.gap_m.tolist()]
-        shafts = draw_shafts(optics, depth_sbc, framing.lateral_m, eyes.rotation_rad, study, window)
+        shafts = draw_shafts(optics, depth_sbc, framing.lateral_m, eyes.rotation_rad, study)
         frames, boundary_rows = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
         trained = read_by_fit(study.reader)
         pairs = boundary_rows.reshape(count, 2, -1, 2).mean(axis=3)  # at every second column
@@ -191,16 +181,9 @@ def fit_raw_reader(
     on_slices = replace(study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed))
     slices = Source.of(library, on_slices.reader, study.slice)
     reads_slices = fit_reader(on_slices, slices.chunk, workers, progress, device).network
-    alone = raw.wall_share * raw.batches
-    return trained(
-        lambda: RawReaderNetwork(study, reads_slices),
-        lambda network, step, batch: [(_loss(network, batch, study, wall_alone=step < alone), 1)],
-        _batches(RawSource.of(library, study), raw, workers),
-        raw,
-        raw.batches,
-        learned,
-        device=device,
-    )
+    build, losses_of = partial(RawReaderNetwork, study, reads_slices), partial(_losses, study)
+    drawn = _batches(RawSource.of(library, study), raw, workers)
+    return trained(build, losses_of, drawn, raw, raw.batches, learned, device=device)
 
 
 def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[RawSamples, None, None]:
@@ -216,19 +199,20 @@ def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[
             left = left.picked(np.arange(raw.batch_size, len(left)))
 
 
-def _loss(network: RawReaderNetwork, batch: RawSamples, study: Study, *, wall_alone: bool) -> torch.Tensor:
-    """Return the mean loss of a batch."""
+def _losses(study: Study, network: RawReaderNetwork, number: int, batch: RawSamples) -> tuple[tuple[torch.Tensor, int]]:
+    """Return the mean loss of a draw, which is a batch; of the first ones it is the wall's alone."""
+    raw = study.raw_reader
     frames, given, boundaries = (tensor(each) for each in (batch.frames, batch.given, batch.boundary_rows))
     mixtures, places, row_logits, wall_logits = network(frames, given)
-    loss = finder_loss(row_logits, wall_logits, boundaries, torch.ones_like(wall_logits), study.raw_reader.target_rows)
-    if wall_alone:
-        return loss
-    return loss + reader_loss(mixtures, places, *targets(batch, study.reader))
+    loss = finder_loss(row_logits, wall_logits, boundaries, torch.ones_like(wall_logits), raw.target_rows)
+    if number >= raw.wall_share * raw.batches:
+        loss = loss + reader_loss(mixtures, places, *targets(batch, study.reader))
+    return ((loss, 1),)
 
 
 def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Study) -> dict[str, Any]:
     """Return `metrics` of `model.json`, of `[raw_reader] validation_frames` new frames."""
-    parts = validation_chunks(source.chunk, study.raw_reader.validation_frames, FRAMES_TOGETHER)
+    parts = samples.validation_chunks(source.chunk, study.raw_reader.validation_frames, FRAMES_TOGETHER)
     with torch.inference_mode():
         read = [network(torch.from_numpy(part.frames), torch.from_numpy(part.given))[:2] for part in parts]
     return compared(read, concatenated(parts), study)

@@ -10,6 +10,7 @@ them mirror images: a wall costs more time to draw than to learn from.
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -167,17 +168,19 @@ def fit_reader(
 
     The same study and library give the same weights on the same machine, for any number of drawing processes (0: here).
     """
-    reader = study.reader
-    chunks, done = -(-reader.samples_per_epoch // CHUNK), count(1)
-    fitted = descent.trained(
-        lambda: ReaderNetwork(reader, study.slice, study.eye.radius_m),
-        lambda network, _, samples: _losses(network, samples, reader),
-        _rounds(draw, reader, reader.epochs * chunks, workers),
-        reader,
-        steps=reader.epochs * chunks * -(-CHUNK // reader.batch_size),
-        progress=lambda _: progress(1) if progress and next(done) % chunks == 0 else None,
-        device=device,
+    reader, done = study.reader, count(1)
+    chunks = -(-reader.samples_per_epoch // CHUNK)
+    rounds, steps = reader.epochs * chunks, reader.epochs * chunks * -(-CHUNK // reader.batch_size)
+
+    def report(_: int) -> None:
+        if progress and next(done) % chunks == 0:
+            progress(1)
+
+    build, drawn = (
+        partial(ReaderNetwork, reader, study.slice, study.eye.radius_m),
+        _rounds(draw, reader, rounds, workers),
     )
+    fitted = descent.trained(build, partial(_losses, reader), drawn, reader, steps, report, device=device)
     of_epochs = np.reshape(fitted.training_loss, (reader.epochs, chunks)).mean(axis=1)
     return Fitted(fitted.network, tuple(of_epochs.tolist()))
 
@@ -196,7 +199,9 @@ def _rounds(
                 yield samples.mirrored()
 
 
-def _losses(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Iterator[tuple[torch.Tensor, int]]:
+def _losses(
+    reader: ReaderStudy, network: ReaderNetwork, _: int, samples: ReaderSamples
+) -> Iterator[tuple[torch.Tensor, int]]:
     """Yield the mean losses of the batches of samples, and their sizes."""
     slices, given = _tensors(samples)
     force, place_mm = targets(samples, reader)

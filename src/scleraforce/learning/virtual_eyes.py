@@ -77,11 +77,6 @@ class VirtualEye:
     drift: float
     largest_n: float
 
-    @property
-    def stiffening(self) -> float:
-        """B of its tissue."""
-        return self.model.library.stiffening
-
 
 @dataclass(frozen=True, eq=False)
 class VirtualFrame:
@@ -258,9 +253,9 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
     low, high = study.reader.youngs_modulus_pa.bounds
     mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
     modulus = Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population")
-    stiffening, walls = 0.0, eye.model.library.stiffenings
-    if eye.stiffening > 0.0:  # of other eyes with tissue that stiffens
-        other = np.expm1(np.log1p(eye.stiffening) + POPULATION_STIFFENING_SD * rng.standard_normal())
+    stiffening, own, walls = 0.0, eye.model.library.stiffening, eye.model.library.stiffenings
+    if own > 0.0:  # of other eyes with tissue that stiffens
+        other = np.expm1(np.log1p(own) + POPULATION_STIFFENING_SD * rng.standard_normal())
         stiffening = float(np.clip(other, walls[0], walls[-1]))
     return replace(known_of_constants(eye.stated, modulus), stiffening=stiffening)
 

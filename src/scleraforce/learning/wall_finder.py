@@ -48,15 +48,13 @@ class WallFinderNetwork(torch.nn.Module):
         super().__init__()
         self.rows, self.columns = study.rows, study.columns
         sizes = study.channels
-        self.down = torch.nn.ModuleList()
-        self.level = torch.nn.ModuleList()
+        self.down, self.level = torch.nn.ModuleList(), torch.nn.ModuleList()
         for before, size in zip((INPUTS_OF_PIXEL, *sizes), sizes, strict=False):
             self.down.append(_convolution(before, size, stride=2))
             self.level.append(_convolution(size, size))
         self.deepest = torch.nn.ModuleList(_convolution(sizes[-1], sizes[-1]) for _ in range(2))
-        self.up = torch.nn.ModuleList()
-        for below, size in reversed(list(zip(sizes[1:], sizes, strict=False))):
-            self.up.append(_convolution(below + size, size))
+        widening = reversed(list(zip(sizes[1:], sizes, strict=False)))
+        self.up = torch.nn.ModuleList(_convolution(below + size, size) for below, size in widening)
         self.boundaries = torch.nn.Conv2d(sizes[0], 2 * BOUNDARIES, 1)
         self.wall = torch.nn.Conv1d(2 * sizes[0], 1, 1)
 
@@ -152,38 +150,30 @@ def fit_wall_finder(
 ) -> Fitted[WallFinderNetwork]:
     """Train the network; scenes and weights are the same for any number of workers (0: none), on the same machine."""
     finder = study.wall_finder
-    return trained(
-        lambda: WallFinderNetwork(finder),
-        lambda network, _, batch: [(_loss(network, batch, finder), 1)],
-        drawn_ahead(partial(scene_batch, study), range(finder.batches), workers),
-        finder,
-        finder.batches,
-        progress,
-        device=device,
-    )
+    build, losses_of = partial(WallFinderNetwork, finder), partial(_losses, finder)
+    drawn = drawn_ahead(partial(scene_batch, study), range(finder.batches), workers)
+    return trained(build, losses_of, drawn, finder, finder.batches, progress, device=device)
 
 
-def _loss(network: WallFinderNetwork, batch: SceneBatch, study: WallFinderStudy) -> torch.Tensor:
-    """Return the mean loss of a batch, a random half of its scenes mirrored."""
+def _losses(
+    study: WallFinderStudy, network: WallFinderNetwork, _: int, batch: SceneBatch
+) -> tuple[tuple[torch.Tensor, int]]:
+    """Return the mean loss of a draw, which is a batch, a random half of its scenes mirrored."""
     drawn = tuple(tensor(each) for each in (batch.frames, batch.boundaries, batch.weight))
     turned = torch.rand(len(batch.frames)) < 0.5
     for each in drawn:
         each[turned] = each[turned].flip(-1)
     frames, boundaries, weight = drawn
     row_logits, wall_logits = network(frames)
-    return finder_loss(row_logits, wall_logits, boundaries, weight, study.target_rows)
+    return ((finder_loss(row_logits, wall_logits, boundaries, weight, study.target_rows), 1),)
 
 
 def finder_loss(
-    row_logits: torch.Tensor,
-    wall_logits: torch.Tensor,
-    boundaries: torch.Tensor,
-    weight: torch.Tensor,
-    target_rows: float,
+    row_logits: torch.Tensor, wall_logits: torch.Tensor, boundaries: torch.Tensor, weight: torch.Tensor, blur: float
 ) -> torch.Tensor:
     """Return the mean loss of a batch: of boundaries' rows (n, 2, row, column), and of wall, weighted (n, column).
 
-    `boundaries` are the true rows (n, 2, column), NaN without wall, blurred by a standard deviation of `target_rows`.
+    `boundaries` are the true rows (n, 2, column), NaN without wall; `blur` is a standard deviation, in rows.
     """
     there = torch.isfinite(boundaries).all(dim=1)
     wall = torch.nn.functional.binary_cross_entropy_with_logits(wall_logits, there.float(), weight)
@@ -193,7 +183,7 @@ def finder_loss(
     seen = there[:, None].expand(-1, of_row.shape[1], -1)
     logs, true = of_row[seen], boundaries[seen]
     rows = torch.arange(logs.shape[1], dtype=logs.dtype)
-    target = torch.softmax(-((rows - true[:, None]) ** 2) / (2.0 * target_rows**2), dim=1)
+    target = torch.softmax(-((rows - true[:, None]) ** 2) / (2.0 * blur**2), dim=1)
     entropy = -(target * logs).sum(dim=1).mean()
     below = logs.exp().cumsum(dim=1) - target.cumsum(dim=1)
     return entropy + RANKED_WEIGHT * below.square().sum(dim=1).mean() + WALL_WEIGHT * wall

@@ -119,10 +119,8 @@ def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.ran
     first = int(touched[0]) + 10 if len(touched) else len(force_n)  # a few frames in contact
     over = np.flatnonzero(force_n >= HARMLESS_N)
     end_s = (frames_s[over[0]] if len(over) else frames_s[-1]) - WITHIN_S
-    possible = [
-        index for index in range(first, len(force_n)) if frames_s[index] <= end_s and force_n[index] > CONTACT_N
-    ]
-    if not possible:
+    possible = first + np.flatnonzero((force_n > CONTACT_N)[first:] & (frames_s <= end_s)[first:])
+    if not len(possible):
         raise InputError(
             f"{recording.path}: no room for a fault: {WITHIN_S:g} s between contact ({from_si(CONTACT_N, 'mn'):g} mN) "
             f"and {from_si(HARMLESS_N, 'mn'):g} mN are needed; use a slower ramp, or --fault-at-s"
@@ -182,29 +180,22 @@ def _silent(player: Player, began_s: float) -> bool:
 
 
 def _do(player: Player, act: Act, stamp_s: float) -> float:
-    """Do one act; return when the last byte of its first message was sent."""
+    """Do one act, as long as the monitor says OK; return when the last byte of its first message was sent."""
+    client, log, begun_s = player.client, player.log, list[float]()
     if act is None:
-        player.client.disconnect()
-    begun_s: float | None = None
-    for sending in act or ():
-        sent_s = _send(player, sending, stamp_s)
-        player.client.listen(player.client.clock())
-        begun_s = sent_s if begun_s is None else begun_s
-        if sent_s is None or not player.log.ok:
+        client.disconnect()
+    for number, sending in enumerate(act or ()):
+        if number and not log.ok:
             break
-    return player.client.clock() if begun_s is None else begun_s
-
-
-def _send(player: Player, sending: Sending, stamp_s: float) -> float | None:
-    """Send; return None if the monitor has disconnected this client, whose robot connection then hears the answer."""
-    message, time_s = sending.message, stamp_s + sending.late_s
-    try:
-        sent_s = player.client.send(message.stamped(time_s) if isinstance(message, Unstamped) else message)
-    except LinkError:
-        return None
-    if isinstance(message, Unstamped):
-        player.log.sent(sending.number, message.frame_id, sent_s)
-    return sent_s
+        message, time_s = sending.message, stamp_s + sending.late_s
+        try:
+            begun_s.append(client.send(message.stamped(time_s) if isinstance(message, Unstamped) else message))
+        except LinkError:  # the monitor has disconnected this client, whose robot connection hears the answer
+            break
+        if isinstance(message, Unstamped):
+            log.sent(sending.number, message.frame_id, begun_s[-1])
+        client.listen(client.clock())
+    return begun_s[0] if begun_s else client.clock()
 
 
 @dataclass

@@ -12,8 +12,9 @@ from itertools import islice, pairwise
 from math import ceil
 from select import select
 from time import monotonic, time
-from typing import Any
+from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 
 from scleraforce.errors import InputError, LinkError
@@ -35,6 +36,7 @@ WAITING = 1000  # frames without an answer that are remembered
 SUB_CODES = {cause.value: cause.name for cause in Cause}
 OK = State.WATCHING.value
 
+Value = TypeVar("Value")
 Hear = Callable[[float, str, Message], object]
 
 
@@ -291,17 +293,16 @@ class AnswerLog:
             self._changed = False
             self.changes[-1] = replace(
                 self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True,
-                force_mn=_number(reading.get("force_mn")), interval_mn=_interval(reading.get("interval_mn")),
+                force_mn=_plain(reading.get("force_mn"), float),
+                interval_mn=_plain(reading.get("interval_mn"), tuple[float, float]),
             )  # fmt: skip
 
 
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
-
-
-def _interval(value: object) -> tuple[float, float] | None:
-    ends = [_number(end) for end in value] if isinstance(value, list) else []
-    return (ends[0], ends[1]) if len(ends) == 2 and ends[0] is not None and ends[1] is not None else None
+def _plain(value: object, kind: type[Value]) -> Value | None:
+    """Return a value of a reading if it is of a kind, else None."""
+    with suppress(msgspec.ValidationError):
+        return msgspec.convert(value, kind)
+    return None
 
 
 FORCE_DEVICE = "RobotForce"
@@ -347,7 +348,7 @@ class Player:
         self.forces_sent, self.latest_s, self.last = 0, 0.0, 0
         self._watch, self._wall_clock = watch, wall_clock
         self._begun: tuple[float, float, float] | None = None
-        self._frame_went: tuple[float, float] | None = None
+        self._frame_went = 0.0, float("-inf")  # time in the recording, and when the last frame was sent
 
     def play(self, stop_s: float = float("inf")) -> None:
         """Play until a time of the recording, or its end; then wait a moment for the last answer."""
@@ -356,8 +357,7 @@ class Player:
         for timed in merge(self.frames(entries), forces, self._poses(entries)):
             self.send(timed)
         if stop_s == float("inf"):
-            self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
-            self._watch()
+            self._await_answer()
 
     def step(self, asked: Callable[[FrameEntry], bool]) -> None:
         """Send a frame, without forces, and wait for its answer, while `asked` returns True before each one."""
@@ -366,17 +366,17 @@ class Player:
                 return
             self.client.listen(self.client.clock())
             self._put(timed, self._wall_clock())
-            self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
-            self._watch()
+            self._await_answer()
+
+    def _await_answer(self) -> None:
+        self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
+        self._watch()
 
     def send(self, timed: Timed) -> float:
         """Wait until a message is due and send it; a late replay catches up by half of each interval, not at once."""
         due_s, stamp_s = self.due(timed.time_s)
-        earliest_s = due_s
-        if timed.number and self._frame_went is not None:
-            time_s, went_s = self._frame_went
-            earliest_s = max(due_s, went_s + (timed.time_s - time_s) / self.speed / 2)
-        self.client.listen(earliest_s)
+        time_s, went_s = self._frame_went if timed.number else (timed.time_s, due_s)
+        self.client.listen(max(due_s, went_s + (timed.time_s - time_s) / self.speed / 2))
         late_s = max(0.0, self.client.clock() - due_s)
         self.latest_s = max(self.latest_s, late_s)
         sent_s = self._put(timed, stamp_s + max(0.0, late_s - STATED_S))
@@ -402,7 +402,7 @@ class Player:
         self._watch()
         return sent_s
 
-    def frames(self, entries: tuple[FrameEntry, ...] | list[FrameEntry]) -> Iterator[Timed]:
+    def frames(self, entries: Sequence[FrameEntry]) -> Iterator[Timed]:
         """Yield frames in order, with `ahead` of them read in advance, also before the first one is yielded."""
         numbers = {entry.file: number for number, entry in enumerate(self.recording.frames, start=1)}
         with ThreadPoolExecutor(READERS) as pool:
