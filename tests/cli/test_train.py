@@ -26,7 +26,7 @@ from scleraforce.learning.dataset import open_dataset
 from scleraforce.library import build, build as library_build
 from scleraforce.library.store import open_library
 from scleraforce.models import SHIPPED_WALL_FINDER, check_place
-from scleraforce.notebook.libraries import library_for
+from scleraforce.notebook.calibrating import library_for
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.wall import find_wall

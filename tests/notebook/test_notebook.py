@@ -20,10 +20,9 @@ from scleraforce.errors import FrameError, InputError
 from scleraforce.known import REFERENCE_RIGIDITY
 from scleraforce.models import SHIPPED_READER
 from scleraforce.notebook import counting_for
-from scleraforce.notebook.calibrating import calibrate
+from scleraforce.notebook.calibrating import calibrate, library_for
 from scleraforce.notebook.frames import evaluate, read, segment
 from scleraforce.notebook.importing import SI_NAMES
-from scleraforce.notebook.libraries import library_for
 from scleraforce.notebook.training import train
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.answer import Reading

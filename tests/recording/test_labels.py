@@ -1,4 +1,4 @@
-"""Labels of frames, and logs that contradict their frames."""
+"""Labels of frames, logs that contradict their frames, and punctures: sudden falls to friction, not retractions."""
 
 import re
 from dataclasses import replace
@@ -13,6 +13,7 @@ from scleraforce.errors import RecordingError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.laboratory.pushes import sense
 from scleraforce.laboratory.virtual_eye import paper_eyes
+from scleraforce.recording import labels
 from scleraforce.recording.folder import ForceInfo, Recording, read_recording
 from scleraforce.recording.labels import first_contact, label_frames, label_notes, log_doubts, low_pass
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry, read_force_log
@@ -295,3 +296,46 @@ def test_forces_of_another_size_than_the_read_ones_are_doubted() -> None:
     (doubt,) = log_doubts(log, CLASSES, PUSHES_N.tolist(), in_newtons=True)
     assert doubt.startswith("forces.csv has 0.1 times the force that the frames show")
     assert log_doubts(recording(rng), CLASSES, (1.5 * PUSHES_N).tolist(), in_newtons=True) == ()
+
+
+RATE_HZ = 100.0
+NO_TRAVEL = np.full(1200, np.nan)
+
+
+def pushed(corners: list[tuple[float, float]], noise_n: float = 1e-3, seed: int = 0) -> tuple[ForceLog, np.ndarray]:
+    """A log of 12 s whose force is straight between corners (s, mN), with noise."""
+    time_s = np.arange(1200) / RATE_HZ
+    force_n = np.interp(time_s, *np.array(corners).T) * 1e-3
+    force_n += np.random.default_rng(seed).normal(0.0, noise_n, len(time_s))
+    return ForceLog(time_s, force_n[:, None], ("fz_n",)), force_n
+
+
+THROUGH = [(2.0, 0.0), (3.5, 30.0), (3.503, 9.0), (5.0, 9.0), (5.5, -9.0), (6.5, -9.0), (6.505, 0.0)]
+
+
+def test_a_sudden_fall_to_friction_is_a_puncture_and_slow_or_whole_ones_are_not() -> None:
+    for noise_n in (1e-4, 1e-3, 4e-3):
+        log, force_n = pushed([(2.0, 0.0), (3.5, 45.0), (3.503, 13.0), (9.0, 13.0)], noise_n)
+        assert labels.log_punctures(log, force_n, NO_TRAVEL) == [pytest.approx(3.5, abs=0.03)]
+    retracts = [(2.0, 0.0), (3.5, 30.0), (3.7, 9.0), (5.0, 9.0)]  # within 0.2 s
+    lets_go = [(2.0, 0.0), (3.5, 30.0), (3.503, 0.0)]
+    for corners in (retracts, lets_go, [(2.0, 0.0), (3.5, 30.0)], [(2.0, 0.0), (2.003, 30.0)]):
+        for seed in range(20):
+            log, force_n = pushed(corners, 1e-3, seed)
+            assert labels.log_punctures(log, force_n, NO_TRAVEL) == []
+
+
+def test_a_needle_that_was_drawn_back_as_fast_explains_a_fall() -> None:
+    log, force_n = pushed(THROUGH)
+    back_m = np.interp(log.time_s, [3.49, 3.52], [2e-3, 1.5e-3])
+    assert labels.log_punctures(log, force_n, back_m) == []
+    assert len(labels.log_punctures(log, force_n, 1e-3 * log.time_s)) == 1
+
+
+def test_the_frames_of_a_push_after_its_puncture_are_pierced_and_the_next_push_is_not() -> None:
+    log, force_n = pushed([*THROUGH, (8.0, 0.0), (9.0, 20.0), (11.0, 20.0)], 1e-4)
+    times_s = np.array([3.4, 3.6, 4.5, 5.25, 6.0, 8.5, 10.0])
+    found = labels.after_punctures(times_s, labels.log_punctures(log, force_n, NO_TRAVEL), log.time_s, force_n)
+    assert found == [False, True, True, True, True, False, False]
+    assert labels.after_punctures(times_s, [], log.time_s, force_n) == [False] * 7
+    assert labels.after_punctures(np.array([1.0, 3.0]), [2.0], np.zeros(0), np.zeros(0)) == [False, True]

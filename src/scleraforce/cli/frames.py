@@ -30,24 +30,26 @@ if TYPE_CHECKING:
 
 # Places of the needle that `read` prints, with their units.
 PLACES = {"contact_mm": " mm", "dent_mm": " mm", "gap_mm": " mm", "lean_deg": "°"}
-RIGIDITY, STIFFENING, LEAN = "rigidity_mmhg13_per_ul", "stiffening", "lean_deg"
-WORDS = {  # name and unit of each key, for people
-    "youngs_modulus_mpa": ("modulus", " MPa"),
-    "iop_mmhg": ("IOP", " mmHg"),
-    "thickness_um": ("thickness", " µm"),
-    "gap_mm": ("gap", " mm"),
-    "polar_angle_deg": ("polar angle", "°"),
-    "plane_direction_deg": ("plane's direction", "°"),
-    LEAN: ("lean", "°"),
-    STIFFENING: ("stiffening", ""),
-    "globe": ("globe", ""),
-    RIGIDITY: ("k", " mmHg^(1/3)/µl"),
-}
+# The known inputs that `read` prints: their names and units for people, and the value of an eye in the unit of the key.
+KNOWN: "Mapping[str, tuple[str, str, Callable[[Known], Value]]]" = {
+    "youngs_modulus_mpa": ("modulus", " MPa", lambda eye: from_si(eye.modulus.mean_pa if eye.modulus else None, "mpa")),
+    "iop_mmhg": ("IOP", " mmHg", lambda eye: from_si(eye.iop_pa, "mmhg")),
+    "thickness_um": ("thickness", " µm", lambda eye: from_si(eye.thickness_m, "um")),
+    "gap_mm": ("gap", " mm", lambda eye: from_si(eye.gap_m, "mm")),
+    "polar_angle_deg": ("polar angle", "°", lambda eye: from_si(eye.polar_rad, "deg")),
+    "plane_direction_deg": ("plane's direction", "°", lambda eye: from_si(eye.direction_rad, "deg")),
+    "lean_deg": ("lean", "°", lambda eye: from_si(
+        eye.calibrated_lean_rad if eye.lean_rad is None else sum(eye.lean_rad) / 2, "deg")),
+    "stiffening": ("stiffening", "", lambda eye: eye.stiffening),
+    "globe": ("globe", "", lambda eye: None if eye.globe is None else eye.globe.kind),
+    "rigidity_mmhg13_per_ul": ("k", " mmHg^(1/3)/µl", lambda eye: from_si(
+        eye.globe.mean if eye.globe and eye.globe.rigidity_told else None, "mmhg13_per_ul")),
+}  # fmt: skip
+ONLY_IF_KNOWN = ("lean_deg", "stiffening", "rigidity_mmhg13_per_ul")
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".dcm")  # of a folder that is not a recording
 GUESS, OVERLAY = ".guess.png", ".overlay.png"
 ENDINGS = (".png", GUESS, OVERLAY, ".guess.overlay.png")  # of the pictures that `segment` may write for a frame
 Value = float | str | None
-Sources = list[tuple[str, Value, str]]  # key, value, source
 
 
 @click.command(cls=Command)
@@ -390,9 +392,8 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list["
 
 
 def _entry(path: Path, one: "Reading") -> dict[str, Any]:
-    known = {key: {"value": value, "source": source} for key, value, source in _known_sources(one)}
     plane = {} if one.plane is None else {"plane": one.plane.name}
-    return {"file": str(path), **plane, **one.answer.as_json(), "scale": _scale_entry(one.frame), "known": known}
+    return {"file": str(path), **plane, **one.answer.as_json(), "scale": _scale_entry(one.frame), "known": _known(one)}
 
 
 def _answer_line(path: Path, answer: "Answer") -> str:
@@ -419,7 +420,7 @@ def _read_with(answered: "list[tuple[Path, Reading]]") -> Iterator[str]:
     """Yield the inputs of frames, equal ones together: "15 x 4 mm (file); modulus 0.3 MPa (option), IOP unknown"."""
     equal: dict[str, list[Path]] = {}
     for path, one in answered:
-        known = ", ".join(_input_words(*source) for source in _known_sources(one))
+        known = ", ".join(_input_words(key, **entry) for key, entry in _known(one).items())
         equal.setdefault(f"{_size_words(one.frame)}; {known}", []).append(path)
     for words, paths in equal.items():
         names = f"{paths[0]} and {len(paths) - 1} more" if paths[1:] else str(paths[0])
@@ -427,7 +428,7 @@ def _read_with(answered: "list[tuple[Path, Reading]]") -> Iterator[str]:
 
 
 def _input_words(key: str, value: Value, source: str) -> str:
-    name, unit = WORDS[key]
+    name, unit, _ = KNOWN[key]
     if value is None:
         return f"{name} unknown"
     return f"{name} {value if isinstance(value, str) else f'{value:.4g}{unit}'} ({source})"
@@ -454,36 +455,20 @@ def _size_words(frame: "ScaledFrame") -> str:
     return f"{sizes}, refractive index {index.value:g} ({index.source})"
 
 
-def _known_sources(one: "Reading") -> Sources:
-    """Return key, value and source of all known inputs; stiffening, k and lean only if they are known."""
+def _known(one: "Reading") -> dict[str, dict[str, Any]]:
+    """Return value and source of each known input; of stiffening, k and lean only if they are known."""
     from scleraforce.known import completed
 
-    by_option, by_both, used = map(_values, (one.given, completed(one.given, one.stated), one.known))
-    found: Sources = []
-    for key, value in used.items():
-        if value is None:
-            source = "unknown"
-        elif value == by_option[key]:
-            source = "option"
-        else:
-            source = "recording.toml" if value == by_both[key] else "calibration"
-        if value is not None or key not in (RIGIDITY, STIFFENING, LEAN):
-            found.append((key, value, source))
+    sources = {"option": one.given, "recording.toml": completed(one.given, one.stated), "calibration": one.known}
+    found = {}
+    for key, (_, _, value_of) in KNOWN.items():
+        values = {source: _rounded(value_of(eye)) for source, eye in sources.items()}
+        value = values["calibration"]
+        source = "unknown" if value is None else next(name for name, other in values.items() if other == value)
+        if value is not None or key not in ONLY_IF_KNOWN:
+            found[key] = {"value": value, "source": source}
     return found
 
 
-def _values(known: "Known") -> dict[str, Value]:
-    globe = known.globe
-    values: dict[str, Value] = {
-        "youngs_modulus_mpa": from_si(known.modulus.mean_pa if known.modulus else None, "mpa"),
-        "iop_mmhg": from_si(known.iop_pa, "mmhg"),
-        "thickness_um": from_si(known.thickness_m, "um"),
-        "gap_mm": from_si(known.gap_m, "mm"),
-        "polar_angle_deg": from_si(known.polar_rad, "deg"),
-        "plane_direction_deg": from_si(known.direction_rad, "deg"),
-        LEAN: from_si(known.calibrated_lean_rad if known.lean_rad is None else sum(known.lean_rad) / 2, "deg"),
-        STIFFENING: known.stiffening,
-        "globe": None if globe is None else globe.kind,
-        RIGIDITY: from_si(globe.mean if globe and globe.rigidity_told else None, "mmhg13_per_ul"),
-    }
-    return {key: float(f"{value:.12g}") if isinstance(value, float) else value for key, value in values.items()}
+def _rounded(value: Value) -> Value:
+    return float(f"{value:.12g}") if isinstance(value, float) else value

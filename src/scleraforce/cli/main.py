@@ -42,7 +42,7 @@ GROUPS = {
         "library": ("train", "Compute a library of finite-strain load paths."),
         "generate": ("train", "Simulate the slices that a classifier learns from."),
         "train": ("train", "Train a classifier, a reader or a wall finder."),
-        "scanner": ("scanner", "Measure a scanner on its frames, to simulate it."),
+        "scanner": ("virtual", "Measure a scanner on its frames, to simulate it."),
     },
     "Live": {
         "monitor": ("monitor", "Tell a robot, from live B-scans, when to withdraw."),

@@ -5,6 +5,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from secrets import token_hex
@@ -12,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import EYE, LEAN_DEFAULT, PATH, options
+from scleraforce.cli.options import EYE, LEAN_DEFAULT, PATH, in_si, options
 from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
-from scleraforce.units import from_si, to_si
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.known import Known
@@ -24,8 +25,9 @@ if TYPE_CHECKING:
     from scleraforce.reader import Reader
     from scleraforce.service.monitor_service import Address, MonitorSettings
 
-PORT = click.IntRange(0, 65535)
+PORT, POSITIVE = click.IntRange(0, 65535), click.FloatRange(0.0, min_open=True)
 STUDYS = "default: that of the model's study"
+LIMITS = ("unusable_frames", "unusable_opinions", "loss_in_window_s", "reaction_s", "retraction_m_s")
 UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come earlier"
 
 
@@ -47,19 +49,20 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
          refractive_index=f"Refractive index of the depth axis (1: already corrected); {STUDYS}.")  # fmt: skip
 @click.option("--withdraw-class", type=click.IntRange(1), help="Withdraw at this class or a higher one; default: the "
               "highest.")  # fmt: skip
-@click.option("--bound-mn", type=click.FloatRange(0.0, min_open=True), help="Withdraw if the force's interval reaches "
-              "this; default: the lower bound of the highest class.")  # fmt: skip
+@click.option("--bound-mn", "bound_n", type=POSITIVE, callback=in_si("mn"), help="Withdraw if the force's interval "
+              "reaches this; default: the lower bound of the highest class.")  # fmt: skip
 @click.option("--unusable-frames", type=click.IntRange(1), default=1, show_default=True,
               help="After contact, withdraw after this number of unusable frames in a row.")  # fmt: skip
 @click.option("--unusable-opinions", type=click.IntRange(1), default=3, show_default=True,
               help="Withdraw after this number of unusable second opinions in a row.")  # fmt: skip
-@click.option("--unread-ms", type=click.FloatRange(0.0, 1000.0, min_open=True), default=80.0, show_default=True,
-              help="Withdraw if frames that cover more than this time of a second were not read, in gaps "
-              "of more than 4 ms.")  # fmt: skip
-@click.option("--reaction-ms", type=click.FloatRange(0.0, min_open=True), default=50.0, show_default=True,
+@click.option("--unread-ms", "loss_in_window_s", type=click.FloatRange(0.0, 1000.0, min_open=True), default=80.0,
+              show_default=True, callback=in_si("ms"), help="Withdraw if frames that cover more than this time of a "
+              "second were not read, in gaps of more than 4 ms.")  # fmt: skip
+@click.option("--reaction-ms", "reaction_s", type=POSITIVE, default=50.0, show_default=True, callback=in_si("ms"),
               help="The robot's delay, from the order to withdraw to its motion.")  # fmt: skip
-@click.option("--retraction-mm-s", type=click.FloatRange(0.0, min_open=True), default=5.0, show_default=True,
-              help="The robot's largest speed of withdrawal: a dent that falls faster is a puncture.")  # fmt: skip
+@click.option("--retraction-mm-s", "retraction_m_s", type=POSITIVE, default=5.0, show_default=True,
+              callback=in_si("mm"), help="The robot's largest speed of withdrawal: a dent that falls faster is "
+              "a puncture.")  # fmt: skip
 @click.option("--on-pierced", type=click.Choice(["withdraw", "report"]), default="withdraw", show_default=True,
               help="After a puncture, order to withdraw or only report it: code 14, not OK.")  # fmt: skip
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
@@ -168,8 +171,6 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
 
 def _to_learn(reader: "Reader", known: "Known", resume: Path | None, eye: str | None, given: dict[str, Any]) -> "Known":
     """Return the eye with the prior of an E that is to be learned."""
-    from dataclasses import replace
-
     from scleraforce.known import Modulus
     from scleraforce.service.learning import resumed
 
@@ -202,18 +203,14 @@ def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "Monitor
     )
     return MonitorLimits(
         withdraw_class=given["withdraw_class"] or reader.classes - 1,
-        bound_n=reader.study.classes.bounds_n[-1] if given["bound_mn"] is None else to_si(given["bound_mn"], "mn"),
-        unusable_frames=given["unusable_frames"],
-        unusable_opinions=given["unusable_opinions"],
-        reaction_s=to_si(given["reaction_ms"], "ms"),
-        retraction_m_s=to_si(given["retraction_mm_s"], "mm"),
+        bound_n=given["bound_n"] or reader.study.classes.bounds_n[-1],
         stiffness_n_m=MonitorLimits.stiffness_n_m if steepest_n_m is None else 1.2 * steepest_n_m,
         reports_pierced=given["on_pierced"] == "report",
-        loss_in_window_s=to_si(given["unread_ms"], "ms"),
         size=(rows, columns),
         scale_m=(width_m / columns, depth_m / rows),
         reads_force=reader.reads_force,
         expects_opinion=given["second_opinion"] and reader.reads_force,  # a class is read in one way only
+        **{name: given[name] for name in LIMITS},
     )
 
 

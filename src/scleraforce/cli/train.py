@@ -55,7 +55,7 @@ def generate(
     """
     from scleraforce.known.calibration_file import read_calibration
     from scleraforce.learning.generate import generate_dataset
-    from scleraforce.notebook.libraries import library_for
+    from scleraforce.notebook.calibrating import library_for
     from scleraforce.study.unused import refuse_unused
 
     kind = mechanics or study.mechanics.kind

@@ -13,9 +13,10 @@ from scleraforce.calibration.result import Calibration, calibration_as_json, par
 from scleraforce.errors import InputError
 from scleraforce.known import known_of_recording
 from scleraforce.known.calibration_file import open_calibration, population_modulus, write_calibration
+from scleraforce.library import Library, load_library
+from scleraforce.library.plan import plan_library
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.frames import Given, finder_of, opened, summary_of_calibration
-from scleraforce.notebook.libraries import library_for
 from scleraforce.reader.limits import CLASSIFIER, READER, limits
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Recording
@@ -132,6 +133,19 @@ def calibrate(
     if out is not None:
         write_calibration(calibration_as_json(found), Path(out))
     return found
+
+
+def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> Library | None:
+    """Return the library for finite strain (linear: None), the bundled one or the cache's; counts "library"."""
+    if mechanics == "linear":
+        return None
+    plan, shipped = plan_library(study), models.read_folder(models.SHIPPED_READER)
+    if plan_library(models.folder_study(shipped)).key == plan.key:
+        return load_library(shipped.path / models.LIBRARY_FILE, shipped.files[models.LIBRARY_FILE])
+    from scleraforce.library.build import cached_library  # with Zarr and the mechanics
+
+    with counting("library", plan.units) as advance:
+        return cached_library(study, workers=workers, progress=advance)
 
 
 def _with_thickness(recordings: list[Recording], thickness_m: float | None) -> list[Recording]:

@@ -11,8 +11,8 @@ from scleraforce.library import Library
 from scleraforce.library.build import build_library, cached_library
 from scleraforce.library.store import open_library
 from scleraforce.notebook import Counting, counting_for
+from scleraforce.notebook.calibrating import library_for
 from scleraforce.notebook.frames import load_model
-from scleraforce.notebook.libraries import library_for
 from scleraforce.reader import Reader
 from scleraforce.study import Study
 from scleraforce.study.unused import refuse_unused

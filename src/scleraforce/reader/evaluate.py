@@ -28,10 +28,10 @@ from scleraforce.reader.intervals import Score, score, traits_of
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.leak import Leak
 from scleraforce.reader.model import suited
+from scleraforce.recording import labels
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
-from scleraforce.recording.labels import Trial, contact_force, label_frames, label_notes, log_doubts
+from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.recording.puncture import after_punctures, marked, pierced_by_log
 from scleraforce.recording.tables import FrameEntry
 from scleraforce.units import from_si
 
@@ -312,7 +312,7 @@ class _Session:
         if summary is not None:
             known = known_of_eye(known, summary, recording.info.eye.id)
         stated = any(entry.pierced is not None for entry in recording.frames)
-        recording = recording if stated else marked(recording, pierced_by_log(recording))
+        recording = recording if stated else labels.with_punctures(recording)
         return cls(suited(reader, known), recording, summary, known, reader.path, stated)
 
     @cached_property
@@ -346,8 +346,8 @@ class _Session:
             read = [frame.answer.force_n for frame in answers]
         else:
             read = [float(frame.answer.predicted) if frame.answer.usable else None for frame in answers]
-        log = log_doubts(self.recording, classes, read, in_newtons=in_newtons)
-        return (*label_notes(self.recording, self.trials), *log)
+        log = labels.log_doubts(self.recording, classes, read, in_newtons=in_newtons)
+        return (*labels.label_notes(self.recording, self.trials), *log)
 
     def read(self, progress: Progress) -> Iterator[tuple[FrameEntry, Trial, Answer, bool]]:
         """Yield each frame with its label, its answer, and whether Young's modulus was fitted on it."""
@@ -410,8 +410,8 @@ class _Session:
         contact = np.array([(dent.at_s, dent.force_n) for dent in dents]).reshape(-1, 2).T
         log, info = self.recording.forces, self.recording.info.force
         if log is not None and info is not None:
-            contact = np.array([log.time_s, contact_force(log, info)])
-        found = after_punctures(times_s, punctures_s, contact[0], contact[1])
+            contact = np.array([log.time_s, labels.contact_force(log, info)])
+        found = labels.after_punctures(times_s, punctures_s, contact[0], contact[1])
         return tuple(
             replace(frame, pierced=True, excluded=frame.excluded or "pierced") if pierced else frame
             for frame, pierced in zip(answers, found, strict=True)
