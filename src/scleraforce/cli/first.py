@@ -139,8 +139,6 @@ def init(directory: Path, preset: str) -> Report:
             file.write(preset_toml(preset))
     except FileExistsError as fault:
         raise StudyError(f"{path}: exists already; remove it or choose another directory") from fault
-    except OSError as fault:
-        raise StudyError(f"{path}: {fault.strerror}") from fault
     return Report({"path": str(path), "preset": preset}, [f"wrote {path}"])
 
 

@@ -1,6 +1,7 @@
 """The options that commands share, in one table. A quantity arrives in SI, under the argument's name in `sf.*`."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
@@ -159,13 +160,7 @@ def options(
 
 def added(made: Sequence[Callable[[Any], Any]]) -> Callable[[Decorated], Decorated]:
     """Return a decorator that adds options in this order."""
-
-    def decorated(command: Decorated) -> Decorated:
-        for option in reversed(made):
-            command = option(command)
-        return command
-
-    return decorated
+    return lambda command: reduce(lambda done, option: option(done), reversed(made), command)
 
 
 def chosen_workers(scheduler: str | None, workers: int | None) -> int | None:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -215,32 +216,20 @@ class _Show:
     def _change_record(self, change: "Change") -> dict[str, Any]:
         known = change.frame is not None and 0 < change.frame <= len(self._recording.frames)
         index = (change.frame or 1) - 1
-        return {
+        record = asdict(change) | {
             "at_s": self._time_s(change.at_s),
-            "code": change.code,
-            "sub_code": change.sub_code,
             "cause": change.cause,
-            "message": change.message,
-            "frame": change.frame,
             "file": self._recording.frames[index].file if known else None,
-            "answers_frame": change.answers,
-            "force_mn": change.force_mn,
-            "interval_mn": change.interval_mn,
-            "after_ms": from_si(change.after_s, "ms"),
             "true_force_mn": from_si(self._forces_n[index], "mn") if known and self._forces_n is not None else None,
         }
+        record |= {"answers_frame": record.pop("answers"), "after_ms": from_si(record.pop("after_s"), "ms")}
+        return record
 
     def _fault_record(self, report: "FaultReport") -> dict[str, Any]:
-        return {
-            "name": report.name,
-            "at_s": self._time_s(report.began_s),
-            "withdraws": report.delay_s is not None,
-            "delay_ms": from_si(report.delay_s, "ms"),
-            "code": report.code,
-            "cause": report.cause,
-            "cause_is_of_the_fault": report.expected,
-            "message": report.message,
-        }
+        delay = {"withdraws": report.delay_s is not None, "delay_ms": from_si(report.delay_s, "ms")}
+        words = {"code": report.code, "cause": report.cause, "message": report.message}
+        words |= {"cause_is_of_the_fault": report.expected}
+        return {"name": report.name, "at_s": self._time_s(report.began_s), **delay, **words}
 
 
 def _when(change: Mapping[str, Any]) -> str:

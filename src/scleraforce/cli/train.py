@@ -153,20 +153,16 @@ def train(
     else:
         refuse_unused(study, f"train --kind {kind}")  # before the library is opened
         library = sf.open_library(dataset_path)
-        result = _of_reader(sf.train(library, out, study, kind=kind, device=device, counting=count_bar).record)
+        record = sf.train(library, out, study, kind=kind, device=device, counting=count_bar).record
+        steps, samples = ("batches", "frames") if "batches" in record else ("epochs", "samples")
+        result = {key: record["metrics"][key] for key in (*ACCURACY, "mae_mn", "coverage", "lateral_mae_mm")}
+        result |= {steps: record[steps], samples: record["samples"]["training"]}
     seconds = time.perf_counter() - start
     lines = _LINES[kind](out, result, f"{seconds:.1f} s")
     return Report({"model": str(out), "kind": kind, **result, "seconds": seconds}, lines)
 
 
 ACCURACY = ("validation_accuracy", "validation_interval")
-
-
-def _of_reader(record: Mapping[str, Any]) -> dict[str, Any]:
-    keys = (*ACCURACY, "mae_mn", "coverage", "lateral_mae_mm")
-    steps, samples = ("batches", "frames") if "batches" in record else ("epochs", "samples")
-    learned = {steps: record[steps], samples: record["samples"]["training"]}
-    return {key: record["metrics"][key] for key in keys} | learned
 
 
 def _finder_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
