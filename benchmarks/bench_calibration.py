@@ -71,8 +71,8 @@ def calibrated(study: Study, model: EyeModel, inputs: list[Frame]) -> tuple[floa
         seconds.append(time.perf_counter() - start)
         if isinstance(step, FrameStep):
             session = replace(session, state=step.state)
-    mean, sd = session.modulus if session.updates else (np.nan, np.nan)
-    return mean, sd, seconds
+    modulus = session.modulus
+    return (modulus.mean_pa, modulus.sd_pa, seconds) if session.updates else (np.nan, np.nan, seconds)
 
 
 def begun(study: Study, model: EyeModel) -> EyeSession:

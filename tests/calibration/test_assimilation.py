@@ -43,7 +43,7 @@ def test_other_sigma_points_and_the_papers_gaussian_prior_give_the_same_modulus(
     frames = laboratory.frames(eye, FORCES[:8], np.random.default_rng(1))
     model, study = laboratory.model(laboratory.stated(eye)), laboratory.study.calibration
     simplex, star, gaussian = (
-        calibrate(laboratory, model, frames, replace(study, **changed))[-1].mean_pa
+        calibrate(laboratory, model, frames, replace(study, **changed))[-1].modulus.mean_pa
         for changed in ({}, {"sigma_points": "star"}, {"positive": False})
     )
     assert star == pytest.approx(simplex, rel=3e-3)
@@ -59,7 +59,7 @@ def test_an_outlying_point_is_gated_and_does_not_move_the_modulus(laboratory: An
     depth[1, np.abs(seen.lateral_m - clean[2].last.observation.lateral_m[6]) < 0.35e-3] += 0.2e-3
     hurt = calibrate(laboratory, model, [*frames[:2], (pose, replace(seen, depth_m=depth), force_n), frames[3]])
     assert hurt[2].last.result.gated == (6,)
-    assert hurt[-1].mean_pa == pytest.approx(clean[-1].mean_pa, rel=0.01)
+    assert hurt[-1].modulus.mean_pa == pytest.approx(clean[-1].modulus.mean_pa, rel=0.01)
 
 
 def test_an_eye_that_softens_with_force_makes_the_filter_report_that_it_diverges(
@@ -78,9 +78,9 @@ def test_errors_that_all_frames_share_are_not_averaged_away(laboratory: Any, eye
     model, study = laboratory.model(laboratory.stated(eye)), laboratory.study.calibration
     frames = laboratory.frames(eye, FORCES, np.random.default_rng(5), noise_m=1e-6)
     session = calibrate(laboratory, model, frames)[-1]
-    assert session.sd_pa > study.model_error_fraction * eye.youngs_modulus_pa
+    assert session.modulus.sd_pa > study.model_error_fraction * eye.youngs_modulus_pa
     exact = eye_filter(model, replace(study, model_error_fraction=0.0))
-    assert moments(exact, session.state)[1][0] < 0.4 * session.sd_pa
+    assert moments(exact, session.state)[1][0] < 0.4 * session.modulus.sd_pa
     # 1 mN on all forces is an error of E that the followed sensitivity foretells
     shifted = [(pose, boundaries, force_n - 0.5e-3) for pose, boundaries, force_n in frames]
     moved = calibrate(laboratory, model, shifted)[-1].state.posterior.mean[0] - session.state.posterior.mean[0]
@@ -95,7 +95,8 @@ def test_the_true_modulus_lies_within_two_sd_for_at_least_90_percent_of_30_eyes(
         eye = drawn_eye(number, rng, (0.45, 0.78))
         stated = replace(laboratory.stated(eye, 0.1), polar_rad=0.61)  # the contact's angle is not known
         frames = laboratory.frames(eye, rng.uniform(6e-3, 58e-3, 24).tolist(), rng)
-        mean, sd = calibrate(laboratory, laboratory.model.__wrapped__(stated), frames)[-1].modulus
+        found = calibrate(laboratory, laboratory.model.__wrapped__(stated), frames)[-1].modulus
+        mean, sd = found.mean_pa, found.sd_pa
         honest += abs(mean - eye.youngs_modulus_pa) < 2 * sd
         right += abs(mean / eye.youngs_modulus_pa - 1) < 0.02
         assert sd < 10e3

@@ -142,8 +142,8 @@ def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
     wrong, made = replace(STATED, thickness_m=0.65e-3), frames(forces, np.random.default_rng(1))
     alone = run(assimilation.begin(study, wrong, library), forces, made)
     both = run(assimilation.begin(study, wrong, library, ("e", "thickness")), forces, made)
-    assert alone.mean_pa > 1.05 * MODULUS_PA
-    assert both.mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
+    assert alone.modulus.mean_pa > 1.05 * MODULUS_PA
+    assert both.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
 
 
 @pytest.mark.slow
@@ -155,7 +155,7 @@ def test_a_frame_beyond_the_library_is_left_out_with_its_reason(library: Library
     assert isinstance(first.last, FrameStep)
     assert isinstance(second.last, Skipped)
     assert "F/E" in second.last.reason
-    assert second.mean_pa == first.mean_pa
+    assert second.modulus.mean_pa == first.modulus.mean_pa
     assert second.updates == 1
 
 

@@ -58,17 +58,17 @@ def test_frames_one_by_one_give_the_result_of_the_recording(
     forces, boundaries = frames(recording)
     stated = eye_constants(recording, STUDY)
     eye = assimilation.begin(STUDY, stated, library, zero_covariance=forces.zero_covariance)
-    prior = (eye.mean_pa, eye.sd_pa)
+    prior = (eye.modulus.mean_pa, eye.modulus.sd_pa)
     means = []
     for force_n, since_s, boundary in zip(forces.force_n, forces.since_start_s, boundaries, strict=True):
         eye = assimilation.step(eye, boundary, float(force_n), float(since_s))
-        means.append(eye.mean_pa)
+        means.append(eye.modulus.mean_pa)
     whole = calibration.eyes["made-up"]
     assert prior == pytest.approx((0.49e6, 0.34e6))
     assert means[0] == prior[0]  # 2 mN: a reference of the pose
     assert means[1:] == [frame.mean_pa for frame in whole.used]
-    assert (eye.mean_pa, eye.sd_pa, eye.updates) == (whole.used[-1].mean_pa, whole.used[-1].sd_pa, 5)
-    assert whole.mean_pa == pytest.approx(eye.mean_pa, rel=0.01)  # its frames were read again
+    assert (eye.modulus.mean_pa, eye.modulus.sd_pa, eye.updates) == (whole.used[-1].mean_pa, whole.used[-1].sd_pa, 5)
+    assert whole.mean_pa == pytest.approx(eye.modulus.mean_pa, rel=0.01)  # its frames were read again
 
 
 def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated_on(
@@ -205,11 +205,11 @@ def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(l
     after, again = (assimilation.step(before, seen, 0.03) for _ in range(2))
     assert (before.updates, before.last) == (0, None)
     assert after.modulus == again.modulus
-    assert after.mean_pa == pytest.approx(0.27e6, rel=0.02)
-    assert 0 < after.sd_pa < 0.02e6
+    assert after.modulus.mean_pa == pytest.approx(0.27e6, rel=0.02)
+    assert 0 < after.modulus.sd_pa < 0.02e6
     empty = replace(seen, depth_m=np.full_like(seen.depth_m, np.nan))
     assert assimilation.step(after, empty, 0.001).state is after.state
-    assert assimilation.step(after, empty, 0.03).mean_pa == after.mean_pa
+    assert assimilation.step(after, empty, 0.03).modulus.mean_pa == after.modulus.mean_pa
 
 
 def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(

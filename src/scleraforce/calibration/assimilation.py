@@ -85,8 +85,8 @@ def eye_filter(
         "thickness": (model.constants.thickness_m, study.thickness_sd_m),
         "gap": (max(model.constants.gap_m, 1e-5), study.gap_sd_m),
     }
-    means_sds = [(PARAMETERS[name], *priors[name]) for name in parameters]
-    unknown = [Parameter(name, mean=mean, sd=sd, positive=study.positive) for name, mean, sd in means_sds]
+    chosen = [(PARAMETERS[name], *priors[name]) for name in parameters]
+    unknown = [Parameter(name, mean=mean, sd=sd, positive=study.positive) for name, mean, sd in chosen]
     globe = model.constants.globe
     if globe.can_be_sealed:
         unknown.append(Parameter(RIGIDITY, mean=globe.mean, sd=globe.sd, positive=False, either_sign=True))
@@ -153,9 +153,8 @@ def assimilate(
     median_pa = float(eye.space.values(state.posterior.mean)[eye.space.names.index(PARAMETERS["e"])])
     modulus_pa = max(median_pa, 0.01 * eye.study.prior_mean_pa)
     fit = registration.register(eye.model, boundaries, force_n, modulus_pa, prior, rigidity_after(eye, state))
-    observation = observe_points(
-        boundaries, eye.study.points, float(fit.nuisance[registration.BY_LATERAL]), eye.study.span_m
-    )
+    contact_m = float(fit.nuisance[registration.BY_LATERAL])
+    observation = observe_points(boundaries, eye.study.points, contact_m, eye.study.span_m)
     places = Places(observation.lateral_m, observation.boundary)
     at = (eye.model, fit.wall, fit.nuisance, places)
     placed = registration.predict_frame(*at)
@@ -196,8 +195,7 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Floa
 
     The other parameters have the means of the posterior after the step.
     """
-    coordinates = step.state.posterior.mean.copy()
-    coordinates[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, modulus_pa)
+    coordinates = _with_modulus(eye, step.state.posterior.mean, modulus_pa)
     places = Places(step.observation.lateral_m, step.observation.boundary)
     return _depths(eye, coordinates[None], step.force_n, step.registered.nuisance, places)[0]
 
@@ -206,16 +204,17 @@ def _start(eye: EyeFilter, state: EyeState, fit: registration.Registered) -> Flo
     """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found from anywhere."""
     if RIGIDITY not in eye.space.names:
         return None
-    start = state.posterior.mean.copy()
+    start = _with_modulus(eye, state.posterior.mean, fit.wall.youngs_modulus_pa)
     start[eye.space.names.index(RIGIDITY)] = fit.wall.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
-    start[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, fit.wall.youngs_modulus_pa)
     return start
 
 
-def _modulus_coordinate(eye: EyeFilter, modulus_pa: float) -> float:
-    """Return the filter's coordinate of a modulus."""
-    unit = eye.space.parameters[eye.space.names.index(PARAMETERS["e"])].mean
-    return float(np.log(modulus_pa / unit)) if eye.study.positive else modulus_pa / unit
+def _with_modulus(eye: EyeFilter, coordinates: Floats, modulus_pa: float) -> Floats:
+    """Return coordinates (p,) of the filter, changed to another modulus."""
+    changed, place = coordinates.copy(), eye.space.names.index(PARAMETERS["e"])
+    ratio = modulus_pa / eye.space.parameters[place].mean
+    changed[place] = np.log(ratio) if eye.study.positive else ratio
+    return changed
 
 
 def _depths(eye: EyeFilter, states_rp: Floats, force_n: float, nuisance: Floats, places: Places) -> Floats:
@@ -248,21 +247,11 @@ class EyeSession:
     poses: dict[Boundaries, registration.PoseBelief] | None = None
 
     @property
-    def mean_pa(self) -> float:
-        """Posterior mean of Young's modulus: the prior's before the first frame."""
-        return self.modulus[0]
-
-    @property
-    def sd_pa(self) -> float:
-        """Posterior standard deviation of Young's modulus."""
-        return self.modulus[1]
-
-    @property
-    def modulus(self) -> tuple[float, float]:
-        """Posterior mean and standard deviation of Young's modulus, Pa."""
+    def modulus(self) -> Modulus:
+        """Posterior of Young's modulus: the prior before the first frame."""
         means, sds = moments(self.filter, self.state)
         place = self.filter.space.names.index(PARAMETERS["e"])
-        return float(means[place]), float(sds[place])
+        return Modulus(mean_pa=float(means[place]), sd_pa=float(sds[place]), source="own")
 
     @property
     def updates(self) -> int:
@@ -300,10 +289,8 @@ def begin_with(
 ) -> EyeSession:
     """Return an eye of a model before its first frame."""
     eye = eye_filter(model, study, parameters)
-    sensitivity = np.zeros((len(eye.space.names), len(SHARED)))
-    state = EyeState(
-        roukf.initial_posterior(*eye.space.prior()), registration.first_belief(model), sensitivity, ZERO_PRIOR
-    )
+    prior, belief = roukf.initial_posterior(*eye.space.prior()), registration.first_belief(model)
+    state = EyeState(prior, belief, np.zeros((len(prior.mean), len(SHARED))), ZERO_PRIOR)
     return EyeSession(eye, state, zero_covariance, poses=poses)
 
 
@@ -320,9 +307,8 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
         state = replace(state, belief=known)
     elif np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
         prior = registration.frame_prior(state.belief, eye.study)
-        fit = registration.register(
-            eye.model, boundaries, max(force_n, 0.0), session.mean_pa, prior, rigidity_after(eye, state)
-        )
+        here = (eye.model, boundaries, max(force_n, 0.0), session.modulus.mean_pa)
+        fit = registration.register(*here, prior, rigidity_after(eye, state))
         state = replace(state, belief=registration.updated_belief(state.belief, prior, fit))
         if session.poses is not None and not session.updates:
             session.poses[seen] = state.belief
@@ -345,6 +331,5 @@ def known_after(session: EyeSession) -> Known:
         return known_of_constants(constants)
     names, means = session.filter.space.names, moments(session.filter, session.state)[0]
     thickness_m = dict(zip(names, means.tolist(), strict=True)).get(PARAMETERS["thickness"], constants.thickness_m)
-    modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")
     globe = known_globe_after(session.filter, session.state)
-    return replace(known_of_constants(constants, modulus), thickness_m=thickness_m, globe=globe)
+    return replace(known_of_constants(constants, session.modulus), thickness_m=thickness_m, globe=globe)

@@ -319,7 +319,8 @@ def _calibrate_eye(
                     steps.append(found)
                     left -= 1
             assert found is not None  # after a step
-            (mean_pa, sd_pa), file = session.modulus, trials[index].file
+            modulus, file = session.modulus, trials[index].file
+            mean_pa, sd_pa = modulus.mean_pa, modulus.sd_pa
             frame = FrameRecord(recording=path, file=file, sha256=sha256, force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa)
             records.append(_recorded(frame, found))
         count(1)

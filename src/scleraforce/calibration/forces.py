@@ -139,19 +139,6 @@ SURE = 2.0  # standard errors, beyond which motion counts
 LEAST_SCALE = 1e-3  # of the noise over that of the zero's line: every sensor has noise
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Around:
-    """The log about one frame: `density` of its noise, N^2 s (NaN with too few samples), and `motion_n`.
-
-    `motion_n` is the difference of the mean over the window from the force at the frame; its standard error is
-    `motion_gain` (1/sqrt(s)) times the square root of the density.
-    """
-
-    density: float
-    motion_n: float
-    motion_gain: float
-
-
 def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | None, ...]:
     """Return the standard deviation of the error of each frame's label, N; None without a label."""
     log, info = recording.forces, recording.info.force
@@ -164,7 +151,7 @@ def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | No
     frames_s = np.array([trial.time_s for trial in labelled])
     frames_n = np.array([trial.measured_force_n for trial in labelled])
     around = [_around(log_s, raw_n, time_s, info.average_s) for time_s in frames_s]
-    densities = [each.density for each in around[:: max(len(around) // MOST_FRAMES, 1)] if np.isfinite(each.density)]
+    densities = [density for density, *_ in around[:: max(len(around) // MOST_FRAMES, 1)] if np.isfinite(density)]
     density = float(np.median(densities)) if densities else _sample_variance(raw_n) / log.sample_rate_hz
     scale = max(sqrt(density / REST_S) / REST_SD_N, LEAST_SCALE)
     rests_s, rests_n = rest_zeros(contact_n, log_s, frames_s, frames_n)
@@ -175,14 +162,17 @@ def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | No
     tare = max(density / tare_s - scale**2 * float(ZERO_PRIOR[0, 0]), 0.0)
     noise = density * _energy(info.average_s, log.sample_rate_hz)
     shared = noise + tare + 2.0 * _quantisation(raw_n)
-    motion = [max(each.motion_n**2 - (SURE * each.motion_gain) ** 2 * density, 0.0) for each in around]
-    sds = np.sqrt(shared + zero + motion)
-    found = iter(sds.tolist())
+    motion = [max(motion_n**2 - (SURE * gain) ** 2 * density, 0.0) for _, motion_n, gain in around]
+    found = iter(np.sqrt(shared + zero + motion).tolist())
     return tuple(None if trial.measured_force_n is None else next(found) for trial in trials)
 
 
-def _around(log_s: Floats, raw_n: Floats, time_s: float, average_s: float) -> _Around:
-    """Fit a parabola to means of 0.1 s about a frame."""
+def _around(log_s: Floats, raw_n: Floats, time_s: float, average_s: float) -> tuple[float, float, float]:
+    """Fit a parabola to means of 0.1 s about a frame; return the noise's density, N^2 s, the motion, N, and its gain.
+
+    The density is NaN with too few samples. The motion is the difference of the mean over the window from the force at
+    the frame; its standard error is the gain, 1/sqrt(s), times the square root of the density.
+    """
     half_s = max(average_s, LEAST_SPAN_S) / 2
     start, stop = np.searchsorted(log_s, [time_s - half_s, time_s + half_s])
     since_s, force_n = log_s[start:stop] - time_s, raw_n[start:stop]
@@ -190,21 +180,17 @@ def _around(log_s: Floats, raw_n: Floats, time_s: float, average_s: float) -> _A
     count = np.bincount(block)
     full = count > 0.5 * np.median(count[count > 0]) if len(count) else np.zeros(0, dtype=np.bool_)
     if full.sum() <= TERMS:
-        return _Around(density=np.nan, motion_n=0.0, motion_gain=0.0)
+        return np.nan, 0.0, 0.0
     mean_s, mean_n = (np.bincount(block, weights=values)[full] / count[full] for values in (since_s, force_n))
     design = np.stack([np.ones_like(mean_s), mean_s, mean_s**2], axis=1)
     inverse = np.linalg.inv(design.T @ design)
     parabola = inverse @ design.T @ mean_n
-    rest = mean_n - design @ parabola
-    freedom = len(mean_n) - TERMS
+    rest, freedom = mean_n - design @ parabola, len(mean_n) - TERMS
     median = (1.0 - 2.0 / (9.0 * freedom)) ** 3  # of a chi square over its degrees of freedom (Wilson and Hilferty)
     window_s = since_s[np.abs(since_s) <= average_s / 2]
     off = np.array([0.0, window_s.mean(), (window_s**2).mean()]) if len(window_s) else np.zeros(TERMS)
-    return _Around(
-        density=MEAN_S * float(rest @ rest) / freedom / median,
-        motion_n=float(off @ parabola),
-        motion_gain=sqrt(float(off @ inverse @ off) / MEAN_S),
-    )
+    density = MEAN_S * float(rest @ rest) / freedom / median
+    return density, float(off @ parabola), sqrt(float(off @ inverse @ off) / MEAN_S)
 
 
 def _energy(average_s: float, rate_hz: float) -> float:

@@ -176,13 +176,8 @@ class LibraryEye:
         largest = library.largest_force_ratio(thickness, pressure)
         beyond = np.flatnonzero(force > largest)
         force[beyond], excess = largest[beyond], np.log(force[beyond] / largest[beyond])
-        less = END_SHARE * largest[beyond]
-        asked = (
-            np.concatenate([thickness, thickness[beyond]]),
-            np.concatenate([pressure, pressure[beyond]]),
-            np.concatenate([force, less]),
-        )
-        found = library.curves(*asked).curves_sbnc.astype(np.float64)
+        rows, forces = np.append(np.arange(len(force)), beyond), np.append(force, END_SHARE * largest[beyond])
+        found = library.curves(thickness[rows], pressure[rows], forces).curves_sbnc.astype(np.float64)
         curves, before = found[: len(thickness)], found[len(thickness) :]
         curves[beyond] += (curves[beyond] - before) * (excess / -np.log(END_SHARE))[:, None, None, None]
         return curves

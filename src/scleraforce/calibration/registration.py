@@ -54,9 +54,14 @@ def polar_derivative(model: "EyeModel", state: WallState, nuisance: Floats, plac
     low, high = model.polar_nodes_rad[0], model.polar_nodes_rad[-1]
     if low == high:
         return np.zeros(len(places.lateral_m))
-    ends = model.curves([replace(state, polar_rad=polar) for polar in (low, high)])
-    below, above = (placement.curve_depths(curves, places)[0] for curves in place_section(ends, nuisance))
-    return (above - below) / (high - low)
+    return _growth(model, [replace(state, polar_rad=polar) for polar in (low, high)], nuisance, places) / (high - low)
+
+
+def _growth(model: "EyeModel", ends: Sequence[WallState], nuisance: Floats, places: placement.Places) -> Floats:
+    """Return the growth of the depths at places from one state to another, (place,) m."""
+    curves = place_section(model.curves(ends), nuisance)
+    less, more = (placement.curve_depths(curve, places)[0] for curve in curves)
+    return more - less
 
 
 def predict_frame(model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places) -> placement.Placed:
@@ -78,8 +83,7 @@ def predict_frame(model: "EyeModel", state: WallState, nuisance: Floats, places:
 def force_derivative(model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places) -> Floats:
     """Return the derivative of the depths at places by the force, (place,) in m/N."""
     states = [replace(state, force_n=state.force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
-    less, more = (placement.curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
-    return (more - less) / (2 * FORCE_STEP_N)
+    return _growth(model, states, nuisance, places) / (2 * FORCE_STEP_N)
 
 
 # Of a recording's nuisances before its first frame. The polar angle stays as stated, or in the middle of its range: it
@@ -128,8 +132,7 @@ def frame_prior(belief: PoseBelief, study: CalibrationStudy) -> PoseBelief:
 
 def updated_belief(belief: PoseBelief, prior: PoseBelief, fit: Registered) -> PoseBelief:
     """Return the belief after a frame (Rauch, Tung and Striebel 1965: the frame's fit, smoothed back)."""
-    free = np.diag(prior.covariance) > 0
-    gain = np.zeros((5, 5))
+    free, gain = np.diag(prior.covariance) > 0, np.zeros((5, 5))
     both = np.ix_(free, free)
     gain[both] = belief.covariance[both] @ np.linalg.inv(prior.covariance[both])
     mean = belief.mean + gain @ (fit.nuisance - belief.mean)
@@ -178,19 +181,23 @@ class _Fit:
         self.free = np.append(np.diag(prior.covariance) > 0, [True, globe.can_be_sealed])
         covariance = np.zeros((7, 7))
         covariance[:5, :5] = prior.covariance
-        rigidity_sd = globe.sd / REFERENCE_RIGIDITY
         covariance[LOG_MODULUS, LOG_MODULUS] = LOG_MODULUS_SD**2
-        covariance[RELATIVE_RIGIDITY, RELATIVE_RIGIDITY] = rigidity_sd**2
-        self.precision = np.zeros((7, 7))
-        free = np.ix_(self.free, self.free)
-        self.precision[free] = np.linalg.inv(covariance[free])
+        covariance[RELATIVE_RIGIDITY, RELATIVE_RIGIDITY] = (globe.sd / REFERENCE_RIGIDITY) ** 2
+        self.precision = self._inverse(covariance)
         self.wide = covariance[BY_LATERAL, BY_LATERAL] > (0.5e-3) ** 2
+        self.rigidity_ends = globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY
+
+    def _inverse(self, matrix: Floats) -> Floats:
+        """Return the inverse (7, 7) of the part of free unknowns; 0 elsewhere."""
+        inverse, free = np.zeros((7, 7)), np.ix_(self.free, self.free)
+        inverse[free] = np.linalg.inv(matrix[free])
+        return inverse
 
     def start(self) -> Floats:
         """Return the start: the prior's mean, or the best of a coarse search if the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
-        moduli, (low, high) = np.log(START_MODULUS) + self.mean[LOG_MODULUS], self._rigidity_ends
+        moduli, (low, high) = np.log(START_MODULUS) + self.mean[LOG_MODULUS], self.rigidity_ends
         # From a stiff globe an open eye is not found.
         ratios = {float(self.mean[RELATIVE_RIGIDITY]), *(low + share * (high - low) for share in START_RIGIDITY)}
         begun = [(float(log_modulus), rigidity) for rigidity in sorted(ratios) for log_modulus in moduli]
@@ -215,8 +222,7 @@ class _Fit:
 
     def evaluate(self, unknown: Floats) -> tuple[placement.Placed, float]:
         """Return the prediction and the cost."""
-        state = self._state(unknown[LOG_MODULUS], unknown[RELATIVE_RIGIDITY])
-        placed = predict_frame(self.model, state, unknown[:5], self.columns.places)
+        placed = predict_frame(self.model, self._state(*unknown[LOG_MODULUS:]), unknown[:5], self.columns.places)
         away = unknown - self.mean
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 
@@ -229,13 +235,8 @@ class _Fit:
 
     def inside(self, unknown: Floats) -> Floats:
         """Keep the rigidity within its bounds; a section continues smoothly beyond the mechanics."""
-        unknown[RELATIVE_RIGIDITY] = np.clip(unknown[RELATIVE_RIGIDITY], *self._rigidity_ends)
+        unknown[RELATIVE_RIGIDITY] = np.clip(unknown[RELATIVE_RIGIDITY], *self.rigidity_ends)
         return unknown
-
-    @property
-    def _rigidity_ends(self) -> tuple[float, float]:
-        globe = self.model.constants.globe
-        return globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY
 
     def _movable(self, placed: placement.Placed) -> placement.Placed:
         """Return a prediction that fixed unknowns do not move."""
@@ -246,11 +247,5 @@ class _Fit:
         size = np.abs(self.columns.residual(placed)[placed.seen])
         scale = max(1.0, placement.robust_spread(size)) if len(size) else 1.0
         data, _ = self.columns.normal_equations(self._movable(placed), scale)
-        covariance = np.zeros((7, 7))
-        free = np.ix_(self.free, self.free)
-        covariance[free] = np.linalg.inv((data + self.precision)[free])
-        return Registered(
-            nuisance=unknown[:5].copy(),
-            covariance=covariance[:5, :5],
-            wall=self._state(unknown[LOG_MODULUS], unknown[RELATIVE_RIGIDITY]),
-        )
+        covariance, wall = self._inverse(data + self.precision), self._state(*unknown[LOG_MODULUS:])
+        return Registered(nuisance=unknown[:5].copy(), covariance=covariance[:5, :5], wall=wall)

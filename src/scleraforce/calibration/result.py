@@ -337,7 +337,7 @@ class _Saved(msgspec.Struct):
     parameters: dict[str, dict[str, Any]]
     recordings: tuple[UsedRecording, ...]
     steps: tuple[FrameRecord, ...]
-    state: dict[str, Any] | None
+    state: _State | None
 
 
 def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
@@ -373,10 +373,9 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
     return found
 
 
-def _parse_state(content: dict[str, Any] | None, size: int, place: str) -> EyeState | None:
-    if content is None:
+def _parse_state(saved: _State | None, size: int, place: str) -> EyeState | None:
+    if saved is None:
         return None
-    saved = converted(content, _State, place)
     if saved.shared != SHARED:
         raise CalibrationError(f"{place}.shared: expected {', '.join(SHARED)}; {WRITER}")
     pose, shared = len(NUISANCES), len(SHARED)
