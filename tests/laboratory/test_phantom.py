@@ -399,7 +399,7 @@ def acquisition(seed=0, relaxation=RELAXATION, **changes):
     rng = np.random.default_rng(seed)
     pushes = plan_pushes(PUSHES_FORCES_N, phantom, rng)
     path, sensor = path_of_pushes(pushes, relaxation), sample_sensor(phantom, rng)
-    return pushes, path, sensor, sense(path, sensor, 2, -1, pushes[-1].end_s + 1.0, rng)
+    return pushes, path, sensor, sense(path, sensor, 2, -1, pushes[-1].corners_s[-1] + 1.0, rng)
 
 
 def test_the_force_is_the_given_one_at_frames_and_falls_as_tissue_relaxes_while_the_dent_stays():
@@ -414,7 +414,7 @@ def test_the_force_is_the_given_one_at_frames_and_falls_as_tissue_relaxes_while_
     steps_n, middle_s = np.diff(driven_n), (since_s[1:] + since_s[:-1]) / 2
     expected_n = driven_n[0] + float(steps_n @ RELAXATION.left(since_s[-1] - middle_s))
     assert path.felt_n(np.array([first.start_s + since_s[-1]])) == pytest.approx(expected_n, abs=1e-8)
-    between_s = np.array([(a.end_s + b.start_s) / 2 for a, b in pairwise(pushes)])
+    between_s = np.array([(a.corners_s[-1] + b.start_s) / 2 for a, b in pairwise(pushes)])
     assert (path.felt_n(np.r_[0.0, between_s]) == 0.0).all()
     assert (path.elastic_n(np.r_[0.0, between_s]) == 0.0).all()
 

@@ -105,7 +105,7 @@ def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces
     pushes, sensor = plan_pushes(tuple(forces_n.tolist()), phantom, rng), sample_sensor(phantom, rng)
     axis = ("fx", "fy", "fz").index(force.axis)
     path = path_of_pushes(pushes, ELASTIC)
-    log = sense(path, sensor, axis, force.contact_sign, pushes[-1].end_s + 1.0, rng)
+    log = sense(path, sensor, axis, force.contact_sign, pushes[-1].corners_s[-1] + 1.0, rng)
     forces = ForceLog(log[:, 0], log[:, 1:], FORCE_COLUMNS[1:])
     frames = tuple(FrameEntry(f"{number}.png", push.frame_s) for number, push in enumerate(pushes))
     recording = Recording(Path(), LOGGED_INFO, frames, forces)

@@ -51,11 +51,7 @@ class DrawnShaft:
 
 
 def draw_shaft(shaft: NeedleShaft, tip_m: Floats, tilt_rad: float, oct_study: OctStudy) -> DrawnShaft:
-    """Cut a shaft by the plane of a frame.
-
-    Its tip is lateral from the frame's middle and below its top edge, m; the eye is rotated in the picture by
-    `tilt_rad` (see `Pose`).
-    """
+    """Cut a shaft, its tip lateral from the frame's middle and below its top edge, m, in an eye of a pose's tilt."""
     depth_m, lateral_m = oct_study.depth_m / oct_study.rows, oct_study.width_m / oct_study.columns
     above = ceil(shaft.above_m / depth_m)
     down = (np.arange(-above, oct_study.rows) + 0.5)[:, None] * depth_m - tip_m[1]
@@ -65,10 +61,9 @@ def draw_shaft(shaft: NeedleShaft, tip_m: Floats, tilt_rad: float, oct_study: Oc
     inside = within_m > 0.0
     covered = np.logical_or.accumulate(inside, axis=0)
     light = np.where(covered, 1.0 - shaft.loss_fraction, 1.0)
-    skin_m = max(SKIN_M, SKIN_COLUMNS * lateral_m)
     upward = -np.gradient(within_m, depth_m, axis=0) < 0.0  # the outward normal points up: to the light
     level = decibel(shaft.level_db) * np.where(upward, 1.0, decibel(shaft.far_edge_db))
-    skin = level * np.exp(-np.square(within_m / skin_m))
+    skin = level * np.exp(-np.square(within_m / max(SKIN_M, SKIN_COLUMNS * lateral_m)))
     return DrawnShaft(inside[above:], light[above:].astype(np.float32), skin[above:].astype(np.float32))
 
 
@@ -123,19 +118,16 @@ class Bscan:
 
 @dataclass(frozen=True)
 class _Tissue:
-    """The tissue in each pixel, (rows, columns), and `surface_row` (column,) from the top edge, NaN without tissue.
+    """The tissue in each pixel, (rows, columns)."""
 
-    `wall` and `choroid` are filled fractions; `tissue_path_m` (wall and conjunctiva) and `choroid_path_m` the lengths
-    that light has passed, one way, down to the pixel's middle. `over`: a conjunctiva, its filled fractions,
-    and the row of the wall's surface below it, (column,).
-    """
-
-    wall: Float
+    wall: Float  # filled fractions
     choroid: Float
-    tissue_path_m: Float
+    tissue_path_m: Float  # through wall and conjunctiva, that light has passed, one way, down to the pixel's middle
     choroid_path_m: Float
-    surface_row: Float
-    over: tuple[Conjunctiva, Float, Float] | None
+    surface_row: Float  # (column,), from the top edge, NaN without tissue
+    over: (
+        tuple[Conjunctiva, Float, Float] | None
+    )  # its filled fractions; the row of the wall's surface below, (column,)
 
 
 def render_bscan(
@@ -219,26 +211,18 @@ def _fill_columns(section: Section, oct_study: OctStudy, optics: BscanOptics) ->
         upper_m = wall_m[0] if len(wall_m) else surface_m
         optical_m = surface_m + (upper_m - surface_m) * oct_study.refractive_index
         wall_row = np.where(np.isfinite(optical_m), optical_m / pixel_m, np.nan)
-        over = layer, _filled(tissue_part_m - wall_part_m, row_m), _as_float32(wall_row)
-    return _Tissue(
-        wall=_filled(wall_part_m, row_m),
-        choroid=_filled(choroid_part_m, row_m),
-        tissue_path_m=_as_float32(tissue_path_m[1:] - tissue_part_m / 2),
-        choroid_path_m=_as_float32(choroid_path_m[1:] - choroid_part_m / 2),
-        surface_row=_as_float32(surface_m / pixel_m),
-        over=over,
-    )
+        over = layer, _filled(tissue_part_m - wall_part_m, row_m), wall_row.astype(np.float32)
+    wall, choroid = _filled(wall_part_m, row_m), _filled(choroid_part_m, row_m)
+    tissue_path_m[1:] -= tissue_part_m / 2
+    choroid_path_m[1:] -= choroid_part_m / 2
+    surface_row = (surface_m / pixel_m).astype(np.float32)
+    return _Tissue(wall, choroid, tissue_path_m[1:], choroid_path_m[1:], surface_row, over)
 
 
 def _filled(part_m: Float, row_m: Float) -> Float:
     """Return the filled fraction of each pixel."""
     hair_m = 1e-4 * row_m.max()  # what rounding leaves
-    return _as_float32(np.where(part_m > hair_m, part_m, 0.0) / row_m)
-
-
-def _as_float32(values: Reals) -> Float:
-    """Return single precision values: half the memory traffic, and far finer than a pixel."""
-    return values.astype(np.float32, copy=False)
+    return (np.where(part_m > hair_m, part_m, 0.0) / row_m).astype(np.float32)
 
 
 def _length_above(edges_m: Float, crossings_m: Float) -> Float:

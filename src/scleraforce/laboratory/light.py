@@ -136,10 +136,7 @@ class NeedleShaft:
         return atan(hypot(across, out)), atan2(out, across)
 
     def in_plane(self, along: Floats, gap_m: float) -> "NeedleShaft":
-        """Return the shaft as it is in another plane, of a signed gap.
-
-        `along` (2,): that plane's lateral axis, in parts along this one's and along this one's normal.
-        """
+        """Return the shaft in another plane, of a signed gap; `along`: its lateral axis, by this one and its normal."""
         up = np.array([tan(self.angle_rad), -tan(self.lean_rad) / cos(self.angle_rad)])
         angle_rad = atan(float(along @ up))
         out = float(along[0] * up[1] - along[1] * up[0])
@@ -211,10 +208,7 @@ class Pose:
 
 
 def drawn(kind: type[Drawn], ranges: object, rng: np.random.Generator, prefix: str = "", **given: object) -> Drawn:
-    """Draw a record: each field that is not given, and has no default, from the range of `prefix` + its name.
-
-    A function is called when its field's turn has come.
-    """
+    """Draw a record: fields without a default from the range of `prefix` + name, or as given (functions are called)."""
     values = {}
     for name in (item.name for item in fields(kind) if item.name in given or item.default is MISSING):
         value = given[name] if name in given else draw(getattr(ranges, prefix + name), rng)
@@ -325,13 +319,9 @@ QUANTILES = 64
 
 
 class Displayed:
-    """Tables of the counts of several frames' displays, over the largest count, by mean level.
-
-    `mean` and `moments` take levels over the mean noise, dB, (frame, row, column), to which the noise is added.
-    """
+    """Tables of frames' counts, over the largest, by mean level over the noise, dB, (frame, row, column)."""
 
     def __init__(self, optics: Sequence[BscanOptics]) -> None:
-        """Tabulate the counts of frames of these optics."""
         counts = np.stack([each.counts(_intensities(), 1.0) for each in optics])
         self._mean, self._variance = counts.mean(axis=2), counts.var(axis=2)
         self._first = (np.arange(len(optics), dtype=np.int32) * LEVELS)[:, None, None]

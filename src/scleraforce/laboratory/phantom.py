@@ -39,9 +39,8 @@ from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.fields import NEEDLE_FORCE
 from scleraforce.units import from_si
 
-OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN, TISSUE, PUNCTURE, PLANES = range(
-    12
-)  # the streams of a recording
+OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT = range(6)  # the streams of a recording
+NEEDLE, CONJUNCTIVA, TURN, TISSUE, PUNCTURE, PLANES = range(6, 12)
 
 DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
 
@@ -59,16 +58,13 @@ def sample_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptic
 
 
 def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Floats) -> Floats:
-    """Draw the changes while the needle moves, (time, 4): shift across and in depth, signal over noise, reflection.
-
-    Independent draws every `DRIFT_S`, joined by half waves of a cosine: no value leaves the range of the draws.
-    """
+    """Draw (time, 4): shift across and in depth, signal over noise, reflection; they change smoothly in `DRIFT_S`."""
     rng, phantom = stream(eye, seed, DRIFT), study.phantom
     ranges = (phantom.eye_shift_m, phantom.eye_shift_m, phantom.snr_db, phantom.reflection_db)
     knots = np.array([[draw(values, rng) for values in ranges] for _ in range(int(times_s[-1] / DRIFT_S) + 2)])
     before = (times_s / DRIFT_S).astype(np.intp)
-    share = (1.0 - np.cos(np.pi * (times_s / DRIFT_S - before))) / 2
-    changing: Floats = knots[before] + share[:, None] * (knots[before + 1] - knots[before])
+    share = (1.0 - np.cos(np.pi * (times_s / DRIFT_S - before)))[:, None] / 2  # no value leaves the range of the draws
+    changing: Floats = knots[before] + share * (knots[before + 1] - knots[before])
     return changing
 
 
@@ -98,10 +94,7 @@ FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samp
 
 @dataclass(frozen=True)
 class Travel:
-    """Of a needle that goes through the wall: its tip's travel from rest, its length inside, and the track's, m.
-
-    `gap_m`: of the plane from the track.
-    """
+    """Of a needle that pierces: its tip's travel from rest, its length inside, the track's, the plane's gap from it."""
 
     travel_m: float
     inside_m: float
@@ -111,10 +104,7 @@ class Travel:
 
 @dataclass(frozen=True)
 class PhantomFrame:
-    """One frame: time, pose, optics, the key of its random numbers; its push, turn, needle's travel and plane, if any.
-
-    `cut`: where one of several planes is in the eye.
-    """
+    """One frame: time, pose, optics, the key of its random numbers; push, turn, needle's travel and plane, if any."""
 
     file: str
     time_s: float
@@ -123,24 +113,21 @@ class PhantomFrame:
     seed: tuple[int, ...]
     push: pushes.Push | None = None
     turn: EyeTurn | None = None
-    travel: "Travel | None" = None
+    travel: Travel | None = None
     plane: Plane | None = None
-    cut: ScanPlane | None = None
+    cut: ScanPlane | None = None  # where one of several planes is in the eye
 
 
 @dataclass(frozen=True)
 class PhantomPlan:
-    """A virtual acquisition with everything drawn and nothing computed.
-
-    `tilt_rad`: between the force and the wall's normal, in the mechanics; a drawn needle presses with its normal part.
-    """
+    """A virtual acquisition with everything drawn and nothing computed."""
 
     eye: PhantomEye
     frames: tuple[PhantomFrame, ...]
     path: pushes.NeedlePath
     sensor: pushes.ForceSensor
     seed: int
-    tilt_rad: float = 0.0
+    tilt_rad: float = 0.0  # of the force, in the mechanics, off the wall's normal; a drawn needle's normal part presses
 
     @property
     def forces_n(self) -> list[float]:
@@ -179,10 +166,7 @@ class PhantomPlan:
 
 
 def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int) -> PhantomPlan:
-    """Draw a virtual acquisition of pushes: scanner, sensor, place and tissue once, what changes for each frame anew.
-
-    Each frame has a shift of the eye, signal over noise, mirror reflection, shadows, waves of the conjunctiva, timing.
-    """
+    """Draw an acquisition of pushes: scanner, sensor, place and tissue once; light, timing and shift in each frame."""
     _check_forces(eye, forces_n)
     phantom = study.phantom
     scanner, place = sample_scanner(eye, study, seed)
@@ -215,10 +199,8 @@ def plan_moving_phantom(
 ) -> PhantomPlan:
     """Draw a virtual acquisition of a needle that a robot moves while frames are taken at a steady rate.
 
-    With `puncture_n` the needle goes through the wall at that elastic force, after the others, which may be none.
-
-    Shift of the eye, signal over noise and mirror reflection are drawn every second, and change smoothly from one to
-    the next; all else is drawn once.
+    With `puncture_n` the needle goes through the wall at that elastic force, after the others, which may be none. What
+    `draw_changes` draws changes smoothly; all else is drawn once.
     """
     _check_forces(eye, [*forces_n, *([] if puncture_n is None else [puncture_n])])
     if puncture_n is not None and not puncture_n > max(forces_n, default=0.0):
@@ -237,21 +219,19 @@ def plan_moving_phantom(
     count = int((path.times_s[-1] - FIRST_S) * rate_hz + 1e-6) + 1
     times_s = [round(FIRST_S + index / rate_hz, pushes.TIME_DIGITS) for index in range(count)]
     drift = draw_changes(eye, study, seed, np.array(times_s))
-    digits = max(4, len(str(count)))
-    frames = []
-    for index, (time_s, changed) in enumerate(zip(times_s, drift.tolist(), strict=True)):
-        lateral_m, shift_m, snr_db, reflection_db = changed
+    digits, frames = max(4, len(str(count))), []
+    for index, (lateral_m, shift_m, snr_db, reflection_db) in enumerate(drift.tolist()):
         pose = Pose(lateral_m=lateral_m, depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
         optics = replace(scanner, snr_db=snr_db, reflection_db=reflection_db)
         key = stream_key(eye, seed, FRAME, index, 1)
-        frames.append(PhantomFrame(f"{index + 1:0{digits}d}.png", time_s, pose, optics, key))
+        frames.append(PhantomFrame(f"{index + 1:0{digits}d}.png", times_s[index], pose, optics, key))
     return _with_turns(eye, frames, path, study, seed)
 
 
 def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> PhantomPlan:
-    """Return a plan whose frames are taken in several planes at once, by a scanner whose axis misses the needle's.
+    """Return a plan of frames in several planes at once, of a scanner whose axis passes the needle's at the eye's gap.
 
-    It passes the contact at the eye's gap, on a side that is drawn; the eye shifts and tilts in two directions.
+    The side is drawn; the eye shifts and tilts in two directions.
     """
     if plan.turns or plan.path.puncture or study.mechanics.kind == "linear" or study.globe.leak_time_s:
         raise RecordingError(
@@ -315,11 +295,10 @@ def _pressed(frame: PhantomFrame, eye: PhantomEye, force_n: float, study: Study)
     return replace(frame, optics=replace(frame.optics, conjunctiva=replace(layer, press=press)))
 
 
-def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
-    """Return the needle's tip, at the section's surface: lateral from the frame's middle, below its top edge, m."""
+def needle_tip(frame: PhantomFrame, section: Section) -> Floats:
+    """Return the needle's tip, at the section's surface: lateral from the middle, below the top edge, (2,), m."""
     nearest = int(np.abs(section.outer[:, 0]).argmin())
-    lateral_m, depth_m = frame.pose.place_points(np.array([[0.0, section.outer[nearest, 1]]]))[0].tolist()
-    return lateral_m, depth_m
+    return frame.pose.place_points(np.array([[0.0, section.outer[nearest, 1]]]))[0]
 
 
 def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> tuple[Sequence[Section], Sequence[float]]:
@@ -364,10 +343,7 @@ def _still(plan: PhantomPlan, sections_at: SectionsAt) -> LinearSections | BentS
 
 
 def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
-    """Return a plan whose frames have the needle's travel, if it goes through the wall; else the same plan.
-
-    Beyond the puncture the needle travels as fast as just before it.
-    """
+    """Return a plan whose frames have the needle's travel if it pierces: beyond, it is as fast as just before."""
     puncture = plan.path.puncture
     if puncture is None:
         return plan
@@ -393,7 +369,7 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
 
 def _seen_needle(frame: PhantomFrame, section: Section, study: Study) -> DrawnShaft | None:
     """Draw the shaft and the track of a frame, None if it has neither."""
-    needle, tip_m, travel = frame.optics.needle, np.array(needle_tip(frame, section)), frame.travel
+    needle, tip_m, travel = frame.optics.needle, needle_tip(frame, section), frame.travel
     angle_rad = frame.pose.tilt_rad + (needle.angle_rad if needle else 0.0)
     axis = np.array([-sin(angle_rad), cos(angle_rad)])
     shaft = None
@@ -431,8 +407,7 @@ def write_phantom(
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         plan = with_travel(plan, sections_at)
-        more = () if plan.path.puncture is None else ("travel_m",)
-        more = more if plan.frames[0].plane is None else ("plane",)
+        more = tuple(_more_columns(plan.frames[0]))
         with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment, more)) as writer:
             sections, found_pa = plan_sections(plan, sections_at)
             axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
@@ -442,8 +417,7 @@ def write_phantom(
             truth = json.dumps(phantom_truth(plan, study, found_pa), indent=1, allow_nan=False)
             (partial / "truth.json").write_text(truth + "\n", encoding="utf-8")
             for frame, section in zip(plan.frames, sections, strict=True):
-                values = () if frame.travel is None else (f"{frame.travel.travel_m:.6f}",)
-                values = values if frame.plane is None else (frame.plane.name,)
+                values = tuple(_more_columns(frame).values())
                 writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame, values)
                 if progress is not None:
                     progress(1)
@@ -452,6 +426,13 @@ def write_phantom(
         raise RecordingError(f"{fault.filename or out}: {fault.strerror}") from fault
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+def _more_columns(frame: PhantomFrame) -> dict[str, str]:
+    """Return what frames.csv states of a frame beside its file and time."""
+    if frame.plane is not None:
+        return {"plane": frame.plane.name}
+    return {} if frame.travel is None else {"travel_m": f"{frame.travel.travel_m:.6f}"}
 
 
 def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:

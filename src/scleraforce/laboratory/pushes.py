@@ -32,15 +32,8 @@ class Push:
         left_s = self.start_s + self.ramp_s + self.hold_s
         return self.start_s, self.start_s + self.ramp_s, left_s, left_s + self.ramp_s
 
-    @property
-    def end_s(self) -> float:
-        """Time at which the needle is off again."""
-        return self.corners_s[-1]
-
 
 UNIT_PUSH = (0.0, 1.0, 1.0, 0.0)  # at the corners
-
-
 FALL_S, FRICTION = (1e-3, 4e-3), (0.15, 0.4)  # ranges of a puncture's fall, and of the friction over its force
 
 
@@ -63,10 +56,9 @@ class Puncture:
 
 @dataclass(frozen=True)
 class NeedlePath:
-    """A needle's travel, as the elastic force of the dents that it makes, and the tissue's relaxation.
+    """A needle's travel, as the elastic force of its dents at turning points, and the tissue's relaxation.
 
-    The elastic force is straight between turning points, (points,) each, and constant beyond them. After a `puncture`
-    it is the friction along the shaft, below 0 while the wall is pulled outwards, and nothing relaxes.
+    After a `puncture` it is the friction along the shaft, below 0 as the wall is pulled outwards; nothing relaxes.
     """
 
     times_s: tuple[float, ...]
@@ -110,7 +102,7 @@ def plan_pushes(forces_n: tuple[float, ...], phantom: PhantomStudy, rng: np.rand
         ramp_s, hold_s, delay_s = draw(phantom.ramp_s, rng), draw(phantom.hold_s, rng), draw(phantom.frame_delay_s, rng)
         frame_s = round(start_s + ramp_s + delay_s, TIME_DIGITS)
         pushes.append(Push(force_n=force_n, start_s=start_s, ramp_s=ramp_s, hold_s=hold_s, frame_s=frame_s))
-        start_s = pushes[-1].end_s + draw(phantom.rest_s, rng)
+        start_s = pushes[-1].corners_s[-1] + draw(phantom.rest_s, rng)
     return tuple(pushes)
 
 
@@ -153,8 +145,7 @@ def plan_puncture(
 ) -> NeedlePath:
     """Let a path go through the wall at an elastic force that it has not reached, travel on for a hold, and come out.
 
-    On its way back the shaft sticks until the friction is turned, and slips until the tip is at the outer surface of
-    the wall, which the friction has pulled outwards.
+    On its way back the shaft sticks until the friction is turned, and slips until the tip is at the wall's surface.
     """
     at_s = path.times_s[-1] + (puncture_n - path.forces_n[-1]) / ramp_n_per_s
     fall_s, friction = rng.uniform(*FALL_S), rng.uniform(*FRICTION)

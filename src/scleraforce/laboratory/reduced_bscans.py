@@ -28,15 +28,12 @@ BEYOND_EDGE = 0.23
 
 @dataclass(frozen=True, eq=False)
 class _Layer:
-    """Tissue from one depth to another (frame, column), m in the picture.
-
-    `level_db` (frame, column): at its upper edge, over the noise; it falls by `falls_db_per_m` (frame, 1).
-    """
+    """Tissue from one depth to another (frame, column), m in the picture."""
 
     top_m: Reals
     bottom_m: Reals
-    level_db: Reals
-    falls_db_per_m: Reals
+    level_db: Reals  # (frame, column), at its upper edge, over the noise
+    falls_db_per_m: Reals  # (frame, 1)
 
 
 def draw_reduced(
@@ -58,7 +55,7 @@ def draw_reduced(
     wall_m = surface_m[:, None] + oct_study.refractive_index * (depth_sbc - surface_m[:, None])
     light_db = np.stack([_decibel(shaft.light * ~shaft.inside) for shaft in shafts]) if shafts else np.float32(0.0)
     layers = _layers(surface_m, wall_m, optics, oct_study, window)
-    mean, variance = _speckled(layers, light_db, displayed, _looks(optics, oct_study, window), window)
+    mean, variance = _speckled(layers, light_db, displayed, *_looks(optics, oct_study, window), window)
     for depth_m, width_m, level_db in _lines(surface_m, wall_m[:, OUTER], optics, window):
         share, _ = _covered(window, depth_m - 0.5 * width_m, depth_m + 0.5 * width_m)
         bright = displayed.mean(_there(level_db) + light_db)
@@ -124,14 +121,10 @@ def _looks(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWind
 
 
 def _speckled(
-    layers: Sequence[_Layer],
-    light_db: Float | np.float32,
-    displayed: Displayed,
-    looks: tuple[Reals, float],
+    layers: Sequence[_Layer], light_db: Float | np.float32, displayed: Displayed, speckles: Reals, pixels: float,
     window: FrameWindow,
-) -> tuple[Float, Float]:
+) -> tuple[Float, Float]:  # fmt: skip
     """Return the mean count of each cell and its variance (frame, row, column)."""
-    speckles, pixels = looks
     cells = (len(speckles), window.rows, window.columns)
     empty, mean, variance = np.ones(cells, np.float32), np.zeros(cells, np.float32), np.zeros(cells, np.float32)
     for layer in layers:
@@ -169,15 +162,12 @@ def _lines(
 ) -> Iterator[tuple[Reals, Reals, Reals]]:
     """Yield depths of the middles (frame, column), full widths (frame, 1) and levels over the noise, dB, of thin lines.
 
-    These are the mirror reflections of the surface and of a wall below a conjunctiva, then the horizontal lines and
-    covers of frames, one per frame for each of the largest number.
+    First come mirror reflections, then lines and covers, one per frame for each of the largest number.
     """
     light, two_sigmas_m = _light(optics, window), 2.0 * amplitude_sigma(1.0) * _each(optics, "axial_resolution_m")
     interface = [-np.inf if each.conjunctiva is None else each.conjunctiva.interface_db for each in optics]
-    for depth_m, reflection_db in (
-        (surface_m, _each(optics, "reflection_db")),
-        (outer_m, np.array(interface)[:, None]),
-    ):
+    mirrors = (surface_m, _each(optics, "reflection_db")), (outer_m, np.array(interface)[:, None])
+    for depth_m, reflection_db in mirrors:
         slope = np.arctan(np.gradient(depth_m, window.column_m, axis=1))
         falls = DB * (slope / _each(optics, "reflection_angle_rad")) ** 2
         yield depth_m, two_sigmas_m, light + np.maximum(reflection_db - falls, -DB * 30.0)

@@ -23,17 +23,11 @@ class _Over:
     """The drawing that things over the tissue are added to."""
 
     study: SceneOverStudy
-    picture: Picture
     tissue: Tissue
+    picture: Picture
     rng: np.random.Generator
-
-    @property
-    def lateral_m(self) -> Floats:
-        return self.picture.window.lateral_m
-
-    @property
-    def surface_m(self) -> Floats:
-        return self.tissue.rays.surface_m
+    lateral_m: Floats
+    surface_m: Floats
 
     def row(self, depth_m: Floats) -> Floats:
         return self.picture.window.row(depth_m)
@@ -62,11 +56,10 @@ class _Over:
         self.picture.covered[np.isfinite(top_m)] = True
 
 
-def draw_over(
-    study: SceneOverStudy, tissue: Tissue, dent_m: float | None, picture: Picture, rng: np.random.Generator
-) -> None:
-    """Draw things over the tissue and vessels in it; a needle is put into a dent (`dent_m`, lateral)."""
-    over = _Over(study, picture, tissue, rng)
+def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
+    """Draw things over the tissue and vessels in it; a needle is put into the wall's dent if it has one."""
+    rng, dent_m, rays = tissue.rng, tissue.wall.dent_m, tissue.rays
+    over = _Over(study, tissue, tissue.picture, rng, rays.window.lateral_m, rays.surface_m)
     _vessels(over)
     for share, thing in (
         (study.contact_lens_share, _contact_lens),
@@ -102,9 +95,8 @@ def _smooth_surface(over: _Over) -> Floats:
     there = np.isfinite(over.surface_m)
     if np.count_nonzero(there) < 3:
         return np.full(len(over.lateral_m), np.nan)
-    fitted = np.polyfit(over.lateral_m[there], over.surface_m[there], 2)
-    smooth: Floats = np.asarray(np.polyval(fitted, over.lateral_m), dtype=np.float64)
-    return smooth - max(float((smooth - over.surface_m)[there].max()), 0.0)
+    smooth = np.polyval(np.polyfit(over.lateral_m[there], over.surface_m[there], 2), over.lateral_m)
+    return np.asarray(smooth - max(float((smooth - over.surface_m)[there].max()), 0.0), dtype=np.float64)
 
 
 def _contact_lens(over: _Over) -> None:
@@ -208,11 +200,9 @@ def _needle(over: _Over, tip_m: float) -> None:
     bevel = rng.uniform(0.0, 3.0) * half_m * along * rng.integers(0, 2)
     tip, far = np.array([tip_m, tip_depth_m]), NEEDLE_LENGTH_M * along
     one, other = tip - half_m * across, tip + half_m * across + bevel
-    shaft = np.array([one, other, other + far, one + far])
-    edges_m = outline_depths(shaft, over.lateral_m)
-    if edges_m is None:
+    top_m, bottom_m = outline_depths(np.array([one, other, other + far, one + far]), over.lateral_m)
+    if np.isnan(top_m).all():
         return
-    top_m, bottom_m = edges_m
     bright_db = draw(study.needle_db, rng)
     over.line(top_m, bright_db)
     if rng.random() < study.glass_share:

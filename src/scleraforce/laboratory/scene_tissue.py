@@ -18,10 +18,9 @@ ROUNDS = 5  # of the search for a ray's crossing with a curve
 
 @dataclass(frozen=True)
 class Rays:
-    """The rays of a frame's columns below the tissue's first surface; all (column,), NaN without tissue.
+    """The rays of a frame's columns below the tissue's surface, of a depth and a slope; (column,), NaN without tissue.
 
-    `surface_m`: depth of that surface. A ray goes `sideways` and `downwards` (a unit vector); a point at a length l
-    along it is seen `stretch` l below the surface. `slope_rad`: the surface's angle against the lateral axis.
+    A ray goes `sideways` and `downwards` (a unit vector); a point l along it is seen `stretch` l below the surface.
     """
 
     window: Window
@@ -45,10 +44,7 @@ class Rays:
 
 
 def rays_below(height_m: Floats, window: Window, refractive_index: float) -> Rays:
-    """Return the rays below a surface; an index of 1 leaves them straight: the scanner has corrected its picture.
-
-    Snell's law: the part of a ray's direction along the surface is divided by the refractive index.
-    """
+    """Return the rays below a surface (Snell's law); an index of 1 leaves them straight: of a corrected picture."""
     surface_m = np.interp(window.lateral_m, window.grid_m, height_m)
     slope = np.interp(window.lateral_m, window.grid_m, np.arctan(np.gradient(height_m, window.grid_m)))
     along = np.sin(slope) / refractive_index
@@ -76,16 +72,13 @@ class Ridge:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing (rows + above, columns): backscatter over the mean noise, loss of its logarithm, ridges on top.
-
-    `covered` (column,): a lid or a drape lies over the eye.
-    """
+    """A drawing (rows + above, columns): backscatter over the mean noise, loss of its logarithm, ridges, lids."""
 
     window: Window
     scatter: Float
     loss: Float
     ridges: list[Ridge]
-    covered: Flags
+    covered: Flags  # (column,), by a lid or a drape
 
     @property
     def rows(self) -> Float:
@@ -103,8 +96,7 @@ class Picture:
         """Replace the tissue between two curves (rows); `stretch`: optical over geometric depth."""
         within = self.inside(top, bottom)
         np.copyto(self.scatter, np.asarray(intensity, dtype=np.float32), where=within)
-        loss = 2.0 * attenuation_per_m * self.window.pixel_m / stretch
-        np.copyto(self.loss, np.float32(loss), where=within)
+        np.copyto(self.loss, np.float32(2.0 * attenuation_per_m * self.window.pixel_m / stretch), where=within)
 
     def brighten(self, top: Floats, bottom: Floats, gain: Floats) -> None:
         """Multiply the backscatter between two curves (rows) by a gain, (column,) or (row, column)."""
@@ -122,13 +114,6 @@ class Picture:
         self.loss[at, np.arange(self.loss.shape[1])] -= np.log(np.maximum(left, np.float32(1e-6)))
 
 
-def empty_picture(window: Window) -> Picture:
-    """Return an empty tissue."""
-    shape = (window.rows + window.above, window.columns)
-    covered = np.zeros(window.columns, dtype=np.bool_)
-    return Picture(window, np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32), [], covered)
-
-
 APART_DB = -3.0  # of a layer right below the sclera that no gap parts from it, at most
 GAP_ROWS = 2.0  # of a gap, at least: it can be seen
 LENS_HALF_M = 4.6e-3
@@ -136,6 +121,7 @@ LENS_ATTENUATION_PER_M = 0.1e3
 LENS_LAYERS = 1.0, 0.82, 0.6  # cortex to nucleus: their size over the lens'
 ALONG = np.linspace(0.0, 1.0, 60)  # the iris, from its root to the pupil
 SIDES = (-1.0, 1.0)
+GRAIN_M = 0.15e-3  # of an iris
 COVERED_M = 1e-3  # along the surface from the limbus on: the conjunctiva thickens over that length
 RIDGE_ROWS = 0.45  # half width of a mirror reflection
 WALL_LAYERS = 10  # of even thickness, that the wall is drawn as
@@ -144,10 +130,7 @@ PROFILE_WAVES = 1.5  # of its brightness over its depth, at most
 
 @dataclass(frozen=True)
 class Tissue:
-    """A wall that is drawn into a picture: rows of the drawing, (column,), NaN without wall.
-
-    `surface` may be the conjunctiva's; `snr_db`: of the sclera's surface.
-    """
+    """A wall drawn into a picture: its rows there, (column,), NaN without wall; `surface` may be the conjunctiva's."""
 
     study: SceneTissueStudy
     wall: DrawnWall
@@ -156,7 +139,7 @@ class Tissue:
     surface: Floats
     outer: Floats
     inner: Floats
-    snr_db: float
+    snr_db: float  # of the sclera's surface
     rng: np.random.Generator
 
     def light(self, values_db: float | Floats) -> Floats:
@@ -182,14 +165,19 @@ class Tissue:
         return self.wall.limbus.cornea(np.interp(lateral_m, window.grid_m, arc_m), share)
 
 
-def draw_tissue(study: SceneTissueStudy, wall: DrawnWall, picture: Picture, rng: np.random.Generator) -> Tissue:
+def draw_tissue(study: SceneTissueStudy, wall: DrawnWall, window: Window, rng: np.random.Generator) -> Tissue:
     """Draw the tissue into an empty picture."""
-    window = picture.window
+    scatter, loss = np.zeros((2, window.rows + window.above, window.columns), dtype=np.float32)
+    picture = Picture(window, scatter, loss, [], np.zeros(window.columns, dtype=np.bool_))
     index = 1.0 if rng.random() < study.corrected_share else draw(study.refractive_index, rng)
     snr_db = draw(study.snr_db, rng)
     over_m = _conjunctiva(study, wall, rng)
     rays = rays_below(heights(wall.offset(-over_m), window), window, index)
-    surface, outer, inner = window.row(rays.surface_m), rays.row_of(wall.outer), rays.row_of(wall.inner)
+    surface, outer, inner = (
+        window.row(rays.surface_m),
+        rays.row_of(wall.outer),
+        rays.row_of(wall.offset(wall.thickness_m)),
+    )
     tissue = Tissue(study, wall, picture, rays, surface, outer, inner, snr_db, rng)
     _fill_inside(tissue)
     _fill_wall(tissue)
@@ -338,18 +326,16 @@ def _fill_lens(tissue: Tissue, plane_m: float) -> None:
     tissue.fill(np.maximum(bottom - capsule_rows, top), bottom, capsule * ratios(-rng.uniform(0.0, 12.0)), 0.0)
 
 
-def outline_depths(outline: Floats, lateral_m: Floats) -> Floats | None:
-    """Return the depths (2, place) between which a closed outline is seen, NaN outside of it; None: nowhere."""
+def outline_depths(outline: Floats, lateral_m: Floats) -> Floats:
+    """Return the depths (2, place) between which a closed outline is seen, NaN outside of it."""
     crossings = column_crossings(np.concatenate([outline, outline[:1]]), lateral_m).astype(np.float64)
-    return None if len(crossings) < 2 else np.where(np.isfinite(crossings[:2]), crossings[:2], np.nan)
+    seen = crossings[:2] if len(crossings) else np.full((2, len(lateral_m)), np.nan)
+    return np.where(np.isfinite(seen), seen, np.nan)
 
 
 def _between(tissue: Tissue, outline: Floats) -> tuple[Floats, Floats]:
     """Return the rows between which a closed outline inside the wall is seen, (column,), NaN outside of it."""
-    edges = outline_depths(outline, tissue.rays.window.grid_m)
-    if edges is None:
-        return (np.full(tissue.rays.window.columns, np.nan),) * 2
-    top, bottom = (tissue.rays.row(edge) for edge in edges)
+    top, bottom = map(tissue.rays.row, outline_depths(outline, tissue.rays.window.grid_m))
     return np.maximum(top, tissue.inner), bottom
 
 
@@ -381,8 +367,7 @@ def _fill_faces(tissue: Tissue, cornea_db: Floats) -> None:
     epithelium = np.where(cornea > 0.5, outer, np.nan)
     gain = 10.0 ** (draw(study.epithelium_db, rng) * cornea / 10.0)
     tissue.picture.brighten(epithelium, np.minimum(outer + rows, inner), gain)
-    facing = tissue.facing()
-    cornea = tissue.cornea(1.0)
+    facing, cornea = tissue.facing(), tissue.cornea(1.0)
     intensity = tissue.light(cornea * cornea_db + draw(study.boundary_db, rng)) * facing * cornea
     tissue.picture.ridges.append(Ridge(inner, intensity, RIDGE_ROWS))
 
@@ -401,9 +386,6 @@ def _scar(tissue: Tissue) -> None:
     picture.shade(middle, np.where(np.isfinite(middle), 1.0 - loss, 1.0))
 
 
-GRAIN_M = 0.15e-3  # of an iris
-
-
 def _grains(picture: Picture, rng: np.random.Generator, length_m: float = GRAIN_M, height_m: float = GRAIN_M) -> Float:
     """Return smooth grains of unit variance at their middles, of a size, (row, column)."""
     window, shape = picture.window, picture.scatter.shape
@@ -419,7 +401,7 @@ def _roughen(tissue: Tissue) -> None:
     shape = picture.scatter.shape
     smooth = _grains(picture, rng, draw(study.texture_length_m, rng), draw(study.texture_height_m, rng))
     shift = np.nan_to_num(surface - np.nanmean(surface) if np.isfinite(surface).any() else surface, nan=0.0)
-    map_row = (picture.rows - shift.astype(np.float32)).astype(np.float32)
+    map_row = picture.rows - shift.astype(np.float32)
     map_column = np.broadcast_to(np.arange(shape[1], dtype=np.float32), shape)
     along = cv2.remap(smooth, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
     strength = np.float32(draw(study.texture_db, rng) * np.log(10.0) / 10.0)

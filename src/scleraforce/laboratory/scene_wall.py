@@ -70,10 +70,7 @@ CENTRED_SHARE = 0.1  # of the range of places: a view of the apex
 
 @dataclass(frozen=True, kw_only=True)
 class Limbus:
-    """The border of cornea and sclera: `arc_m` along the surface from the apex, `spur_m` at the scleral spur.
-
-    The shape changes over `width_m`, the light over `edge_m`; the study explains slant and wedge.
-    """
+    """The border of cornea and sclera, along the surface from the apex; `[scenes.eye]` explains its lengths."""
 
     arc_m: float
     width_m: float
@@ -99,24 +96,15 @@ class Limbus:
 
 @dataclass(frozen=True)
 class DrawnWall:
-    """A wall in the frame: its meridian's points (point,), from left to right; `normal`: unit vectors into the eye.
-
-    `arc_m` is along the surface from the apex. `pose` takes points of the eye (the apex of the undeformed surface at 0,
-    0) to the frame. `dent_m`: the lateral place of a dent.
-    """
+    """A wall in the frame: its meridian's points (point,), from left to right."""
 
     outer: Floats
-    normal: Floats
+    normal: Floats  # unit vectors into the eye
     thickness_m: Floats
-    arc_m: Floats
-    pose: Pose
+    arc_m: Floats  # along the surface from the apex
+    pose: Pose  # from the eye, the apex of the undeformed surface at (0, 0), to the frame
     limbus: Limbus | None
-    dent_m: float | None
-
-    @property
-    def inner(self) -> Floats:
-        """The inner boundary, shape (point, 2), m."""
-        return self.offset(self.thickness_m)
+    dent_m: float | None  # lateral place of a dent
 
     def offset(self, depth_m: Floats) -> Floats:
         """Return the curve at depths below the surface along its normal, (point, 2), m."""
@@ -169,12 +157,10 @@ def _slope(
 ) -> Floats:
     """Return the angle of the meridian against the lateral axis: the integral of its curvature, and the sulcus."""
     radius_m, sclera_m = draw(eye.cornea_radius_m, rng), draw(eye.sclera_radius_m, rng)
-    bend = cornea / radius_m + (1.0 - cornea) / sclera_m
-    slope = np.cumsum(bend) * STEP_M
+    slope = np.cumsum(cornea / radius_m + (1.0 - cornea) / sclera_m) * STEP_M
     slope -= np.interp(0.0, arc_m, slope)
-    if limbus is None:
-        return slope
-    return slope - draw(eye.sulcus_rad, rng) * np.sign(arc_m) * (1.0 - cornea)
+    sulcus_rad = 0.0 if limbus is None else draw(eye.sulcus_rad, rng)
+    return slope - sulcus_rad * np.sign(arc_m) * (1.0 - cornea)
 
 
 def _waves(eye: SceneEyeStudy, arc_m: Floats, rng: np.random.Generator) -> Floats:

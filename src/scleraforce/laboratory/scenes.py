@@ -6,17 +6,10 @@ import numpy as np
 from scipy.ndimage import find_objects, label
 
 from scleraforce.arrays import Bytes, Flags, Floats
-from scleraforce.laboratory.light import (
-    Complex,
-    add_ridge,
-    amplitude_sigma,
-    circular_gaussian,
-    ratios,
-    seen_through,
-    spread,
-)
+from scleraforce.laboratory import light as optics
+from scleraforce.laboratory.light import Complex, amplitude_sigma, ratios
 from scleraforce.laboratory.scene_over import draw_over
-from scleraforce.laboratory.scene_tissue import Picture, Ridge, draw_tissue, empty_picture
+from scleraforce.laboratory.scene_tissue import Picture, Ridge, draw_tissue
 from scleraforce.laboratory.scene_wall import Window, draw_wall, draw_window
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
@@ -25,6 +18,7 @@ from scleraforce.study import SceneScannerStudy, ScenesStudy, draw
 STREAK_SLOPE = 1.2  # of a slanted streak, at most, in pixels
 SAMPLE = 7  # every 7th pixel tells the brightness
 LEAST_LIGHT = 1e-3  # over the noise
+LEVEL_RAD = 0.03  # a surface that lies so nearly across the light reflects into the scanner
 
 
 def scanned(
@@ -44,10 +38,7 @@ def scanned(
 
 
 def _field(study: SceneScannerStudy, picture: Picture, looks: float, rng: np.random.Generator) -> Complex:
-    """Return the field of the returning light, seen with the scanner's speckle, without its noise.
-
-    Of the looks that a frame is the mean of, as many as move against the tissue average its speckle.
-    """
+    """Return the field of the returning light without noise; looks that move against the tissue average its speckle."""
     window, lines = picture.window, []
     for _ in range(int(draw(study.line_count, rng))):
         row = np.full(window.columns, window.above + rng.uniform(0.0, window.rows))
@@ -61,12 +52,14 @@ def _field(study: SceneScannerStudy, picture: Picture, looks: float, rng: np.ran
     light = picture.scatter * reaching
     rows = min(draw(study.speckle_rows, rng), draw(study.axial_m, rng) / window.pixel_m)
     sigmas = amplitude_sigma(rows), amplitude_sigma(draw(study.speckle_columns, rng))
-    field = seen_through(np.sqrt(light) * circular_gaussian(light.shape, rng), *sigmas)
-    mean, one_look = spread(light, *sigmas), np.square(np.abs(field))
+    field = optics.seen_through(np.sqrt(light) * optics.circular_gaussian(light.shape, rng), *sigmas)
+    mean, one_look = optics.spread(light, *sigmas), np.square(np.abs(field))
     averaged = mean + (one_look - mean) / np.float32(np.sqrt(looks ** rng.random()))
     field *= np.sqrt(np.maximum(averaged, 0.0) / np.maximum(one_look, np.float32(1e-12)))
     for ridge in (*picture.ridges, *lines):
-        add_ridge(field, ridge.row, np.sqrt(ridge.intensity * _reaching(ridge, reaching)), ridge.sigma_rows, rng)
+        row = np.clip(np.nan_to_num(ridge.row, nan=0.0) - 1.0, 0, len(reaching) - 1).astype(np.intp)
+        left = reaching[row, np.arange(window.columns)].astype(np.float64) if ridge.shadowed else 1.0
+        optics.add_ridge(field, ridge.row, np.sqrt(ridge.intensity * left), ridge.sigma_rows, rng)
     return field
 
 
@@ -76,16 +69,7 @@ def _fall(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator) 
     across = (window.lateral_m / (window.width_m / 2) - rng.uniform(-0.2, 0.2)) ** 2
     down = ((picture.rows - window.above) / window.rows * 2.0 - 1.0) ** 2
     away = across + rng.choice([0.0, rng.random()]) * down
-    fall: Float = ratios(-draw(study.fall_db, rng) * away ** rng.uniform(0.7, 2.0)).astype(np.float32)
-    return fall
-
-
-def _reaching(ridge: Ridge, reaching: Float) -> Floats | float:
-    """Return the share of the light that reaches a bright curve and returns, (column,)."""
-    if not ridge.shadowed:
-        return 1.0
-    row = np.clip(np.nan_to_num(ridge.row, nan=0.0) - 1.0, 0, len(reaching) - 1).astype(np.intp)
-    return reaching[row, np.arange(reaching.shape[1])].astype(np.float64)
+    return ratios(-draw(study.fall_db, rng) * away ** rng.uniform(0.7, 2.0)).astype(np.float32)
 
 
 def _folded(study: SceneScannerStudy, field: Complex, window: Window, looks: float, rng: np.random.Generator) -> Float:
@@ -96,7 +80,7 @@ def _folded(study: SceneScannerStudy, field: Complex, window: Window, looks: flo
     tilt_db = draw(study.noise_tilt_db, rng) * np.linspace(-0.5, 0.5, len(below))
     noise_level = ratios(tilt_db)[:, None].astype(np.float32)
     mean = np.square(np.abs(below)) + noise_level
-    seen = below + np.sqrt(noise_level) * circular_gaussian(below.shape, rng)
+    seen = below + np.sqrt(noise_level) * optics.circular_gaussian(below.shape, rng)
     one_look = np.square(np.abs(seen))
     return np.maximum(mean + (one_look - mean) / np.sqrt(np.float32(looks)), LEAST_LIGHT)
 
@@ -269,9 +253,6 @@ def _bridged(seen: Flags) -> Flags:
     return kept
 
 
-LEVEL_RAD = 0.03  # a surface that lies so nearly across the light reflects into the scanner
-
-
 @dataclass(frozen=True)
 class Scene:
     """A drawn frame (row, column), uint8 or uint16, and its truth.
@@ -302,16 +283,15 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
     study = study.of_one(rng)
     window = draw_window(study.window, rng)
     wall = draw_wall(study.eye, study.window, window, rng)
-    picture = empty_picture(window)
-    tissue = draw_tissue(study.tissue, wall, picture, rng)
-    draw_over(study.over, tissue, wall.dent_m, picture, rng)
+    tissue = draw_tissue(study.tissue, wall, window, rng)
+    draw_over(study.over, tissue)
     slope = np.nan_to_num(np.abs(tissue.rays.slope_rad), nan=np.inf)
     apex = float(slope.argmin()) if slope.min() <= LEVEL_RAD else None  # the column of a surface across the light
-    frame, imaged = scanned(study.scanner, picture, apex, rng)
+    frame, imaged = scanned(study.scanner, tissue.picture, apex, rng)
     surface_row, outer, inner = (row - window.above - 0.5 for row in (tissue.surface, tissue.outer, tissue.inner))
     shown = imaged & (outer < window.rows - 1) & (inner > 0.0) & (inner > outer)
-    outer_row, inner_row = np.where(shown, outer, np.nan), np.where(shown, inner, np.nan)
-    seen, judged = judged_columns(frame, surface_row, outer_row, inner_row)
-    outer_row, inner_row = np.where(seen, outer_row, np.nan), np.where(seen, inner_row, np.nan)
+    outer, inner = np.where(shown, outer, np.nan), np.where(shown, inner, np.nan)
+    seen, judged = judged_columns(frame, surface_row, outer, inner)
+    outer, inner = np.where(seen, outer, np.nan), np.where(seen, inner, np.nan)
     scale = PixelScale(lateral_m=window.step_m, depth_m=window.pixel_m, refractive_index=tissue.rays.stretch)
-    return Scene(frame, scale, outer_row, inner_row, judged, picture.covered & ~judged)
+    return Scene(frame, scale, outer, inner, judged, tissue.picture.covered & ~judged)

@@ -71,10 +71,9 @@ def _unit_vectors(rng: np.random.Generator, count: int) -> Floats:
 
 
 class TurnedSections:
-    """An eye's sections for needle forces in N at any turn, interpolated from a few turns, the knots."""
+    """An eye's sections for needle forces in N at any turn, from those at each of `knot_turns(reach_rad)`."""
 
-    def __init__(self, knots: Sequence[Callable[[Sequence[float]], Sequence[Section]]], reach_rad: float) -> None:
-        """Take the functions that give the sections at each of `knot_turns(reach_rad)`."""
+    def __init__(self, knots: Sequence["SectionsAt"], reach_rad: float) -> None:
         self.knots, self.reach_rad = tuple(knots), reach_rad
 
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
@@ -83,8 +82,7 @@ class TurnedSections:
 
     def turned(self, forces_n: Sequence[float], turns: Sequence[EyeTurn]) -> Sequence[Section]:
         """Return the sections at each force and turn."""
-        at_knots = [knot(forces_n) for knot in self.knots]
-        each = zip(turns, *at_knots, strict=True)
+        each = zip(turns, *[knot(forces_n) for knot in self.knots], strict=True)
         return [blended(sections, knot_weights(turn, self.reach_rad)) for turn, *sections in each]
 
 
@@ -158,11 +156,7 @@ class PhantomEye:
 
 
 def study_sections(eye: PhantomEye, study: Study, progress: Progress | None = None) -> SectionsAt:
-    """Return the function that gives an eye's sections for needle forces in N, from the study's `[mechanics]`.
-
-    For an eye that turns it is a `TurnedSections`, of one that leaks `LeakingSections`. `progress` is called with the
-    finished share of the load paths.
-    """
+    """Return an eye's sections for needle forces in N, by the study: as it keeps still, turns or leaks."""
     if study.mechanics.kind == "finite-strain" and study.globe.leak_time_s:
         return LeakingSections(eye, study, progress)
     eyes, report, knots = turned_eyes(eye, study), progress or (lambda _: None), list[SectionsAt]()
@@ -191,57 +185,47 @@ def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]
 class BentSections:
     """An eye's sections for needle forces in N, and its pressure under them, from one finite-strain load path.
 
-    The first call computes the path, up to the largest given force (some 10 s on one core), and so does a later call
-    with a larger one. Everything but thickness, modulus, pressure and contact is the study's (`bend_eye`).
+    A call with a larger force than before computes the path (some 10 s on one core); `progress` is called with the
+    finished share. Everything but thickness, modulus, pressure and contact is the study's (`bend_eye`).
     """
 
     def __init__(
         self, eye: PhantomEye, study: Study, progress: Progress | None = None, bent: BentEye | None = None
     ) -> None:
-        """Take the eye, its study, a callable for the path's finished share, and a path if one is computed already."""
-        self.eye, self._study, self._progress = eye, study, progress
-        self._bent = bent
+        self.eye, self._study, self._progress, self._bent = eye, study, progress, bent
 
     def cut(self, forces_n: Sequence[float], planes: Sequence[ScanPlane]) -> Sequence[Section]:
         """Return the section by a plane of its own at each force."""
-        bent, found = self._bent_to(forces_n), []
-        for force_n, plane in zip(forces_n, planes, strict=True):
-            state_knc = bent.path.displacement_nc(force_n)[None]
-            found += cut_sections(bent.mesh, [plane], state_knc, np.ones((1, 1, 1)))[0]
-        return found
+        bent = self._bent_to(forces_n)
+        states_nc = map(bent.path.displacement_nc, forces_n)
+        each = zip(states_nc, planes, strict=True)
+        return [cut_sections(bent.mesh, [plane], nc[None], np.ones((1, 1, 1)))[0][0] for nc, plane in each]
 
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
         """Return the sections."""
-        bent = self._bent_to(forces_n)
-        parts = [forces_n[start : start + FORCES_AT_ONCE] for start in range(0, len(forces_n), FORCES_AT_ONCE)]
-        sections = []
-        for part in parts:
+        bent, sections = self._bent_to(forces_n), list[Section]()
+        for start in range(0, len(forces_n), FORCES_AT_ONCE):
+            part = forces_n[start : start + FORCES_AT_ONCE]
             states_fnc = np.stack([bent.path.displacement_nc(force_n) for force_n in part])
             sections += cut_sections(bent.mesh, [self.eye.plane], states_fnc, np.eye(len(part))[None])[0]
         return sections
 
     def travels_m(self, forces_n: Sequence[float]) -> list[float]:
         """Return the tip's inward displacement from rest at each force, m."""
-        path = self._bent_to(forces_n).path
-        return [path.travel_m(force_n) for force_n in forces_n]
+        return list(map(self._bent_to(forces_n).path.travel_m, forces_n))
 
     def pressures_pa(self, forces_n: Sequence[float]) -> list[float]:
         """Return the eye pressure at each force in Pa."""
-        path = self._bent_to(forces_n).path
-        return [path.pressure_pa(force_n) for force_n in forces_n]
+        return list(map(self._bent_to(forces_n).path.pressure_pa, forces_n))
 
     def _bent_to(self, forces_n: Sequence[float]) -> BentEye:
         largest_n = max(forces_n, default=0.0)
         if self._bent is None or self._bent.path.max_force_n < largest_n:
+            eye = self.eye
             self._bent = bend_eye(
-                self._study,
-                self.eye.plane.contact,
-                thickness_m=self.eye.thickness_m,
-                youngs_modulus_pa=self.eye.youngs_modulus_pa,
-                iop_pa=self.eye.iop_pa,
-                max_force_n=largest_n,
-                progress=self._progress,
-            )
+                self._study, eye.plane.contact, thickness_m=eye.thickness_m, youngs_modulus_pa=eye.youngs_modulus_pa,
+                iop_pa=eye.iop_pa, max_force_n=largest_n, progress=self._progress,
+            )  # fmt: skip
         return self._bent
 
 
@@ -321,10 +305,11 @@ class LinearSections:
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
         """Return the sections."""
         loads = [[self._eye.iop_pa, self._weight_n_m3, force_n] for force_n in forces_n]
-        weights_fk = np.array(loads) / self._eye.youngs_modulus_pa
-        parts = [weights_fk[start : start + WEIGHTS_AT_ONCE] for start in range(0, len(weights_fk), WEIGHTS_AT_ONCE)]
-        plane, modes_knc = self._eye.plane, self._modes_knc
-        return [section for part in parts for section in cut_sections(self._mesh, [plane], modes_knc, part[None])[0]]
+        weights_fk, sections = np.array(loads) / self._eye.youngs_modulus_pa, list[Section]()
+        for start in range(0, len(loads), WEIGHTS_AT_ONCE):
+            part = weights_fk[None, start : start + WEIGHTS_AT_ONCE]
+            sections += cut_sections(self._mesh, [self._eye.plane], self._modes_knc, part)[0]
+        return sections
 
     def travels_m(self, forces_n: Sequence[float]) -> list[float]:
         """Return the tip's inward displacement from rest at each force, m."""
@@ -340,17 +325,17 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
     Contact angles, which the paper does not give ("near the limbus"), spread over the study's range.
     """
     design = (
-        ("eye-1", 800e-6, 0.27e6, (0, 11, 14)),
-        ("eye-2", 500e-6, 0.22e6, (1, 2, 2)),
-        ("eye-3", 650e-6, 0.24e6, (2, 0, 3)),
-        ("eye-4", 560e-6, 0.29e6, (2, 1, 2)),
-        ("eye-5", 800e-6, 0.25e6, (2, 1, 2)),
-    )
+        ("eye-1", 800e-6, 0.27e6, (0, 11, 14), 0.5),
+        ("eye-2", 500e-6, 0.22e6, (1, 2, 2), 0.1),
+        ("eye-3", 650e-6, 0.24e6, (2, 0, 3), 0.7),
+        ("eye-4", 560e-6, 0.29e6, (2, 1, 2), 0.3),
+        ("eye-5", 800e-6, 0.25e6, (2, 1, 2), 0.9),
+    )  # the trials of each class; the contact's place in the study's range
     low, high = study.needle.polar_angle_rad.bounds
     limits_n = (0.0, *study.classes.bounds_n, study.needle.max_force_n)
     rng = np.random.default_rng((study.phantom.seed, 45))
     eyes = []
-    for place, (name, thickness_m, modulus_pa, trials) in zip((0.5, 0.1, 0.7, 0.3, 0.9), design, strict=True):
+    for name, thickness_m, modulus_pa, trials, place in design:
         polar_rad = round(low + place * (high - low), 6)
         wall = {"thickness_m": thickness_m, "youngs_modulus_pa": modulus_pa, "iop_pa": study.eye.iop_pa}
         contact = {"gap_m": study.needle.gap_m, "polar_rad": polar_rad, "azimuth_rad": radians(360 * place)}
@@ -358,11 +343,10 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
         forces_n: list[float] = []
         for target, count in enumerate(trials):
             low_n, high_n = limits_n[target], limits_n[target + 1]
+            first_n, last_n = (0.0 if target == 0 else low_n + CLEAR_N), high_n - CLEAR_N
+            drawn_n = [first_n + (last_n - first_n) * (index + 0.5) / count for index in range(count)]
             if to_the_bounds:
                 drawn_n = sorted(rng.uniform(low_n, high_n, count).tolist())
-            else:
-                first_n, last_n = (0.0 if target == 0 else low_n + CLEAR_N), high_n - CLEAR_N
-                drawn_n = [first_n + (last_n - first_n) * (index + 0.5) / count for index in range(count)]
             forces_n += [round(force_n, 7) for force_n in drawn_n]
         step = next(step for step in (7, 5, 3, 2, 1) if len(forces_n) % step)
         # An order that mixes the classes and starts with the largest force: a clear first contact.
@@ -430,27 +414,17 @@ def simulate_eye(
     resting, loaded = cut_sections(mesh, [plane], np.stack(states_nc), np.eye(2)[None])[0]
     window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))
     return SimulatedEye(
-        mesh=mesh,
-        contact=contact,
-        force_n=force_n,
-        displacement_nc=states_nc[1],
-        needle_nc=states_nc[1] - states_nc[0],
-        tip_m=tip_m,
-        dent_m=dent_m,
-        pressure_pa=pressure_pa,
-        slice=fill_section(loaded, window),
-        window=window,
-    )
+        mesh=mesh, contact=contact, force_n=force_n, displacement_nc=states_nc[1],
+        needle_nc=states_nc[1] - states_nc[0], tip_m=tip_m, dent_m=dent_m, pressure_pa=pressure_pa,
+        slice=fill_section(loaded, window), window=window,
+    )  # fmt: skip
 
 
 CELLS = {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron27"}
 
 
 def write_vtu(eye: SimulatedEye, path: Path) -> None:
-    """Write the undeformed mesh in m with the node fields `displacement` and `needle_displacement`, in m.
-
-    "Warp by vector" shows the deformed wall.
-    """
+    """Write the undeformed mesh and its node fields `displacement` and `needle_displacement` (to warp by), in m."""
     import meshio  # type: ignore[import-untyped]  # comes without types; imported here: it takes 0.15 s
 
     cells = [(CELLS[eye.mesh.cells_en.shape[1]], eye.mesh.cells_en)]
