@@ -44,6 +44,7 @@ KINDS = {
     "study": FileKind("study file", MIB, "`scleraforce init DIR` writes a study file", StudyError),
     "recording": FileKind("recording.toml", MIB, "a recording folder has a recording.toml", RecordingError),
     "frames": FileKind("frames.csv", 64 * MIB, "a recording folder has a frames.csv", RecordingError),
+    "walls": FileKind("walls.csv", 64 * MIB, "", RecordingError),
     "forces": FileKind("forces.csv", 1024 * MIB, "", RecordingError),
     "frame": FileKind("frame", 256 * MIB, "", FrameError),
     "calibration": FileKind("calibration file", 64 * MIB, "`scleraforce calibrate` writes this file", CalibrationError),

@@ -27,6 +27,7 @@ from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.recording.folder import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.given import recorded_wall
 from scleraforce.segmentation.observations import Boundaries, dent, segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
@@ -74,7 +75,8 @@ class EyeFrames:
         sha256, scale = frame_digest(pixels), PixelScale.of(info.oct)
         if sha256 in self.used:
             return None
-        found = find_wall(pixels, scale, info.eye.thickness_m, self.settings.finder)
+        given = recorded_wall(self.recording.walls, self.recording.frames[index].file, pixels.shape, scale)
+        found = given or find_wall(pixels, scale, info.eye.thickness_m, self.settings.finder)
         if not found.usable:
             return sha256, assimilation.Skipped(f"not usable: {found.reason}")
         return sha256, segmented_boundaries(found, scale)
@@ -331,6 +333,7 @@ def _calibrate_eye(
         *(open_doubts(recording.info.eye.globe) if library is None else ()),
         *(() if rests_pa is None else (LEAKS,)),
         *label_notes(recording, trials),
+        *recording.walls.notes,
         *log_doubts(recording, study.classes, shown),
         *reach_doubts(used_n, missed_n),
     )

@@ -274,6 +274,11 @@ class _Placed(click.Option):
 @click.option("--plane", "planes", cls=_Placed, metavar=PLANE, multiple=True,
               help="Plane of the frames that follow: its distance from the scanner's axis, and the direction of its "
               "columns. The n-th frames of all planes are read together.")  # fmt: skip
+@click.option("--mask", "masks", multiple=True, type=PATH,
+              help="Picture of the wall in place of the one that is found: 255 wall, 0 none, 128 column not judged. "
+              "Give one for each frame, in their order.")  # fmt: skip
+@click.option("--mask-sd-rows", type=click.FloatRange(0.0, min_open=True),
+              help="Standard deviation of the mask's boundaries, rows; default: 2.")  # fmt: skip
 @options("wall_finder")
 def read(
     model: Path,
@@ -283,6 +288,8 @@ def read(
     calibration: Path | None,
     eye: str | None,
     held_s: float | None,
+    masks: tuple[Path, ...],
+    mask_sd_rows: float | None,
     wall_finder: Path | None,
     **given: Any,
 ) -> Report:
@@ -312,9 +319,13 @@ def read(
     from scleraforce.notebook.frames import check_calibrated, given_eye, readings, summary_of_calibration
     from scleraforce.reader.answer import unusable
     from scleraforce.recording.folder import Scanner
+    from scleraforce.segmentation.given import GIVEN_SD_ROWS
 
     for path in filter(os.path.isdir, frames):
         raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")
+    if masks and len(masks) != len(frames):
+        raise InputError(f"--mask: {len(masks)} for {len(frames)} frames; give one for each, in their order")
+    mask_of = dict(zip(frames, masks, strict=bool(masks)))
     known = given_eye({name: given.pop(name) for name in EYE})
     size = Scanner(**given)
     check_calibrated(known, calibration is not None, eye)
@@ -325,7 +336,10 @@ def read(
         for path, _ in moment:
             os.stat(path)  # a missing frame is reported before the model is loaded
         paths, placed = [path for path, _ in moment], [plane for _, plane in moment if plane]
-        return readings(loaded(), paths, known, size, summary, eye, transpose, held_s, placed)
+        walls = [mask_of.get(path) for path in paths]
+        return readings(
+            loaded(), paths, known, size, summary, eye, transpose, held_s, placed, walls, mask_sd_rows or GIVEN_SD_ROWS
+        )
 
     found = [
         (path, one if isinstance(one, InputError) else one[number])
@@ -407,6 +421,7 @@ def _answer_line(path: Path, answer: "Answer") -> str:
     if answer.iop_at_dent_pa is not None:
         words += f", {from_si(answer.iop_at_dent_pa, 'mmhg'):.1f} mmHg at the dent"
     places = answer.as_json()
+    words += f"; wall: {places['wall']}" if places["wall"] in ("mask", "corrected") else ""
     found = [
         f"{key.partition('_')[0]} {places[key]:.2f}{unit} ({ends[0]:.2f} to {ends[1]:.2f})"
         for key, unit in PLACES.items()

@@ -133,7 +133,7 @@ def fit_boundaries(
         np.ascontiguousarray(lateral_m, dtype=np.float64),
         np.ascontiguousarray(depth_bc, dtype=np.float64),
         float(smoothing_m),
-        Belief(prior.mean, prior.sd, prior.precision, prior.same_force, prior.calibrated),
+        Belief(prior.mean, prior.sd, prior.precision, prior.same_force, prior.calibrated, prior.wall_sd_m),
         doubt_of(prior),
         np.nan if borne_n is None else float(borne_n),
         np.empty(0) if begun is None else np.ascontiguousarray(begun, dtype=np.float64),

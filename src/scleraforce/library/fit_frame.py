@@ -75,7 +75,7 @@ def fit_frame(
 
     `borne_n` is the needle's force, NaN if it is not known. Return False if the frame shows too few columns.
     """
-    at_m, depth_m, sd_m, outer = _columns(lateral_m, depth_bc)
+    at_m, depth_m, sd_m, outer = _columns(lateral_m, depth_bc, belief.wall_sd_m)
     if outer < UNKNOWNS:
         return False
     problem = _problem(tables, law, (at_m, depth_m, sd_m, outer), smoothing_m, belief)
@@ -102,7 +102,7 @@ def fit_frame(
 
 
 @compiled_part
-def _columns(lateral_m: Floats, depth_bc: Floats) -> tuple[Floats, Floats, Floats, int]:
+def _columns(lateral_m: Floats, depth_bc: Floats, wall_sd_m: float) -> tuple[Floats, Floats, Floats, int]:
     """Return place, depth and its standard deviation of some columns, (place,), m, and how many are outer ones."""
     step, count, outer = max(1, -(-len(lateral_m) // COLUMNS)), 0, 0
     at_m, depth_m, sd_m = np.empty(2 * COLUMNS), np.empty(2 * COLUMNS), np.empty(2 * COLUMNS)
@@ -111,7 +111,7 @@ def _columns(lateral_m: Floats, depth_bc: Floats) -> tuple[Floats, Floats, Float
         for column in range(0, len(lateral_m), step):
             if np.isfinite(depth_bc[boundary, column]):
                 at_m[count], depth_m[count] = lateral_m[column], depth_bc[boundary, column]
-                sd_m[count] = INNER_SD_M if boundary else OUTER_SD_M
+                sd_m[count] = np.hypot(INNER_SD_M if boundary else OUTER_SD_M, wall_sd_m)
                 count += 1
     return at_m[:count], depth_m[:count], sd_m[:count], outer
 
@@ -138,7 +138,7 @@ def fit_plane(
     `normal` and `gradient` end with the plane's tilt against the needle axis, whose tangent is `tilt`; the columns' SDs
     count `scale` times. Without a `gradient` (0,) write the fit instead, whose spread there is.
     """
-    problem = _problem(tables, law, _columns(lateral_m, depth_bc), smoothing_m, belief)
+    problem = _problem(tables, law, _columns(lateral_m, depth_bc, belief.wall_sd_m), smoothing_m, belief)
     work, unknown = search_loops.work_of(problem.scene), fitted.unknown
     work.wall.pushed[2], work.other.pushed[2] = tilt, tilt
     cost, nodes = search_loops.evaluate(problem, unknown, work)
@@ -262,7 +262,7 @@ def _conclude(problem: Problem, cost: float, doubt: Doubt, work: Work, fitted: F
     """Write the fit with its uncertainty: the curvature's, with the noise estimated from the misfit (Birge)."""
     _, nodes = search_loops.evaluate(problem, fitted.unknown, work)
     found = _misfit(problem, work)
-    scale = min(max(found[0], LEAST_NOISE), MOST_NOISE)
+    scale = min(max(found[0], LEAST_NOISE if problem.belief.wall_sd_m == 0.0 else 1.0), MOST_NOISE)
     search_loops.find_spread(problem, fitted.unknown, nodes, scale, work, fitted.spread)
     _write_fit(problem, cost, found, doubt, work, fitted)
 
@@ -287,7 +287,7 @@ def _write_fit(
     _draw_forces(problem, fitted.unknown, fitted.spread, doubt, fitted.draws_n)
     formed_section(problem.scene, fitted.unknown, work.wall, fitted.wall_bmc)
     fitted.numbers[:3] = np.quantile(fitted.draws_n, np.array([0.5, INTERVAL[0], INTERVAL[1]]))
-    fitted.numbers[3], fitted.numbers[4], fitted.numbers[5] = found[0], found[1], cost
+    fitted.numbers[3], fitted.numbers[4], fitted.numbers[5] = found[0] * (problem.sd_m[0] / OUTER_SD_M), found[1], cost
 
 
 @compiled_part

@@ -147,7 +147,7 @@ class _Problem:
                 held[at.GAP] = precision[at.GAP, at.GAP] * (plane.gap_sd_m is not None)
                 precision, calibrated = np.diag(held), np.zeros((2, 2))
             maps.append((mapped, shift))
-            beliefs.append(Belief(mean, sd, precision, prior.same_force * (not number), calibrated))
+            beliefs.append(Belief(mean, sd, precision, prior.same_force * (not number), calibrated, prior.wall_sd_m))
         return cls(library, planes, smoothing_m, beliefs, maps)
 
     def of_plane(self, number: int, unknown: Floats) -> tuple[Floats, float]:
@@ -242,7 +242,8 @@ class _Problem:
 
     def conclude(self, unknown: Floats, terms: _Terms) -> tuple[tuple[BoundaryFit, ...], SpatialPlace]:
         """Return the fit with its uncertainty."""
-        scales = [min(max(misfit, fit_frame.LEAST_NOISE), fit_frame.MOST_NOISE) for misfit in terms.misfits]
+        least = 1.0 if any(plane.prior.wall_sd_m for plane in self.planes) else fit_frame.LEAST_NOISE
+        scales = [min(max(misfit, least), fit_frame.MOST_NOISE) for misfit in terms.misfits]
         normal = self.terms(unknown, scales)[0].normal
         sd = 1.0 / np.sqrt(np.diag(normal))
         covariance = np.linalg.inv(normal * np.outer(sd, sd)) * np.outer(sd, sd)

@@ -40,7 +40,7 @@ class Prior:
     the effect of `same_force` (unknown,): that combination of unknowns is as far off its mean as a standard normal
     number; it is 0 where it is not used. `globe` is the known globe; `calibrated` (2, 2) the inverse covariance of that
     number and of how far the pressure is off the globe's law, which a calibration correlates. `discrepancy` is that of
-    the eye's forces.
+    the eye's forces. `wall_sd_m`: standard deviation of boundaries that were given, beyond that of those found.
     """
 
     mean: Floats
@@ -50,6 +50,7 @@ class Prior:
     globe: KnownGlobe
     calibrated: Floats
     discrepancy: ForceDiscrepancy
+    wall_sd_m: float = 0.0
 
 
 def prior_of(known: Known, trained: ReaderStudy) -> Prior:

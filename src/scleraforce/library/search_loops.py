@@ -37,6 +37,7 @@ class Belief(NamedTuple):
     precision: Floats
     same_force: Floats
     calibrated: Floats
+    wall_sd_m: float
 
 
 class Problem(NamedTuple):

@@ -16,6 +16,7 @@ import numpy as np
 
 import scleraforce.known.calibration_file as calibration_file
 from scleraforce import reader
+from scleraforce.arrays import Flags
 from scleraforce.errors import FrameError, InputError, StudyError
 from scleraforce.known import NOTHING_KNOWN, Known, Modulus, completed, known_globe, known_of_recording
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
@@ -29,7 +30,9 @@ from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording import folder
 from scleraforce.recording.folder import Plane, Recording, ScaledFrame, Scanner, read_recording
 from scleraforce.recording.pixels import Pixels, Sourced
+from scleraforce.recording.walls import RecordedWalls, mask_of, read_mask
 from scleraforce.segmentation.found import Segmentation
+from scleraforce.segmentation.given import GIVEN_SD_ROWS, given_wall, recorded_wall
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study.fields import check_quantity
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
     GivenCalibration = Calibration | CalibrationSummary | str | PathLike[str]
 
 Frame = str | PathLike[str] | Pixels
+Mask = str | PathLike[str] | Pixels | Flags
 Given = Recording | str | PathLike[str]  # a recording, opened or as a folder
 
 
@@ -150,6 +154,8 @@ def read(
     transpose: bool = False,
     held_s: float | None = None,
     planes: Sequence[Plane] = (),
+    mask: "Mask | Sequence[Mask] | None" = None,
+    mask_sd_rows: float = GIVEN_SD_ROWS,
 ) -> Answer:
     """Read the force from one raw frame, or from one of each plane that a scanner takes at once.
 
@@ -158,7 +164,7 @@ def read(
     Args:
         model: of `load_model` or `train`.
         frame: an image file, or counts (row, column) as uint8 or uint16; rows go down into the eye. Of several planes,
-            a list of these, which are read together.
+            a list of these, which are read together. An array of bool is a mask without a frame.
         calibration: of `calibrate`, or its file: gives the eye's modulus, or the population's.
         eye: its name in the calibration; None: the recording's.
         youngs_modulus_pa: of this eye, instead of a calibration.
@@ -178,6 +184,9 @@ def read(
         transpose: the depth runs along the file's rows, from left to right.
         held_s: time since the needle's push, in tissue that relaxes; None: as in the frames of the calibration.
         planes: of a list of frames, one for each; by default their recording's. The gap is then found, not given.
+        mask: the wall, in place of the one that is found: an image file or an array of the frame's shape, 255 or True
+            where wall is, 128 in columns that are not judged; of several planes a list. By default the recording's.
+        mask_sd_rows: standard deviation of the mask's boundaries, rows.
 
     Returns:
         `force_n` with its 90 % `interval_n` and the pressure `iop_at_dent_pa` (None with a classifier), the class
@@ -205,7 +214,9 @@ def read(
     frames: Any = frame
     if not isinstance(frame, list | tuple) or not all(isinstance(one, str | PathLike | np.ndarray) for one in frame):
         frames = [frame]
-    one = readings(model, frames, given, size, calibration, eye, transpose, held_s, planes or stated_planes(frames))[0]
+    masks: list[Any] = list(mask) if isinstance(mask, list | tuple) else [mask] * len(frames)
+    planes = planes or stated_planes(frames)
+    one = readings(model, frames, given, size, calibration, eye, transpose, held_s, planes, masks, mask_sd_rows)[0]
     return replace(one.answer, warnings=(*one.answer.warnings, *one.notes))
 
 
@@ -264,6 +275,8 @@ def readings(
     transpose: bool = False,
     held_s: float | None = None,
     planes: Sequence[Plane] = (),
+    masks: "Sequence[Mask | None]" = (),
+    mask_sd_rows: float = GIVEN_SD_ROWS,
 ) -> list[Reading]:
     """Read one frame, or one of each plane together, as `read` does; return each answer with its inputs."""
     check_model(model)
@@ -273,6 +286,10 @@ def readings(
         raise InputError("planes: two frames of one; give one frame of each")
     if planes and given.gap_m is not None:
         raise InputError("gap_m: several planes show their gaps; leave it out")
+    if masks and len(masks) != len(frames):
+        raise InputError(f"mask: {len(masks)} for {len(frames)} frames; give one for each, in their order")
+    if not 0.0 < mask_sd_rows < inf:
+        raise InputError(f"mask_sd_rows: {mask_sd_rows:g}; give the standard deviation of the mask's boundaries, rows")
     if held_s is not None and not 0.0 <= held_s < inf:
         raise InputError(f"held_s: {held_s:g}; give the time since the push, 0 s or more")
     check_calibrated(given, calibration is not None, eye)
@@ -306,7 +323,9 @@ def readings(
         )
     history = History.unknown(known, model.study.needle.max_force_n)
     try:
-        elastic = model.read_together([one.pixels for one in each], seen.scale, known, planes)
+        walls = [_wall(one, frame, mask, mask_sd_rows, transpose, notes)
+                 for one, frame, mask in zip(each, frames, masks or [None] * len(each), strict=True)]  # fmt: skip
+        elastic = model.read_together([one.pixels for one in each], seen.scale, known, planes, walls)
         answers = [history.read(one, model.study.classes.bounds_n, held_s=held_s)[0] for one in elastic]
     except ValueError as fault:
         raise FrameError(f"{_place(frame)}: {fault}") from fault
@@ -314,6 +333,28 @@ def readings(
         Reading(answer, one, given, stated, known, tuple(notes), plane)
         for answer, one, plane in zip(answers, each, planes or (None,), strict=True)
     ]
+
+
+def _wall(
+    seen: ScaledFrame, frame: Frame, mask: "Mask | None", sd_rows: float, transpose: bool, notes: list[str]
+) -> Segmentation | None:
+    """Return the wall that is given for a frame, or that its recording has; add a note on one that is not used."""
+    if isinstance(frame, str | PathLike):
+        if mask is None and (recording := folder.recording_of(Path(frame))) is not None:
+            walls = RecordedWalls(recording)
+            found = recorded_wall(walls, Path(frame).name, seen.pixels.shape, seen.scale)
+            notes += walls.notes
+            return found
+    elif mask is None and np.asarray(frame).dtype == bool:
+        mask = frame
+    if mask is None:
+        return None
+    given = read_mask(Path(mask)) if isinstance(mask, str | PathLike) else mask_of(mask, "mask")
+    given = given.T if transpose else given
+    if given.shape != seen.pixels.shape:
+        rows, columns = seen.pixels.shape
+        raise FrameError(f"mask: {given.shape[0]} x {given.shape[1]} pixels, the frame has {rows} x {columns}")
+    return given_wall(given, seen.scale, sd_rows)
 
 
 def given_eye(given: Mapping[str, Any]) -> Known:
@@ -360,6 +401,7 @@ def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpos
     if isinstance(frame, str | PathLike):
         return folder.read_scaled_frame(Path(frame), given, (assumed, source), transpose)
     pixels: Any = np.asarray(frame)  # the reader checks its type
+    pixels = mask_of(pixels, "frame") if pixels.dtype == bool else pixels
     if pixels.ndim != 2:
         raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
     if given.width_m is None or given.depth_m is None:

@@ -33,6 +33,7 @@ from scleraforce.recording.folder import Recording, frame_digest, read_recording
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.tables import FrameEntry
+from scleraforce.segmentation.given import recorded_wall
 from scleraforce.units import from_si
 
 Progress = Callable[[int], object] | None  # called with 1 after each frame
@@ -338,6 +339,7 @@ class _Session:
             yield "no forces.csv: its frames are read, but not scored"
         if self.foreign:
             yield self.foreign
+        yield from self.recording.walls.notes
 
     def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
         """Return sentences on labels that are missing, and on a force log that contradicts the answers."""
@@ -357,7 +359,8 @@ class _Session:
         for moment in self.recording.moments:
             frames, first = [self.recording.frame(entry) for entry in moment], moment[0]
             planes = [plane for entry in moment if (plane := self.recording.info.oct.named(entry.plane))]
-            read = partial(self.reader.read_together, frames, scale, planes=planes)
+            given = [recorded_wall(self.recording.walls, one.file, frames[0].shape, scale) for one in moment]
+            read = partial(self.reader.read_together, frames, scale, planes=planes, walls=given)
             elastic, leak = leak.read(read, first.time_s, first.held_s)
             felt = [history.read(one, study.classes.bounds_n, first.time_s, first.held_s) for one in elastic]
             history = felt[0][1]

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import zip_longest
 from math import sqrt
 from pathlib import Path
 from typing import Any, ClassVar, final
@@ -39,6 +40,7 @@ from scleraforce.reader.networks import ForceNetwork
 from scleraforce.reader.where import contact_depth, in_space, places_of, shaft_lean
 from scleraforce.recording.folder import OctInfo, Plane
 from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
 from scleraforce.segmentation.wall_finder import FrameWindow, WallFinder
 from scleraforce.study import Range, ReaderStudy, Study
@@ -86,14 +88,16 @@ class Reader(ABC):
         """Young's modulus that the model reads every eye with, a classifier's; None: it takes each eye's own."""
         return None if self.reads_force else self.study.eye.youngs_modulus_pa
 
-    def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
+    def read(
+        self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN, wall: Segmentation | None = None
+    ) -> Answer:
         """Read one raw frame (row, column) by every method of the model.
 
         `scale` is the size of a pixel as stored, with the refractive index. With a fixed modulus the model uses the
-        thickness alone of the known eye. An invalid frame raises `ValueError` (see `find_wall`), a network that fails
-        `ModelError`.
+        thickness alone of the known eye. `wall`: in place of the one that is found. An invalid frame raises
+        `ValueError` (see `find_wall`), a network that fails `ModelError`.
         """
-        seen = verdicts.look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self.finder)
+        seen = verdicts.look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self.finder, wall)
         answer = unusable(self.classes, seen.reason) if seen.reason else self._read(seen, frame, scale, known)
         return replace(answer, segmentation=seen.segmentation)
 
@@ -107,16 +111,17 @@ class Reader(ABC):
         return replace(answer, segmentation=seen.segmentation)
 
     def read_together(
-        self, frames: Sequence[Pixels], scale: PixelScale, known: Known = NOTHING_KNOWN, planes: Sequence[Plane] = ()
-    ) -> tuple[Answer, ...]:
+        self, frames: Sequence[Pixels], scale: PixelScale, known: Known = NOTHING_KNOWN, planes: Sequence[Plane] = (),
+        walls: Sequence[Segmentation | None] = (None,),
+    ) -> tuple[Answer, ...]:  # fmt: skip
         """Read the frames of one moment, one of each plane, or a single frame without planes.
 
-        Every frame gets the answer of all, with its own contact, fit and segmentation. Errors are as for `read`; a
-        model without a fit reads no planes and raises `ModelError`.
+        Every frame gets the answer of all, with its own contact, fit and segmentation. `walls`: given ones, in
+        place of those found. Errors are as for `read`; a model without a fit reads no planes and raises `ModelError`.
         """
         if planes:
             raise ModelError(f"{self.path}: a {self.kind} reads single planes; several need a model of kind {READER!r}")
-        return (self.read(frames[0], scale, known),)
+        return (self.read(frames[0], scale, known, walls[0]),)
 
     @abstractmethod
     def refusal(self, known: Known) -> str | None:
@@ -271,7 +276,10 @@ class ForceReader(Reader):
         boundaries = segmented_boundaries(seen.segmentation, scale)
         if reason := self._not_fitted(seen, boundaries, known):
             return replace(unusable(self.classes, reason), can_calibrate=verdicts.can_calibrate(seen, boundaries))
-        prior, smoothing_m = self._prior(seen, known, self.study.reader), self.study.calibration.surface_smoothing_m
+        prior, smoothing_m = (
+            self._prior(seen, boundaries, known, self.study.reader),
+            self.study.calibration.surface_smoothing_m,
+        )
         fit = fit_boundaries(self.library_for(known), boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
         if fit is None:
             return unusable(self.classes, TOO_LITTLE)
@@ -288,26 +296,30 @@ class ForceReader(Reader):
             or verdicts.too_little_wall(*places, self.study.slice, known.has_calibrated_modulus)
         )
 
-    def _prior(self, seen: verdicts.Look, known: Known, trained: ReaderStudy) -> Prior:
+    def _prior(self, seen: verdicts.Look, wall: Boundaries, known: Known, trained: ReaderStudy) -> Prior:
         if seen.needle:
             trained = replace(trained, gap_m=Range(min=0.0, max=self.library.needle_radius_m))  # for an unknown gap
-        return prior_of(known, trained)
+        return replace(prior_of(known, trained), wall_sd_m=wall.sd_m)
 
     def read_together(
-        self, frames: Sequence[Pixels], scale: PixelScale, known: Known = NOTHING_KNOWN, planes: Sequence[Plane] = ()
-    ) -> tuple[Answer, ...]:
+        self, frames: Sequence[Pixels], scale: PixelScale, known: Known = NOTHING_KNOWN, planes: Sequence[Plane] = (),
+        walls: Sequence[Segmentation | None] = (None,),
+    ) -> tuple[Answer, ...]:  # fmt: skip
         """Read the frames of one moment, one of each plane, by one fit; the gap is not used.
 
         A plane without a wall is left out, with a warning. If the wall in one that is fitted is not that of an eye, or
         cannot be judged, none is usable.
         """
         if not planes:
-            return super().read_together(frames, scale, known)
+            return super().read_together(frames, scale, known, walls=walls)
         known = replace(known, gap_m=None)
-        looks = [verdicts.look(one, scale, self.study.slice, SHIFTS, known.thickness_m, self.finder) for one in frames]
-        walls = [None if seen.reason else segmented_boundaries(seen.segmentation, scale) for seen in looks]
+        looks = [
+            verdicts.look(one, scale, self.study.slice, SHIFTS, known.thickness_m, self.finder, wall)
+            for one, wall in zip_longest(frames, walls)
+        ]
+        seen_walls = [None if seen.reason else segmented_boundaries(seen.segmentation, scale) for seen in looks]
         each, left_out = list[tuple[int, verdicts.Look, Boundaries, Known]](), list[str]()
-        for number, (seen, wall, plane) in enumerate(zip(looks, walls, planes, strict=True)):
+        for number, (seen, wall, plane) in enumerate(zip(looks, seen_walls, planes, strict=True)):
             turned = None if known.direction_rad is None else known.direction_rad + plane.direction_rad
             here = replace(known, direction_rad=turned)
             reason = seen.reason if wall is None else self._not_fitted(seen, wall, here)
@@ -333,7 +345,7 @@ class ForceReader(Reader):
         """Return the answers of planes with a wall, by the fit to all of them; of one alone, by its own."""
         smoothing_m, radius_m = self.study.calibration.surface_smoothing_m, self.library.needle_radius_m
         trained, library = self.study.reader, self.library_for(each[0][3])
-        priors = [self._prior(seen, known, verdicts.read_by_fit(trained)) for _, seen, _, known in each]
+        priors = [self._prior(seen, wall, known, verdicts.read_by_fit(trained)) for _, seen, wall, known in each]
         walls = [
             SeenPlane(planes[number].offset_m, planes[number].direction_rad, wall.lateral_m, wall.depth_m, prior,
                       radius_m / sqrt(3.0) if seen.needle else None)

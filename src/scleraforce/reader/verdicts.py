@@ -204,15 +204,17 @@ def look(
     shifts: tuple[float, ...] = (0.0,),
     thickness_m: float | None = None,
     finder: WallFinder | None = None,
+    wall: Segmentation | None = None,
 ) -> Look:
-    """Segment a frame and draw the slices that a model reads.
+    """Segment a frame, or take its `wall`, which was given, and draw the slices that a model reads.
 
     Where the thickness is not known and there is time for a finder, a second surface below the first is a fault.
     """
-    found = find_wall(frame, scale, thickness_m, finder)
+    found = find_wall(frame, scale, thickness_m, finder if wall is None else None)
+    found = found if wall is None else replace(wall, needle=found.needle)
     if not found.usable:
         return Look(found, _NOTHING, found.reason)
-    if thickness_m is None and finder is not None:
+    if thickness_m is None and finder is not None and wall is None:
         below_m = second_surface_m(as_logarithmic(frame), scale, found)
         if below_m is not None:
             return Look(found, _NOTHING, SECOND_SURFACE.format(from_si(below_m, "um")))

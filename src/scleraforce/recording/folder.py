@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from itertools import groupby
 from os import PathLike
 from pathlib import Path
@@ -15,6 +16,7 @@ from scleraforce.errors import FrameError, RecordingError, StudyError
 from scleraforce.recording.images import read_frame, read_image
 from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
 from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
+from scleraforce.recording.walls import RecordedWalls
 from scleraforce.study import parse_record
 from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS, check_relaxation
 from scleraforce.study.fields import allowed, check_fields, check_quantity, option, quantity, required
@@ -210,6 +212,11 @@ class Recording:
     def moments(self) -> tuple[tuple[FrameEntry, ...], ...]:
         """The frames in order, grouped by their time: one, or one of each plane."""
         return tuple(tuple(group) for _, group in groupby(self.frames, lambda entry: entry.time_s))
+
+    @cached_property
+    def walls(self) -> RecordedWalls:
+        """Its frames' walls that were given."""
+        return RecordedWalls(self.path)
 
     def frame_path(self, entry: FrameEntry) -> Path:
         """Return the path of a frame's file."""

@@ -33,6 +33,8 @@ class Segmentation:
     the inner boundary was not found. `needle`: the needle that crosses the frame, or None; the columns that it hides
     have no boundaries. `conjunctiva_m`: median thickness of a layer over the wall, along its normal, None if none is
     looked for or seen. `methods`: the wall by each method, and their `disagreement`, if a network looked as well.
+    `source`: "found" in the frame, or given: a "mask", or "corrected" in the recording; then the boundaries have a
+    standard deviation of `sd_rows`.
     """
 
     outer_row: Floats
@@ -46,6 +48,8 @@ class Segmentation:
     needle: SeenNeedle | None = None
     conjunctiva_m: float | None = None
     methods: "BothWalls | None" = None
+    source: str = "found"
+    sd_rows: float = 0.0
 
     @cached_property
     def mask(self) -> Bytes:

@@ -1,0 +1,93 @@
+"""Walls of frames that people or other programs drew: masks, and a recording's `walls/` (docs/recordings.md)."""
+
+import csv
+import hashlib
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from scleraforce.arrays import Bytes
+from scleraforce.errors import FrameError, RecordingError
+from scleraforce.recording.images import read_frame
+from scleraforce.whole_files import KINDS, read_bytes, read_text
+
+NO_WALL, NOT_JUDGED, WALL = 0, 128, 255
+COLUMNS = ["file", "author", "time_utc", "source_sha256"]
+
+
+def mask_of(mask: Any, place: str) -> Bytes:
+    """Return a mask (row, column) of NO_WALL, NOT_JUDGED and WALL; flags, and 0 and 1, are taken for no wall and wall.
+
+    Raises:
+        FrameError: naming `place`: another shape, or other values.
+    """
+    found = np.asarray(mask)
+    if found.ndim != 2:
+        raise FrameError(f"{place}: a mask of shape {found.shape}; give one, rows x columns")
+    levels = np.unique(found)
+    if set(levels.tolist()) <= {0, 1}:
+        return found.astype(np.uint8) * np.uint8(WALL)
+    if others := [level for level in levels.tolist() if level not in (NO_WALL, NOT_JUDGED, WALL)]:
+        raise FrameError(f"{place}: {others[0]:g} in a mask; it has 0 (no wall), 128 (column not judged), 255 (wall)")
+    return found.astype(np.uint8)
+
+
+def read_mask(path: Path) -> Bytes:
+    """Read the picture of a mask; see `mask_of`."""
+    return mask_of(read_frame(path), str(path))
+
+
+class RecordedWalls:
+    """The walls of a recording's frames: `walls/NAME.png`, with `walls.csv` the frames that they were drawn on.
+
+    They are counted as they are used; `notes` says how many were, and which were not.
+    """
+
+    def __init__(self, recording: Path) -> None:
+        self._recording, self._table = recording, recording / "walls.csv"
+        self._sources = self._read_sources() if self._table.exists() else None
+        self._used, self._stale = set[str](), dict[str, str]()
+
+    def _read_sources(self) -> dict[str, str]:
+        rows = csv.DictReader(read_text(self._table, KINDS["walls"]).splitlines())
+        if rows.fieldnames != COLUMNS:
+            raise RecordingError(f"{self._table}:1: found {rows.fieldnames}, expected {','.join(COLUMNS)}")
+        sources = {row["file"]: row["source_sha256"] for row in rows}
+        if bad := [file for file, digest in sources.items() if len(digest or "") != 64]:
+            raise RecordingError(f"{self._table}: source_sha256: not a SHA-256 for {bad[0]}")
+        return sources
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on the walls that were asked for."""
+        used = (f"wall: corrected in {len(self._used)} frames",) if self._used else ()
+        return (*self._stale.values(), *used)
+
+    def path(self, file: str) -> Path:
+        """Return the file of the wall of a frame, which may not exist."""
+        return self._recording / "walls" / f"{PurePath(file).stem}.png"
+
+    def wall(self, file: str) -> Bytes | None:
+        """Return the mask of a frame; None if there is none, or the frame has changed since, with a note.
+
+        Raises:
+            FrameError: it is not a mask.
+            RecordingError: `walls.csv` does not name the frame.
+        """
+        path = self.path(file)
+        if not path.exists():
+            return None
+        if self._sources is not None:
+            if file not in self._sources:
+                raise RecordingError(f"{self._table}: file: {file} is missing, and {path} exists")
+            if self._sources[file] != frame_file_digest(self._recording / "frames" / file):
+                self._stale[file] = f"{path}: drawn on another version of {file}; it is not used"
+                return None
+        self._used.add(file)
+        return read_mask(path)
+
+
+def frame_file_digest(path: Path) -> str:
+    """Return the SHA-256 of a frame's file, hexadecimal, as `sha256sum` prints it."""
+    return hashlib.sha256(read_bytes(path, KINDS["frame"])).hexdigest()
