@@ -24,14 +24,12 @@ MANY = 10  # frames: with more, their 5 % quantiles bound a range, not the one f
 QUANTILES = (0.05, 0.95)
 MOST_COUNTS = 100  # entries of a list of counts
 # Measured fields of `PhantomStudy`; the names in NOT_DRAWN are not fields: it draws nothing of the kind.
-MEASURED = (
+OF_FRAMES = (
     "snr_db", "axial_resolution_m", "lateral_resolution_m", "display_floor_db", "display_range_db", "band_m",
     "attenuation_per_m", "reflection_db", "reflection_angle_rad", "choroid_level_db", "choroid_attenuation_per_m",
-    "choroid_thickness_m", "shadow_loss_fraction", "shadow_width_m", "line_depth_m", "line_level_db",
-    "line_thickness_m",
+    "choroid_thickness_m",
 )  # fmt: skip
-OF_FRAMES = 12  # of them; the others are of shadows and lines
-COUNTS = ("shadow_count", "line_count")
+OF_SHADOWS, OF_LINES = ("loss_fraction", "width_m"), ("depth_m", "level_db", "thickness_m")
 NOT_DRAWN = ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew", "spread_slope")
 AVERAGED = 1.25  # times as far the wall's speckle spreads as the noise: it tells the display's scale
 LEAST_PIXELS = 500
@@ -64,33 +62,27 @@ class MeasuredFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredRange:
-    """A value over all frames, in SI: `median`, from `low` to `high`; the number of frames or things it was `seen` in.
-
-    `at_most`: an upper bound, in all of them.
-    """
+    """A value over all frames, in SI: `median`, from `low` to `high`; the number of frames or things with it."""
 
     median: float
     low: float
     high: float
     seen: int
-    at_most: bool = False
+    at_most: bool = False  # an upper bound, in all of them
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredScanner:
-    """A scanner: its `display`; ranges, or reasons, by the field's name, in SI; counts of each frame; frames.
+    """A scanner: its display; ranges, or reasons, by the field's name, in SI; counts of each frame; frames."""
 
-    If the wall does not show the display's kind (`spread_slope` has no range), it is taken from the noise.
-    """
-
-    display: DisplayKind
+    display: DisplayKind  # taken from the noise where the wall does not show it (`spread_slope` has no range)
     ranges: Mapping[str, MeasuredRange | Unmeasured]
     counts: Mapping[str, tuple[int, ...]]
     frames: tuple[MeasuredFrame, ...]
 
     def phantom(self) -> PhantomStudy:
         """Return the section of a study that draws such frames; unmeasured values keep their defaults."""
-        known = {name: found for name in MEASURED if isinstance(found := self.ranges[name], MeasuredRange)}
+        known = {name: found for name, found in self.ranges.items() if isinstance(found, MeasuredRange)}
         ranges = _measured(PhantomStudy(), {name: (found.low, found.high) for name, found in known.items()})
         choices: dict[str, Any] = {
             name: Choice(tuple(map(float, sorted(counts[:MOST_COUNTS])))) for name, counts in self.counts.items()
@@ -149,61 +141,48 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
         replace(frame, values={**frame.values, "reflection_db": strength, "reflection_angle_rad": angle})
         for (frame, _), strength in zip(measured, strengths, strict=True)
     )
-    ranges = {name: _range([frame.values[name] for frame in frames]) for name in (*MEASURED[:OF_FRAMES], *NOT_DRAWN)}
+    ranges = {name: _range([frame.values[name] for frame in frames]) for name in (*OF_FRAMES, *NOT_DRAWN)}
     ranges["reflection_angle_rad"] = _range([angle])
-    shadows = [shadow for frame in frames for shadow in frame.shadows]
-    lines = [line for frame in frames for line in frame.lines]
-    for name in MEASURED[OF_FRAMES:]:
-        thing, _, field = name.partition("_")
-        things, where = (shadows, "on the wall") if thing == "shadow" else (lines, "above the tissue")
-        seen_in: list[Measured] = [Estimate(value=getattr(each, field)) for each in things]
-        ranges[name] = _range(seen_in or [Unmeasured(f"no {thing} is seen {where}")])
+    for thing, names, where in (("shadow", OF_SHADOWS, "on the wall"), ("line", OF_LINES, "above the tissue")):
+        things = [each for frame in frames for each in getattr(frame, f"{thing}s")]
+        for name in names:
+            seen_in: list[Measured] = [Estimate(value=getattr(each, name)) for each in things]
+            ranges[f"{thing}_{name}"] = _range(seen_in or [Unmeasured(f"no {thing} is seen {where}")])
     ranges = {name: _within_bounds(name, found) for name, found in ranges.items()}
     for name in ("display_floor_db", "display_range_db", "snr_db"):
         if isinstance(found := ranges[name], Unmeasured):
             raise FrameError(f"{frames[0].eye.name}: {name}: {found.reason}")
-    counts = [tuple(map(len, things)) for things in zip(*((each.shadows, each.lines) for each in frames), strict=True)]
-    return MeasuredScanner(kind, ranges, dict(zip(COUNTS, counts, strict=True)), frames)
+    shadows, lines = (tuple(len(getattr(frame, things)) for frame in frames) for things in ("shadows", "lines"))
+    return MeasuredScanner(kind, ranges, {"shadow_count": shadows, "line_count": lines}, frames)
 
 
 def _measure(eye: ImagedEye, kind: DisplayKind, slope: Measured) -> tuple[MeasuredFrame, scanner_light.SurfaceLight]:
     """Measure one frame, except its reflection, which is fitted to all frames together."""
     display = scanner_display.fit_display(eye, kind)
     tissue = scanner_light.light_in_wall(eye, display)
-    spread, skew = _speckle_spread(tissue, display)
+    spread, skew = _speckle_spread(eye, tissue, display)
     if kind is scanner_display.LOGARITHMIC and spread > AVERAGED:
         display = scanner_display.display_of_speckle(eye, display, spread)
         tissue = scanner_light.light_in_wall(eye, display)
     axial, lateral = scanner_light.resolutions(eye, display, tissue)
     level, attenuation, thickness = scanner_light.layer_below(eye, display, tissue)
+    band = Estimate(value=float(np.mean(eye.bands)) * eye.scale.lateral_m)
     values: dict[str, Measured] = {
-        "snr_db": tissue.snr_db,
-        "axial_resolution_m": axial,
-        "lateral_resolution_m": lateral,
-        "display_floor_db": display.floor_db,
-        "display_range_db": display.range_db,
-        "band_m": Estimate(value=float(np.mean(eye.bands)) * eye.scale.lateral_m),
-        "attenuation_per_m": tissue.attenuation_per_m,
-        "choroid_level_db": level,
-        "choroid_attenuation_per_m": attenuation,
-        "choroid_thickness_m": thickness,
-        "roll_off_db_per_m": scanner_light.roll_off(eye, tissue),
-        "noise_looks": Estimate(value=display.looks),
-        "noise_misfit_db": Estimate(value=display.misfit_db),
-        "speckle_skew": skew,
-        "spread_slope": slope,
-    }
+        "snr_db": tissue.snr_db, "attenuation_per_m": tissue.attenuation_per_m,
+        "axial_resolution_m": axial, "lateral_resolution_m": lateral,
+        "display_floor_db": display.floor_db, "display_range_db": display.range_db, "band_m": band,
+        "choroid_level_db": level, "choroid_attenuation_per_m": attenuation, "choroid_thickness_m": thickness,
+        "noise_looks": Estimate(value=display.looks), "noise_misfit_db": Estimate(value=display.misfit_db),
+        "roll_off_db_per_m": scanner_light.roll_off(eye, tissue), "speckle_skew": skew, "spread_slope": slope,
+    }  # fmt: skip
     shadows, lines = scanner_light.find_shadows(eye, tissue), scanner_display.find_lines(eye, display)
     return MeasuredFrame(eye, display, values, shadows, lines), scanner_light.surface_light(eye, display, tissue, axial)
 
 
-def _speckle_spread(tissue: scanner_light.WallLight, display: Display) -> tuple[float, Measured]:
-    """Return the spread of the wall's speckle over that of one look on the noise's scale (1 if unknown), and its skew.
-
-    The skew is an octile skew: -0.20 for one look, in dB.
-    """
+def _speckle_spread(eye: ImagedEye, tissue: scanner_light.WallLight, display: Display) -> tuple[float, Measured]:
+    """Return the spread of the wall's speckle over one look's, 1 if unknown, and its octile skew (one look: -0.20)."""
     expected_db = tissue.expected_db
-    chosen = tissue.inside & tissue.clear & (expected_db < display.highest_db - 3.0) & (expected_db > 3.0)
+    chosen = eye.inside & tissue.clear & (expected_db < display.highest_db - 3.0) & (expected_db > 3.0)
     if np.count_nonzero(chosen) < LEAST_PIXELS:
         return 1.0, Unmeasured("too little of the wall lies within the display")
     first, low, middle, high, last = np.quantile(tissue.levels[chosen] - expected_db[chosen], OCTILES)
@@ -232,11 +211,10 @@ def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRang
     if isinstance(found, Unmeasured) or name in NOT_DRAWN:
         return found
     unit = field_unit(FIELDS[name])
-    low, high = (None if end is None else unit.to_si(end) for end in (unit.low, unit.high))
-    if (low is not None and found.median < low) or (high is not None and found.median > high):
+    low, high = (unit.to_si(end) for end in (unit.low, unit.high) if end is not None)
+    if not low <= found.median <= high:
         return Unmeasured(f"{unit.from_si(found.median):.4g} is outside of a study's range")
-    ends = np.clip([found.low, found.high], low, high)
-    return replace(found, low=float(ends[0]), high=float(ends[1]))
+    return replace(found, low=float(np.clip(found.low, low, high)), high=float(np.clip(found.high, low, high)))
 
 
 def _wider(found: MeasuredRange, exact: float, unit: float) -> tuple[float, float]:
@@ -265,21 +243,16 @@ def oct_of(eye: ImagedEye) -> OctStudy:
     """Return a frame's size, pixels, bits and refractive index as the section of a study."""
     rows, columns = eye.pixels.shape
     return OctStudy(
-        width_m=eye.scale.lateral_m * columns,
-        depth_m=eye.scale.depth_m * rows,
-        columns=columns,
-        rows=rows,
-        bits=eye.bits,
-        refractive_index=eye.scale.refractive_index,
-    )
+        width_m=eye.scale.lateral_m * columns, depth_m=eye.scale.depth_m * rows, columns=columns, rows=rows,
+        bits=eye.bits, refractive_index=eye.scale.refractive_index,
+    )  # fmt: skip
 
 
 def drawn_alike(frame: MeasuredFrame, phantom: PhantomStudy, rng: np.random.Generator) -> Pixels:
     """Draw counts like a measured frame's, with its wall; `phantom` has the scanner's other values."""
     scanner, known = oct_of(frame.eye), {item.name for item in fields(BscanOptics)}
-    measured: dict[str, Any] = {
-        name: found.value for name, found in frame.values.items() if isinstance(found, Estimate) and name in known
-    }
+    estimates = {name: found.value for name, found in frame.values.items() if isinstance(found, Estimate)}
+    measured: dict[str, Any] = {name: value for name, value in estimates.items() if name in known}
     measured |= {"shadows": frame.shadows, "lines": frame.lines, "covers": ()}
     optics = replace(sample_optics(phantom, scanner, rng), **measured)
     drawn = render_bscan(_section(frame.eye, scanner), scanner, optics, rng).frame
@@ -316,10 +289,11 @@ def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, versio
     """Return the text of the study file, with the frames' names, the date and the version of scleraforce."""
     study = Study(oct=oct_of(scanner.frames[0].eye), phantom=scanner.phantom(), scenes=scanner.scenes())
     sections, plain = (_sections(format_study(each)) for each in (study, Study()))
-    keys = {name: field_key(item) for name, item in FIELDS.items()}
     listed = [f"#   {json.dumps(name)}" for name in names[:MOST_NAMES]]
     if len(names) > MOST_NAMES:
         listed.append(f"#   and {len(names) - MOST_NAMES} more")
+    phantom, slope = sections["phantom"], scanner.ranges["spread_slope"]
+    taken = f"  # from the noise: {slope.reason}" if isinstance(slope, Unmeasured) else ""
     lines = [
         f"# A scanner, measured by `scleraforce scanner` {version} on {date}, on {len(names)} frame(s):",
         *listed,
@@ -329,26 +303,22 @@ def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, versio
         *sections["oct"].values(),
         "",
         "[phantom]  # levels in dB are ratios of intensity",
+        f"{phantom['display']}{taken}",
+        *(_line(name, phantom, scanner) for name in OF_FRAMES),
     ]
-    slope = scanner.ranges["spread_slope"]
-    taken = f"  # from the noise: {slope.reason}" if isinstance(slope, Unmeasured) else ""
-    lines.append(f"{sections['phantom']['display']}{taken}")
-    lines += [_line(keys[name], sections["phantom"], scanner.ranges[name]) for name in MEASURED[:OF_FRAMES]]
-    for count in COUNTS:
-        lines.append(f"{sections['phantom'][keys[count]]}  # of each frame")
-        kind = count.removesuffix("count")
-        lines += [
-            _line(keys[name], sections["phantom"], scanner.ranges[name]) for name in MEASURED if name.startswith(kind)
-        ]
+    for thing, names in (("shadow", OF_SHADOWS), ("line", OF_LINES)):
+        lines.append(f"{phantom[f'{thing}_count']}  # of each frame")
+        lines += [_line(f"{thing}_{name}", phantom, scanner) for name in names]
     for name in ("scenes.window", "scenes.tissue", "scenes.scanner"):
         lines += ["", f"[{name}]", *(line for key, line in sections[name].items() if line != plain[name][key])]
     return "\n".join(lines) + "\n"
 
 
-def _line(key: str, section: dict[str, str], found: MeasuredRange | Unmeasured) -> str:
+def _line(name: str, phantom: dict[str, str], scanner: MeasuredScanner) -> str:
+    key, found = field_key(FIELDS[name]), scanner.ranges[name]
     if isinstance(found, Unmeasured):
         return f"# {key}: not measured, as in the paper's study: {found.reason}"
-    return section[key] + ("  # at most: finer than the pixels show" if found.at_most else "")
+    return phantom[key] + ("  # at most: finer than the pixels show" if found.at_most else "")
 
 
 def _sections(text: str) -> dict[str, dict[str, str]]:

@@ -8,7 +8,7 @@ scale and the noise the number of averaged looks; on other displays averaged noi
 refused.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
@@ -176,17 +176,12 @@ class DisplayKind:
 
 
 LOGARITHMIC = DisplayKind(name="logarithmic", shown=level_db, level_db=np.copy)
-DISPLAY_KINDS: Mapping[str, DisplayKind] = {
-    kind.name: kind
-    for kind in (
-        LOGARITHMIC,
-        DisplayKind(name="root", shown=np.sqrt, level_db=lambda shown: level_db(np.maximum(shown, 0.0) ** 2)),
-        DisplayKind(name="linear", shown=np.copy, level_db=level_db),
-    )
-}
+ROOT = DisplayKind(name="root", shown=np.sqrt, level_db=lambda shown: level_db(np.maximum(shown, 0.0) ** 2))
+LINEAR = DisplayKind(name="linear", shown=np.copy, level_db=level_db)
+DISPLAY_KINDS = {kind.name: kind for kind in (LOGARITHMIC, ROOT, LINEAR)}
 # Misfit of noise: one look has less than 0.1 on its own kind, over 0.6 on others; more looks over 0.3.
 ONE_LOOK_DB = 0.2
-MOST_ERROR = DISPLAY_KINDS["root"].spread_slope / 6.0  # a third of the way from one kind to the middle of two
+MOST_ERROR = ROOT.spread_slope / 6.0  # a third of the way from one kind to the middle of two
 
 
 def spread_slope(eye: ImagedEye) -> Measured:
@@ -203,16 +198,11 @@ def spread_slope(eye: ImagedEye) -> Measured:
 
 
 def display_kind(slopes: Sequence[Measured], eyes: Sequence[ImagedEye]) -> DisplayKind:
-    """Return the kind of the display of frames with these slopes.
-
-    If no slope was measured, it is the kind on which the noise has one look, and logarithmic if it has more on all.
-    """
+    """Return the display's kind by slopes; without any, the one on which the noise has one look, else logarithmic."""
     known = [slope.value for slope in slopes if isinstance(slope, Estimate)]
     if not known:
-        misfits_db = {
-            float(np.median([_scale(air_counts(eye), eye, kind)[2] for eye in eyes])): kind
-            for kind in DISPLAY_KINDS.values()
-        }
+        kinds = DISPLAY_KINDS.values()
+        misfits_db = {np.median([_scale(air_counts(eye), eye, kind)[2] for eye in eyes]): kind for kind in kinds}
         return misfits_db[least] if (least := min(misfits_db)) < ONE_LOOK_DB else LOGARITHMIC
     found = float(np.median(known))
     return min(DISPLAY_KINDS.values(), key=lambda kind: abs(kind.spread_slope - found))
@@ -253,17 +243,14 @@ MOST_OFFSET = 0.3  # of the root of the mean noise, or of itself: darkness with 
 
 @dataclass(frozen=True, kw_only=True)
 class Display:
-    """The scale: `floor_db`, intensity of count 0 over the mean noise, and `range_db`, from there to the `top` count.
-
-    `misfit_db`: of the noise to an exponential intensity (below about 0.3 the scale is right); `looks` averaged in it.
-    """
+    """The scale of a display."""
 
     kind: DisplayKind
-    floor_db: Estimate
-    range_db: Estimate
+    floor_db: Estimate  # intensity of count 0 over the mean noise
+    range_db: Estimate  # from there to the largest count, `top`
     top: int
-    misfit_db: float
-    looks: float = 1.0
+    misfit_db: float  # of the noise to an exponential intensity: below about 0.3 the scale is right
+    looks: float = 1.0  # that are averaged in the noise
 
     def levels(self, counts: NDArray[np.generic]) -> Floats:
         """Return counts as levels in dB over the mean noise."""
@@ -296,11 +283,11 @@ def air_counts(eye: ImagedEye) -> Floats:
             "room there, or with a lower display floor"
         )
     middle = blocks.mean(axis=(2, 3))
-    _, low, high_count = sigmaclip(middle[inside], *CLIPS)
-    inside &= (middle >= low) & (middle <= high_count)
+    _, least, most = sigmaclip(middle[inside], *CLIPS)
+    inside &= (middle >= least) & (middle <= most)
     kept = np.repeat(np.repeat(inside, rows, axis=0), columns, axis=1)
     noise = np.full(eye.pixels.shape, np.nan)
-    noise[: kept.shape[0], part] = np.where(kept, counts, np.nan)
+    noise[:high, part] = np.where(kept, counts, np.nan)
     return noise
 
 
@@ -318,10 +305,8 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
         )
     scatter = np.array([_ends_db(kind, group[0], group[1], eye.top) for group in groups])
     errors = scatter.std(axis=0, ddof=1) / np.sqrt(len(scatter)) if len(scatter) > 1 else np.array([1.0, 1.0])
-    floor_db, range_db = (
-        Estimate(value=value, error=float(error))
-        for value, error in zip(_ends_db(kind, per_unit, zero, eye.top), errors, strict=True)
-    )
+    ends = zip(_ends_db(kind, per_unit, zero, eye.top), errors.tolist(), strict=True)
+    floor_db, range_db = (Estimate(value=value, error=error) for value, error in ends)
     return Display(kind=kind, floor_db=floor_db, range_db=range_db, top=eye.top, misfit_db=misfit)
 
 
@@ -329,21 +314,16 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
     """Return a logarithmic scale on which the wall's speckle spreads `spread` times less, as one look does."""
     counts = air_counts(eye)
     range_db = display.range_db.value / spread
-    low_db, median_db, high_db = np.quantile(counts[np.isfinite(counts)], (0.25, 0.5, 0.75)) * (range_db / eye.top)
+    low_db, median_db, high_db = np.quantile(counts[np.isfinite(counts)], QUARTILES) * (range_db / eye.top)
 
-    def wider_db(looks: float) -> float:
-        """Return the interquartile range of the mean of a number of looks over the noise's."""
+    def wider_db(looks: float) -> float:  # the interquartile range of the mean of a number of looks over the noise's
         return float(10.0 * np.log10(gamma.ppf(0.75, looks) / gamma.ppf(0.25, looks))) - float(high_db - low_db)
 
     looks = float(brentq(wider_db, *LOOKS, rtol=1e-6))
     floor_db = float(10.0 * np.log10(gamma.median(looks) / looks) - median_db)
-    return replace(
-        display,
-        floor_db=Estimate(value=floor_db, error=display.floor_db.error / spread),
-        range_db=Estimate(value=range_db, error=display.range_db.error / spread),
-        misfit_db=display.misfit_db / spread,
-        looks=looks,
-    )
+    floor = Estimate(value=floor_db, error=display.floor_db.error / spread)
+    wide = Estimate(value=range_db, error=display.range_db.error / spread)
+    return replace(display, floor_db=floor, range_db=wide, misfit_db=display.misfit_db / spread, looks=looks)
 
 
 def _ends_db(kind: DisplayKind, per_unit: float, zero: float, top: int) -> tuple[float, float]:
@@ -409,11 +389,8 @@ def _fitted_line(eye: ImagedEye, rows: Places, light: Floats, peak: int) -> Line
     if found is None or found[0][2] > WIDEST:
         return None
     row, gain, sigma = map(float, found[0])
-    return Line(
-        depth_m=(row + 0.5) * eye.scale.depth_m,
-        level_db=float(10.0 * np.log10(gain)),
-        thickness_m=max(sigma, NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m,
-    )
+    thickness_m = max(sigma, NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m
+    return Line(depth_m=(row + 0.5) * eye.scale.depth_m, level_db=float(10.0 * np.log10(gain)), thickness_m=thickness_m)
 
 
 def _ridge(row: Floats, middle: float, gain: float, sigma: float) -> Floats:

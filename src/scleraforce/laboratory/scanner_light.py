@@ -40,17 +40,12 @@ MOST_ROLL_OFF_ERROR = 2e3  # dB/m
 
 @dataclass(frozen=True, eq=False)
 class WallLight:
-    """Light in the wall of a frame: `levels` (row, column) in dB over the mean noise, `inside` the wall.
+    """Light in the wall of a frame."""
 
-    `expected` (row, column): mean intensity of the wall over the noise, without the columns' own light. `column_db`
-    (column,): light of a column against the typical one, NaN without a wall; `clear`: unshaded columns.
-    """
-
-    levels: Floats
-    inside: Flags
-    expected: Floats
-    column_db: Floats
-    clear: Flags
+    levels: Floats  # (row, column), dB over the mean noise
+    expected: Floats  # (row, column), mean intensity of the wall over the noise, without the columns' own light
+    column_db: Floats  # (column,), against the typical one, NaN without a wall
+    clear: Flags  # (column,), has an unshaded wall
     snr_db: Estimate
     attenuation_per_m: Measured
 
@@ -75,10 +70,8 @@ def depth_profile(levels: Floats, depth_m: Floats, chosen: Flags, bin_m: float) 
 
 def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
     """Fit the light in the wall, in a second pass without shaded columns."""
-    levels = display.levels(eye.pixels)
+    levels, inside, clear = display.levels(eye.pixels), eye.inside, eye.walled
     depth_m = eye.below_surface_rows * eye.row_m
-    inside = eye.inside
-    clear = eye.walled.copy()
     for _ in range(2):
         value, error = _fit_light(eye, levels, depth_m, inside & clear, display)
         fall = np.exp(-2.0 * value[1] * np.maximum(depth_m, 0.0))
@@ -92,7 +85,7 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
     attenuation = fitted(value[1], error[1], most, "the light does not fall evenly with depth in the wall")
     if isinstance(attenuation, Estimate) and attenuation.value <= 0.0:
         attenuation = Unmeasured("the wall grows brighter with depth")
-    return WallLight(levels, inside, expected, column_db, clear, snr, attenuation)
+    return WallLight(levels, expected, column_db, clear, snr, attenuation)
 
 
 def _fit_light(
@@ -120,13 +113,10 @@ def _fit_light(
 
 def _column_light(eye: ImagedEye, residual_db: Floats, inside: Flags) -> Floats:
     """Return the light of each column over the typical one, dB."""
-    light = np.full(inside.shape[1], np.nan)
-    enough = inside.sum(axis=0) >= LEAST_BINS
+    light, enough = np.full(inside.shape[1], np.nan), inside.sum(axis=0) >= LEAST_BINS
     if enough.any():
-        light[enough] = np.nanmedian(np.where(inside, residual_db, np.nan)[:, enough], axis=0) - MEDIAN_DB
-        columns = np.flatnonzero(enough)
-        sigma = max(SMOOTH_M / eye.scale.lateral_m / 2, 0.5)
-        light[columns] = gaussian_filter1d(light[columns], sigma, mode="nearest")
+        own_db = np.nanmedian(np.where(inside, residual_db, np.nan)[:, enough], axis=0) - MEDIAN_DB
+        light[enough] = gaussian_filter1d(own_db, max(SMOOTH_M / eye.scale.lateral_m / 2, 0.5), mode="nearest")
     return light
 
 
@@ -139,11 +129,8 @@ def _dips(eye: ImagedEye, column_db: Floats) -> Floats:
 
 
 def roll_off(eye: ImagedEye, tissue: WallLight) -> Measured:
-    """Return the fall of the light of the wall's columns with the depth of their surface in the frame, dB/m.
-
-    It mixes the scanner's roll-off, its focus, and the tissue's own fall with the angle.
-    """
-    used = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < FACING_RAD)
+    """Return the fall of the columns' light with their surface's depth, dB/m: of roll-off, focus, and the angle."""
+    used = tissue.clear & (eye.slope_rad < FACING_RAD)
     depth_m = eye.surface_row[used] * eye.scale.depth_m
     if np.count_nonzero(used) < LEAST_IN_BIN or np.ptp(depth_m) < LEAST_REACH_M:
         return Unmeasured("the surface lies at one depth of the frame")
@@ -165,8 +152,7 @@ NO_END = "the layer below the wall fades into the noise before it ends"
 
 def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> tuple[Measured, Measured, Measured]:
     """Return level against the wall, dB, attenuation, 1/m, and thickness along the depth, m."""
-    columns = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < STEEPEST_RAD)
-    attenuation = tissue.attenuation_per_m
+    columns, attenuation = tissue.clear & (eye.slope_rad < STEEPEST_RAD), tissue.attenuation_per_m
     few = np.count_nonzero(columns) < LAYER_COLUMNS
     if not eye.wall.inner_found or few or isinstance(attenuation, Unmeasured):
         return (Unmeasured(BLURRED if eye.wall.inner_found else NO_INNER),) * 3
@@ -239,8 +225,7 @@ def _fitted_shadow(eye: ImagedEye, light_db: Floats, place: slice) -> Shadow | N
     found = fitted_curve(_light, near, light, start, bounds=ends)
     if found is None or not found[1][2] < MOST_LOSS_ERROR:
         return None
-    column, width, loss, _ = map(float, found[0])
-    lateral_m = eye.scale.lateral_m
+    (column, width, loss, _), lateral_m = map(float, found[0]), eye.scale.lateral_m
     centre_m = (column + 0.5) * lateral_m - lateral_m * len(light_db) / 2
     return Shadow(centre_m=centre_m, width_m=width * lateral_m, loss_fraction=loss)
 
@@ -260,9 +245,8 @@ SURE = 2.0  # standard errors over which a correlation is one
 def resolutions(eye: ImagedEye, display: Display, tissue: WallLight) -> tuple[Measured, Measured]:
     """Return axial and lateral resolution: full widths at half maximum of the intensity, m of the frame."""
     expected_db = tissue.expected_db
-    chosen = (
-        tissue.inside & tissue.clear & (expected_db > SPECKLE_DB) & (expected_db < display.highest_db - UNDER_TOP_DB)
-    )
+    chosen = (expected_db > SPECKLE_DB) & (expected_db < display.highest_db - UNDER_TOP_DB)
+    chosen &= eye.inside & tissue.clear
     pixels = int(np.count_nonzero(chosen))
     if pixels < LEAST_PIXELS:
         return (Unmeasured("too little of the wall lies between the noise and the display's end"),) * 2
@@ -303,8 +287,7 @@ def _width(correlation: Floats, share: float, pixels: int, pixel_m: float) -> Me
 
     error = float(np.sqrt((1.0 + 2.0 * np.sum(np.maximum(seen, 0.0) ** 2)) / pixels))
 
-    def over(width: float) -> float:
-        """Return the correlation of neighbours beyond the least that is sure."""
+    def over(width: float) -> float:  # the correlation of neighbours beyond the least that is sure
         return float(_of_logarithms(share * drawn_correlation(width, 2)[1:])[0]) - SURE * error
 
     least = float(brentq(over, NARROW, 2.0)) if over(NARROW) < 0.0 < over(2.0) else NARROW
@@ -341,17 +324,14 @@ WEAK = "the surface hardly reflects over its speckle"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceLight:
-    """Pixels about a frame's surface, (pixel,): its slope, rows `below` it, `light` over the speckle of the column.
-
-    `sigma_rows`: of the amplitude along the depth; `noise`: over the speckle; `fault` makes the reflection unmeasured.
-    """
+    """Pixels about a frame's surface, (pixel,): its slope, rows `below` it, `light` over the speckle of the column."""
 
     slope_rad: Floats
     below: Floats
     light: Floats
-    sigma_rows: float
-    noise: float
-    fault: str = ""
+    sigma_rows: float  # of the amplitude along the depth
+    noise: float  # over the speckle
+    fault: str = ""  # that makes the reflection unmeasured
 
 
 def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Measured) -> SurfaceLight:
@@ -359,7 +339,7 @@ def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Me
     sigma = LEAST_SIGMA
     if isinstance(axial, Estimate):
         sigma = max(amplitude_sigma(axial.value) / eye.scale.depth_m, LEAST_SIGMA)
-    columns = np.flatnonzero(tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < FARTHEST_RAD))
+    columns = np.flatnonzero(tissue.clear & (eye.slope_rad < FARTHEST_RAD))
     reach = round(REACH_SIGMAS * sigma + REACH_ROWS)
     rows = np.rint(eye.surface_row[columns]).astype(np.intp) + np.arange(-reach, reach + 1)[:, None]
     rows = np.clip(rows, 0, len(eye.pixels) - 1)
@@ -372,14 +352,9 @@ def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Me
         fault = "the surface is not seen both along the normal and well off it"
     elif at_top.mean() > MOST_AT_TOP:
         fault = "the surface's reflection is brighter than the display's end"
-    return SurfaceLight(
-        slope_rad=np.broadcast_to(slope, rows.shape).ravel(),
-        below=(rows - eye.surface_row[columns]).ravel(),
-        light=light.ravel(),
-        sigma_rows=sigma,
-        noise=float(10.0 ** (-tissue.snr_db.value / 10.0)),
-        fault=fault,
-    )
+    slopes, below = np.broadcast_to(slope, rows.shape).ravel(), (rows - eye.surface_row[columns]).ravel()
+    noise = float(10.0 ** (-tissue.snr_db.value / 10.0))
+    return SurfaceLight(slope_rad=slopes, below=below, light=light.ravel(), sigma_rows=sigma, noise=noise, fault=fault)
 
 
 def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measured]:
