@@ -10,7 +10,7 @@ import cv2
 
 from scleraforce.known import MODULUS_SOURCES
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
+from scleraforce.reader.metrics import SHARED_ERROR, Proportion, mean_absolute_error
 from scleraforce.report import html
 from scleraforce.report.frame_figures import WIDTH, AnsweredFrame, draw_read_forces, draw_trial_forces, evenly
 from scleraforce.segmentation.found import draw_overlay
@@ -57,15 +57,13 @@ def evaluation_cards(evaluation: Evaluation) -> html.Html:
     low, high = evaluation.accuracy.interval
     danger = evaluation.recall[-1]
     unusable = [frame for frame in evaluation.frames if not frame.answer.usable]
-    return html.cards(
-        [
-            (_percent(evaluation.accuracy.value), "accuracy", _of(evaluation.accuracy.hits, evaluation.accuracy.total)),
-            (f"{_percent(low)} to {_percent(high)}", "95 % interval", "Wilson's"),
-            (_percent(danger.value), "of the dangerous forces seen", _of(danger.hits, danger.total)),
-            (str(len(unusable)), "frames not usable", f"of {len(evaluation.frames)}; each counts as class 2"),
-            *_force_cards(evaluation),
-        ]
-    )
+    cards = [
+        (_percent(evaluation.accuracy.value), "accuracy", _of(evaluation.accuracy)),
+        (f"{_percent(low)} to {_percent(high)}", "95 % interval", "Wilson's"),
+        (_percent(danger.value), "of the dangerous forces seen", _of(danger)),
+        (str(len(unusable)), "frames not usable", f"of {len(evaluation.frames)}; each counts as class 2"),
+    ]
+    return html.cards([*cards, *_force_cards(evaluation)])
 
 
 def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
@@ -74,8 +72,8 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
         return []
     error_n = mean_absolute_error(evaluation.true_forces) if true.total else evaluation.mae_n
     against = f"against truth.json, {true.total} trials" if true.total else f"{logged.total} usable trials"
-    held = [(_percent(true.value), "of true forces in their 90 % interval", _of(true.hits, true.total))]
-    agree = f"{_of(logged.hits, logged.total)}; labels sure to {from_si(evaluation.label_sd_n, 'mn'):.2f} mN"
+    held = [(_percent(true.value), "of true forces in their 90 % interval", _of(true))]
+    agree = f"{_of(logged)}; labels sure to {from_si(evaluation.label_sd_n, 'mn'):.2f} mN"
     return [
         (f"{from_si(error_n, 'mn'):.2f} mN", "mean error of the force", against),
         *(held if true.total else []),
@@ -114,8 +112,8 @@ def _percent(value: float) -> str:
     return html.NOTHING if isnan(value) else f"{from_si(value, 'percent'):.0f} %"
 
 
-def _of(hits: int, total: int) -> str:
-    return f"{hits} of {total} trials"
+def _of(found: Proportion) -> str:
+    return f"{found.hits} of {found.total} trials"
 
 
 MOST_PICTURES = 48  # of 20 KB each: a page of 1 MB, which a mail carries
@@ -144,12 +142,10 @@ def frame_pictures(evaluation: Evaluation, looks: Sequence[AnsweredFrame]) -> ht
         for look in looks
     ]
     marked = {n for n, look in enumerate(looks) if look.answer.misread}
-    left_out = f"All {total} frames are shown."
-    if len(looks) < total:
-        left_out = (
-            f"{len(looks)} of the {total} frames are shown: first the frames that were misread or could not be read, "
-            "then others in even steps; the table below lists all."
-        )
+    left_out = f"All {total} frames are shown." if len(looks) == total else (
+        f"{len(looks)} of the {total} frames are shown: first the frames that were misread or could not be read, then "
+        "others in even steps; the table below lists all."
+    )  # fmt: skip
     words = html.paragraph(f"{WALL_COLOURS} {left_out}")
     return html.section("The wall in the frames", words, html.gallery(pictures, marked))
 
@@ -166,16 +162,11 @@ def _picture(look: AnsweredFrame) -> str:
 
 
 def _words(answer: FrameAnswer) -> str:
-    if answer.measured_force_n is None:
-        measured = "not measured"
-    else:
-        sd_n = answer.measured_force_sd_n
-        sure = "" if sd_n is None else f" ± {from_si(sd_n, 'mn'):.1f}"
-        measured = f"measured {from_si(answer.measured_force_n, 'mn'):.1f}{sure} mN (class {answer.target})"
+    texts = html.measured_force(answer), *html.read_force(answer)
+    measured, force, interval = (text.replace(html.NO_BREAK, " ") for text in texts)
+    known = "not measured" if measured == html.NOTHING else f"measured {measured} mN (class {answer.target})"
     if not answer.answer.usable:
-        return f"{measured}; not usable" + (f": {answer.answer.reason}" if answer.answer.reason else "")
-    if answer.answer.force_n is None or answer.answer.interval_n is None:
-        return f"{measured}; read class {answer.answer.predicted}"
-    low_mn, high_mn = (from_si(end, "mn") for end in answer.answer.interval_n)
-    read = f"{from_si(answer.answer.force_n, 'mn'):.1f} mN ({low_mn:.1f} to {high_mn:.1f}; class"
-    return f"{measured}; read {read} {answer.answer.predicted})"
+        return f"{known}; not usable" + (f": {answer.answer.reason}" if answer.answer.reason else "")
+    if force == html.NOTHING:
+        return f"{known}; read class {answer.answer.predicted}"
+    return f"{known}; read {force} mN ({interval}; class {answer.answer.predicted})"

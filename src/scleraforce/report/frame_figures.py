@@ -4,8 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import isnan
+from operator import itemgetter
 from textwrap import shorten, wrap
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from scleraforce.arrays import Bytes, Floats, Places
+from scleraforce.arrays import Bytes, Flags, Floats, Integers
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import dice
@@ -25,6 +26,9 @@ from scleraforce.segmentation.found import Segmentation, draw_overlay, without_w
 from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.study import SliceStudy
 from scleraforce.units import from_si
+
+if TYPE_CHECKING:
+    from scleraforce.learning.dataset import Dataset
 
 BOTH_COLOUR = "#555555"
 SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)  # lateral, to either side of the frame's middle
@@ -76,34 +80,22 @@ def evenly(numbers: list[int], most: int) -> list[int]:
     return [numbers[n] for n in np.linspace(0, len(numbers) - 1, most).round().astype(int)] if most else []
 
 
-@dataclass(frozen=True)
-class SlicePair:
-    """A frame, its slice, and the slice simulated for the same force: 255 is wall, pixels of `pixel_m`."""
-
-    look: AnsweredFrame
-    measured: Bytes
-    simulated: Bytes
-    pixel_m: float
-
-    @property
-    def extent_m(self) -> tuple[float, float]:
-        """Width and depth of the slices."""
-        rows, columns = self.measured.shape
-        return columns * self.pixel_m, rows * self.pixel_m
-
-
 @style.styled
-def draw_slice_pairs(pairs: Sequence[SlicePair]) -> Figure:
-    """Draw for each pair, from top to bottom: the raw frame, its slice, the simulated slice, and both overlaid."""
+def draw_slice_pairs(pairs: Sequence[tuple[AnsweredFrame, Bytes, Bytes]], pixel_m: float) -> Figure:
+    """Draw for each pair, from top to bottom: the raw frame, its slice, the simulated slice, and both overlaid.
+
+    A pair is a frame, its slice, and the slice simulated for the same force: 255 is wall, pixels of `pixel_m`.
+    """
     figure = Figure(figsize=style.inches(170, 100))
     grid = figure.subplots(4, len(pairs), squeeze=False)
-    for column, pair in enumerate(pairs):
-        answer = pair.look.answer
+    for column, (look, measured, simulated) in enumerate(pairs):
+        answer, extent_m = look.answer, (measured.shape[1] * pixel_m, measured.shape[0] * pixel_m)
         force_mn = from_si(max(answer.measured_force_n or 0.0, 0.0), "mn")
-        style.show_image(grid[0, column], pair.look.frame, pair.look.extent_m)
-        style.show_image(grid[1, column], pair.measured, pair.extent_m, **SLICE)
-        style.show_image(grid[2, column], pair.simulated, pair.extent_m, **SLICE)
-        _draw_overlay(grid[3, column], pair)
+        style.show_image(grid[0, column], look.frame, look.extent_m)
+        style.show_image(grid[1, column], measured, extent_m, **SLICE)
+        style.show_image(grid[2, column], simulated, extent_m, **SLICE)
+        style.show_image(grid[3, column], _overlay(measured > 0, simulated > 0), extent_m, interpolation="nearest")
+        grid[3, column].set_title(f"Dice {dice(measured, simulated):.3f}", fontsize=7, pad=2)
         title = f"class {answer.target}: {answer.eye}, {force_mn:.0f} mN"
         grid[0, column].set_title(title, color=style.CLASS_INKS[answer.target or 0], fontweight="bold")
         grid[3, column].set_xlabel("lateral [mm]")
@@ -117,28 +109,28 @@ def draw_slice_pairs(pairs: Sequence[SlicePair]) -> Figure:
     return figure
 
 
-def _draw_overlay(axes: Axes, pair: SlicePair) -> None:
-    measured, simulated = pair.measured > 0, pair.simulated > 0
+def _overlay(measured: Flags, simulated: Flags) -> Floats:
     colours = np.ones((*measured.shape, 3))
     parts = {style.BLUE: measured & ~simulated, style.RED: simulated & ~measured, BOTH_COLOUR: measured & simulated}
     for colour, where in parts.items():
         colours[where] = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
-    style.show_image(axes, colours, pair.extent_m, interpolation="nearest")
-    axes.set_title(f"Dice {dice(pair.measured, pair.simulated):.3f}", fontsize=7, pad=2)
+    return colours
 
 
 @style.styled
-def draw_montage(slices: Bytes, force_n: Floats, target: Places, thickness_m: Floats) -> Figure:
-    """Draw simulated slices (slice, row, column) in six columns, each with its force, class and wall thickness."""
-    rows = -(-len(slices) // 6)
+def draw_montage(dataset: "Dataset", chosen: Integers) -> Figure:
+    """Draw the slices of chosen samples by force in six columns, each with force, class and wall thickness."""
+    chosen = chosen[np.argsort(dataset.force_n[chosen])]
+    rows = -(-len(chosen) // 6)
     figure = Figure(figsize=style.inches(170, 14.5 * rows))
     grid = figure.subplots(rows, 6, squeeze=False).ravel()
     for axes in grid:
         axes.set_axis_off()
-    for axes, image, force, label, thickness in zip(grid, slices, force_n, target, thickness_m, strict=False):
-        axes.imshow(image, cmap="gray", **SLICE)
-        title = f"{from_si(force, 'mn'):.1f} mN · {from_si(thickness, 'um'):.0f} µm"
-        axes.set_title(title, fontsize=6.5, pad=2, color=style.CLASS_INKS[int(label)])
+    thickness_um = from_si(dataset.read("thickness_m"), "um")
+    for axes, sample in zip(grid, chosen, strict=False):
+        axes.imshow(dataset.slices[sample], cmap="gray", **SLICE)
+        title = f"{from_si(dataset.force_n[sample], 'mn'):.1f} mN · {thickness_um[sample]:.0f} µm"
+        axes.set_title(title, fontsize=6.5, pad=2, color=style.CLASS_INKS[dataset.target[sample]])
     return figure
 
 
@@ -158,11 +150,10 @@ def draw_wall(axes: Axes, look: AnsweredFrame, colours: tuple[str, str] = ("#56B
 def draw_segmentation(look: AnsweredFrame) -> Figure:
     """Draw a raw frame, the boundaries that were found, the mask of the wall, and the frame under the mask."""
     figure = Figure(figsize=style.inches(170, 68))
-    raw, found, mask, masked = figure.subplots(2, 2, sharex=True, sharey=True).flat
-    raw.set_title("(a) raw frame")
-    found.set_title("(b) boundaries found")
-    mask.set_title("(c) mask of the wall")
-    masked.set_title("(d) frame, masked")
+    raw, found, mask, masked = panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+    titles = ("(a) raw frame", "(b) boundaries found", "(c) mask of the wall", "(d) frame, masked")
+    for axes, title in zip(panels, titles, strict=True):
+        axes.set_title(title)
     style.show_image(raw, look.frame, look.extent_m)
     draw_wall(found, look, ("#56B4E9", style.AMBER))
     found.legend(loc="lower center", ncols=2, labelcolor="white")
@@ -181,18 +172,14 @@ def laid_on_surface(section: Section, surface_m: Floats, width_m: float) -> Sect
     lateral_m = (np.arange(columns) + 0.5) * width_m / columns
     ahead = np.concatenate([[True], section.outer[1:, 0] > np.maximum.accumulate(section.outer[:, 0])[:-1]])
     curve = section.outer[ahead]
-    best, place = np.inf, (width_m / 2, 0.0)
-    for shift_m in SHIFTS_M:
-        middle_m = width_m / 2 + shift_m
+    best = np.inf, width_m / 2, 0.0  # mean distance, and the place
+    for middle_m in width_m / 2 + SHIFTS_M:
         depth_m = np.interp(lateral_m, curve[:, 0] + middle_m, curve[:, 1], left=np.nan, right=np.nan)
         away = (surface_m - depth_m)[np.isfinite(surface_m - depth_m)]
-        if not len(away):
-            continue
-        down_m = float(np.median(away))
-        distance = float(np.mean(np.abs(away - down_m)))
-        if distance < best:
-            best, place = distance, (middle_m, down_m)
-    return section.shifted(*place)
+        if len(away):
+            down_m = float(np.median(away))
+            best = min(best, (float(np.mean(np.abs(away - down_m))), middle_m, down_m), key=itemgetter(0))
+    return section.shifted(*best[1:])
 
 
 @style.styled

@@ -171,10 +171,10 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     rows = [
         [
             f"{frame.eye}/{frame.file}" if several else frame.file,
-            _measured(frame),
+            measured_force(frame),
             NOTHING if frame.target is None else frame.target,
             frame.answer.predicted,
-            *(_read_force(frame) if with_force else []),
+            *(read_force(frame) if with_force else []),
             *(f"{p:.3f}" for p in frame.answer.probabilities or ()),
             *([] if frame.answer.probabilities else [NOTHING] * len(classes)),
             _remark(frame),
@@ -187,18 +187,20 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     return table(head, rows, caption, wrong, remarks=True)
 
 
-def _measured(frame: FrameAnswer) -> str:
+def measured_force(frame: FrameAnswer) -> str:
+    """Return the measured force of a frame with its standard deviation, mN."""
     if frame.measured_force_n is None:
         return NOTHING
     force, sd_n = f"{from_si(frame.measured_force_n, 'mn'):.1f}", frame.measured_force_sd_n
     return force if sd_n is None else f"{force}{NO_BREAK}±{NO_BREAK}{from_si(sd_n, 'mn'):.1f}"
 
 
-def _read_force(frame: FrameAnswer) -> list[str]:
+def read_force(frame: FrameAnswer) -> tuple[str, str]:
+    """Return the force that was read in a frame, and its interval, mN."""
     if frame.answer.force_n is None or frame.answer.interval_n is None:
-        return [NOTHING, NOTHING]
+        return NOTHING, NOTHING
     low_mn, high_mn = (from_si(end, "mn") for end in frame.answer.interval_n)
-    return [f"{from_si(frame.answer.force_n, 'mn'):.1f}", f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}"]
+    return f"{from_si(frame.answer.force_n, 'mn'):.1f}", f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}"
 
 
 def _remark(frame: FrameAnswer) -> str:
@@ -209,8 +211,7 @@ def _remark(frame: FrameAnswer) -> str:
         remarks.append("Young's modulus was fitted on it: not counted")
     if frame.excluded:
         remarks.append(f"not counted: {frame.excluded}")
-    remarks += frame.answer.warnings
-    return "; ".join(remarks)
+    return "; ".join([*remarks, *frame.answer.warnings])
 
 
 RESEARCH_USE = "Research use only: not a medical device."

@@ -108,10 +108,8 @@ def draw_log(axes: Axes, recording: Recording, trials: Sequence[Trial] = ()) -> 
     log, info = recording.forces, recording.info.force
     assert log is not None
     assert info is not None
-    filtered_mn, raw_mn = (
-        from_si(contact_force(log, info), "mn"),
-        from_si(info.contact_sign * log.force_n(info.axis), "mn"),
-    )
+    filtered_mn = from_si(contact_force(log, info), "mn")
+    raw_mn = from_si(info.contact_sign * log.force_n(info.axis), "mn")
     raw_mn = raw_mn - np.nanmean(raw_mn - filtered_mn)
     every = slice(None, None, max(1, len(log.time_s) // POINTS_DRAWN))
     axes.plot(log.time_s[every], raw_mn[every], color="#C9CED3", linewidth=0.5, label="as logged")
@@ -201,12 +199,10 @@ def draw_calibration(calibration: Calibration) -> Figure:
 
 
 def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -> None:
-    mean = from_si(np.array([frame.mean_pa for frame in eye.used]), "mpa")
-    sd = from_si(np.array([frame.sd_pa for frame in eye.used]), "mpa")
+    moments = [(frame.mean_pa, frame.sd_pa) for frame in eye.used]
     if eye.filter is not None:
-        study = eye.filter.study
-        mean = np.append(from_si(study.prior_mean_pa, "mpa"), mean)
-        sd = np.append(from_si(study.prior_sd_pa, "mpa"), sd)
+        moments.insert(0, (eye.filter.study.prior_mean_pa, eye.filter.study.prior_sd_pa))
+    mean, sd = from_si(np.array(moments).T, "mpa")
     first = 0 if eye.filter is not None else 1
     count = np.arange(first, first + len(mean))
     axes.fill_between(count, mean - 2 * sd, mean + 2 * sd, color=style.BLUE, alpha=0.15, linewidth=0)
@@ -220,15 +216,13 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
 
 
 def _draw_by_force(axes: Axes, eye: EyeCalibration) -> None:
-    alone = [
-        (from_si(f.force_n, "mn"), from_si(f.own_modulus_pa, "mpa")) for f in eye.used if f.own_modulus_pa is not None
-    ]
+    alone = [frame for frame in eye.used if frame.own_modulus_pa is not None]
+    moduli = [from_si(frame.own_modulus_pa or 0.0, "mpa") for frame in alone]
     if alone:
-        axes.plot(*zip(*alone, strict=True), "o", color=style.BLUE, markersize=3.5)
+        axes.plot([from_si(frame.force_n, "mn") for frame in alone], moduli, "o", color=style.BLUE, markersize=3.5)
     axes.set(xlabel="force [mN]", ylabel="E [MPa]")
     axes.set_xlim(left=0.0)
-    top = max((modulus for _, modulus in alone), default=1.0)
-    axes.set_ylim(0.0, max(1.15 * top, axes.get_ylim()[1]))
+    axes.set_ylim(0.0, max(1.15 * max(moduli, default=1.0), axes.get_ylim()[1]))
 
 
 def _draw_points(axes: Axes, eye: EyeFilter, step: FrameStep, modulus_pa: float) -> None:

@@ -24,7 +24,7 @@ from scleraforce.reader.limits import limit_notes, reading_ranges
 from scleraforce.recording.folder import Recording, RecordingInfo, read_recording
 from scleraforce.recording.labels import Trial, label_frames, label_notes
 from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled
-from scleraforce.report.frame_figures import draw_montage
+from scleraforce.report.frame_figures import draw_montage, evenly
 from scleraforce.report.model_figures import draw_curves
 from scleraforce.report.recording_figures import draw_calibration, draw_recording
 from scleraforce.report.shown import LOG_FILES, Thing, span
@@ -121,10 +121,7 @@ def show_data_set(path: Path) -> Thing:
     }
 
     def draw() -> Figure:
-        chosen = np.linspace(0, dataset.images - 1, min(PICTURED, dataset.images)).round().astype(int)
-        chosen = chosen[np.argsort(dataset.force_n[chosen])]
-        thickness_m = dataset.read("thickness_m")[chosen]
-        return draw_montage(dataset.slices[chosen], dataset.force_n[chosen], dataset.target[chosen], thickness_m)
+        return draw_montage(dataset, np.array(evenly(list(range(dataset.images)), PICTURED)))
 
     return Thing(kind="data set", facts=facts, rows=rows, draw=draw)
 

@@ -361,10 +361,10 @@ def _mpa(modulus_pa: float) -> str:
 def _pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: str) -> html.Html:
     """Return a frame of each class, of its `rank`-th eye, and the slice simulated for its force (Figs. 6, 7)."""
     pairs = [_pair(look, reader.study) for look in look_at_all(_typical(evaluation, rank))]
-    likeness = np.mean([metrics.dice(pair.measured, pair.simulated) for pair in pairs])
+    likeness = np.mean([metrics.dice(measured, simulated) for _, measured, simulated in pairs])
     modulus_mpa = from_si(reader.study.eye.youngs_modulus_pa, "mpa")
     caption = said("pairs", modulus_mpa=modulus_mpa, figure=name, likeness=likeness)
-    drawn = frame_figures.draw_slice_pairs(pairs)
+    drawn = frame_figures.draw_slice_pairs(pairs, reader.study.slice.pixel_m)
     return html.figure(drawn, "frames beside simulated slices for each class", caption, "png")
 
 
@@ -380,11 +380,10 @@ def _typical(evaluation: Evaluation, rank: int) -> list[FrameAnswer]:
     return found
 
 
-def _pair(look: AnsweredFrame, study: Study) -> frame_figures.SlicePair:
+def _pair(look: AnsweredFrame, study: Study) -> tuple[AnsweredFrame, Bytes, Bytes]:
     measured, force_n = look.slice(study.slice), max(look.answer.measured_force_n or 0.0, 0.0)
     unloaded, section = LinearSections(eye_of(look.recording, study), study)([0.0, force_n])
-    laid = _laid_on(section, float(unloaded.outer[:, 1].min()), measured, study)
-    return frame_figures.SlicePair(look, measured, laid, study.slice.pixel_m)
+    return look, measured, _laid_on(section, float(unloaded.outer[:, 1].min()), measured, study)
 
 
 def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> Bytes:
@@ -422,10 +421,7 @@ def _training_figure(reader: Classifier) -> html.Html:
 
 def _montage_figure(run: Run) -> html.Html:
     dataset, rng = open_dataset(run.dataset), np.random.default_rng(run.study.dataset.seed)
-    chosen = np.sort(rng.choice(dataset.images, MONTAGE_SLICES, replace=False))
-    chosen = chosen[np.argsort(dataset.force_n[chosen])]
-    thickness_m, target = dataset.read("thickness_m")[chosen], dataset.target[chosen].astype(np.intp)
-    drawn = frame_figures.draw_montage(dataset.slices[chosen], dataset.force_n[chosen], target, thickness_m)
+    drawn = frame_figures.draw_montage(dataset, np.sort(rng.choice(dataset.images, MONTAGE_SLICES, replace=False)))
     caption = said("montage", shown=MONTAGE_SLICES, images=dataset.images)
     return html.figure(drawn, "simulated slices with force and wall thickness", caption, "png")
 
