@@ -26,6 +26,9 @@ from typing import Any, NamedTuple, TypeVar
 
 from scleraforce.errors import InputError, SolverError
 
+Result = TypeVar("Result")
+Submit = Callable[[int], "Future[Any]"]
+
 CONNECT_S = 10.0
 
 
@@ -41,8 +44,7 @@ class ClusterWorkers(int):
 def cluster_workers(scheduler: str) -> ClusterWorkers:
     """Return the workers of a Dask scheduler at an address like tcp://127.0.0.1:8786; work waits until it has some.
 
-    Raises:
-        InputError: Dask is not installed, or no scheduler answers.
+    It raises `InputError` if Dask is not installed, or no scheduler answers.
     """
     with _connected(scheduler) as client:
         workers = ClusterWorkers(max(1, sum(client.nthreads().values())))
@@ -51,14 +53,10 @@ def cluster_workers(scheduler: str) -> ClusterWorkers:
 
 
 @contextmanager
-def cluster_submit(
-    do: Callable[[bytes, int], Any], work: bytes, workers: ClusterWorkers
-) -> Iterator[Callable[[int], "Future[Any]"]]:
+def cluster_submit(do: Callable[[bytes, int], Any], work: bytes, workers: ClusterWorkers) -> Iterator[Submit]:
     """Give a function that submits `do(work, unit)` for a unit; each worker gets `work` once.
 
-    Raises:
-        InputError: the scheduler no longer answers.
-        SolverError: a unit killed several workers, or the scheduler ended.
+    It raises `InputError` if the scheduler no longer answers, `SolverError` if it ended or a unit killed workers.
     """
     with _connected(workers.scheduler) as client:
         import distributed
@@ -93,9 +91,6 @@ def _same(work: bytes) -> bytes:
     return work
 
 
-Result = TypeVar("Result")
-Submit = Callable[[int], "Future[Any]"]
-
 # A process is started by `python -c`, which would take a `signal.py` of the current folder for the standard library's.
 OWN_MODULES = {"PYTHONSAFEPATH": "1"}
 THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -113,19 +108,12 @@ def available_cores() -> int:
 def work_units(
     prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int
 ) -> Generator[tuple[int, Result], None, None]:
-    """Work on units in `workers` processes; yield (unit, result) in the order of completion.
+    """Work on numbered units in at most `workers` processes; yield (unit, result) in the order of completion.
 
     A single worker is a process too: every number is then computed in the same way, with one thread of BLAS. The
-    processes are spawned and end when the iterator is closed.
-
-    Args:
-        prepare: called once in each process, or thread of a cluster's worker; returns the function of a unit. It is
-            pickled.
-        units: numbers of the units.
-        workers: largest number of processes; or the workers of a cluster.
-
-    Raises:
-        ScleraforceError: a worker raised it; SolverError if a worker died or could not be started.
+    processes are spawned and end when the iterator is closed. `prepare` is pickled and called once in each process, or
+    thread of a cluster's worker; it returns the function of a unit. It raises the `ScleraforceError` that a worker
+    raised, and `SolverError` if a worker died or could not be started.
     """
     on_cluster = isinstance(workers, ClusterWorkers)
     runs = split_runs(units, 1 if on_cluster else workers)

@@ -90,10 +90,8 @@ def prepare(
 ) -> PreparedFault:
     """Prepare a fault that takes the place of the first frame at or after a time of the recording.
 
-    `rng` makes random choices, such as noise or black; "rising" and "dangerous" need `forces_n`, at each frame.
-
-    Raises:
-        InputError: no such fault, no such time, or a recording without the frames or forces that it needs.
+    `rng` makes random choices, such as noise or black; "rising" and "dangerous" need `forces_n`, at each frame. It
+    raises `InputError`: no such fault, no such time, or a recording without the frames or forces that it needs.
     """
     if name not in FAULTS:
         raise InputError(f"fault: {name!r}; choose one of: {', '.join(FAULTS)}")
@@ -108,11 +106,7 @@ def prepare(
 
 
 def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.random.Generator) -> float:
-    """Draw when a fault begins: after contact, and long enough before any force that is a cause by itself.
-
-    Raises:
-        InputError: the recording has no such time.
-    """
+    """Draw a time after contact, long before any force that is a cause by itself; raises `InputError` if none is."""
     force_n = np.asarray(forces_n)
     frames_s = np.array([entry.time_s for entry in recording.frames])
     touched = np.flatnonzero((force_n > CONTACT_N) & (force_n < HARMLESS_N))
@@ -132,10 +126,7 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     """Do the prepared acts, each at a frame's time, until the robot withdraws or `WITHIN_S` has passed.
 
     The player has played up to the fault's time; its client is `observed`, so that a robot still hears the monitor when
-    the scanner's connection is gone.
-
-    Raises:
-        InputError: the monitor did not say OK before the fault, so nothing can be observed.
+    the scanner's connection is gone. It raises `InputError` if the monitor did not say OK before the fault.
     """
     client, log, name = player.client, player.log, prepared.name
     due_s, stamp_s = player.due(prepared.time_s)

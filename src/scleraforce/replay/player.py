@@ -77,10 +77,8 @@ class ScannerClient:
     """Open connections to a monitor: the scanner's, and on request a robot's beside it. Every wait has an end.
 
     `hear` is called with the time, the device and the message for each that the monitor sends; `observed` hears through
-    the robot's connection, which stays when the scanner's breaks. Times are of the `clock`.
-
-    Raises:
-        InputError: no monitor listens there. Methods raise LinkError if the connection is lost.
+    the robot's connection, which stays when the scanner's breaks. Times are of the `clock`. It raises `InputError` if
+    no monitor listens there; methods raise `LinkError` if the connection is lost.
     """
 
     def __init__(

@@ -47,10 +47,8 @@ class Demo:
 def run_demo(out: Path, made_at: datetime, progress: Callable[[float], object] | None = None) -> Demo:
     """Push a virtual eye, calibrate on three of the frames, read the others, and write a page with the date `made_at`.
 
-    A failure removes the folder. `progress` is called with the finished share of the work.
-
-    Raises:
-        InputError: `out` exists or cannot be written.
+    A failure removes the folder. `progress` is called with the finished share of the work. It raises `InputError` if
+    `out` exists or cannot be written.
     """
     if out.exists():
         raise InputError(f"{out}: exists already; remove it or choose another folder with --out")

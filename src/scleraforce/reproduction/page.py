@@ -33,7 +33,7 @@ from scleraforce.recording.labels import label_frames
 from scleraforce.report import frame_figures, html
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure, read_forces_figure
 from scleraforce.report.files import write_figure
-from scleraforce.report.frame_figures import AnsweredFrame, draw_computed_walls, look_at_all
+from scleraforce.report.frame_figures import AnsweredFrame, look_at_all
 from scleraforce.report.model_figures import draw_curves, draw_model, draw_network, draw_simulation
 from scleraforce.report.recording_figures import draw_force_log, draw_modulus_over_frames, draw_observed_points
 from scleraforce.reproduction.run import CALIBRATED_EYES, CALIBRATION_FORCES_N, Progress, Run, bent_trials, run_library
@@ -172,7 +172,7 @@ def _walls_figure(run: Run, reader: Evaluation) -> html.Html:
         "finite strain": _finite_sections(run_library(run), finite, forces_n),
         "linear": LinearSections(linear, run.study)(forces_n),
     }
-    drawn = draw_computed_walls(looks, computed)
+    drawn = frame_figures.draw_computed_walls(looks, computed)
     caption = said("walls", eye=linear.id)
     return html.figure(drawn, "raw frames with the linear and the finite-strain section", caption, "png")
 
@@ -246,8 +246,7 @@ def write_reproduction_html(
         _calibration(run, evaluation, drawn),
         html.section("Frames beside the simulation", drawn(_pairs_figure(evaluation, reader, 0, "Fig. 6")),
                 drawn(_pairs_figure(evaluation, reader, 1, "Fig. 7"))),
-        html.section("Training", html.paragraph(_training_words(reader, seconds)), drawn(_network_figure(reader)),
-                drawn(_training_figure(reader)), drawn(_montage_figure(run))),
+        _training(run, reader, seconds, drawn),
         _reading(evaluation, to_the_bounds, drawn(forces_figure(evaluation))),
         bent_section(run, bent_paper, bent_reader, drawn),
         _deviations(),
@@ -396,34 +395,28 @@ def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> B
     return max(drawn, key=lambda one: metrics.dice(one, measured))
 
 
-def _training_words(reader: Classifier, seconds: Mapping[str, float]) -> str:
-    reached, samples = reader.record["metrics"], reader.record["samples"]
-    images, seconds_taken = samples["training"] + samples["validation"], seconds["generate"]
+def _training(run: Run, reader: Classifier, seconds: Mapping[str, float], drawn: Drawn) -> html.Html:
+    """Return the network (Fig. 2), its curves (Fig. 8a), and slices that it has learned from (Fig. 8b)."""
+    study, record = reader.study, reader.record
+    reached, samples, seconds_taken = record["metrics"], record["samples"], seconds["generate"]
+    images = samples["training"] + samples["validation"]
     shares = (reached["validation_accuracy"], *reached["validation_interval"])
     accuracy, low, high = (from_si(share, "percent") for share in shares)
-    counts = {"images": images, "samples": samples, "epochs": reader.record["epochs"]}
+    counts = {"images": images, "samples": samples, "epochs": record["epochs"]}
     times = {"seconds": seconds_taken, "rate_ms": from_si(seconds_taken / images, "ms")}
-    return said("training", **counts, **times, accuracy=accuracy, low=low, high=high)
-
-
-def _network_figure(reader: Classifier) -> html.Html:
-    study = reader.study
+    words = said("training", **counts, **times, accuracy=accuracy, low=low, high=high)
     window, names = (study.slice.columns, study.slice.rows), html.class_names(study.classes.bounds_n)
-    drawn = draw_network(window, study.network.hidden, names, study.network.dropout)
-    return html.figure(drawn, "the layers of the network", "The network of this run (the paper's Fig. 2).")
-
-
-def _training_figure(reader: Classifier) -> html.Html:
-    curves = {name: reader.record["curves"][name] for name in
-              ("training_loss", "validation_loss", "training_accuracy", "validation_accuracy")}  # fmt: skip
-    return html.figure(draw_curves(curves, "epoch"), "loss and accuracy over the epochs", said("curves"))
-
-
-def _montage_figure(run: Run) -> html.Html:
+    network = draw_network(window, study.network.hidden, names, study.network.dropout)
     dataset, rng = open_dataset(run.dataset), np.random.default_rng(run.study.dataset.seed)
-    drawn = frame_figures.draw_montage(dataset, np.sort(rng.choice(dataset.images, MONTAGE_SLICES, replace=False)))
-    caption = said("montage", shown=MONTAGE_SLICES, images=dataset.images)
-    return html.figure(drawn, "simulated slices with force and wall thickness", caption, "png")
+    montage = frame_figures.draw_montage(dataset, np.sort(rng.choice(dataset.images, MONTAGE_SLICES, replace=False)))
+    shown = said("montage", shown=MONTAGE_SLICES, images=dataset.images)
+    return html.section(
+        "Training",
+        html.paragraph(words),
+        drawn(html.figure(network, "the layers of the network", "The network of this run (the paper's Fig. 2).")),
+        drawn(html.figure(draw_curves(record["curves"], "epoch"), "loss and accuracy over the epochs", said("curves"))),
+        drawn(html.figure(montage, "simulated slices with force and wall thickness", shown, "png")),
+    )
 
 
 def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: html.Html) -> html.Html:

@@ -89,9 +89,8 @@ class Stage:
 def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -> Run:
     """Make or continue the folder of a reproduction.
 
-    Raises:
-        InputError: the folder holds something else, or was made from another study.
-        StudyError: the bundled reader was trained for other values than the study's.
+    It raises `InputError` if the folder holds something else or was made from another study, `StudyError` if the
+    bundled reader was trained for other values than the study's.
     """
     if not train:
         _check_bundled(study)
@@ -114,10 +113,8 @@ def run_stages(
 ) -> dict[str, float]:
     """Do the unfinished stages in order, or all of them if other code made the results in the folder.
 
-    `announce` opens a progress bar; `tell` is called with a line for the user if results of other code are removed.
-
-    Returns:
-        Seconds of each stage, for a finished stage from the run that did it.
+    `announce` opens a progress bar; `tell` is called with a line for the user if results of other code are removed. It
+    returns the seconds of each stage, for a finished stage from the run that did it.
     """
     made_from = _read_state(run.folder)["made_from"]
     if made_from.get("sources") != _sources():
