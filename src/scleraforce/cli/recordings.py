@@ -151,7 +151,8 @@ def evaluate(
 
         looks = look_at_all(shown_frames(evaluation.frames))
         write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
-    parts = ("\n".join(part(evaluation)) for part in (_frames, _confusion, _forces, _notes))
+    notes = (wrapped(note, "note: ") for note in evaluation.notes)
+    parts = ("\n".join(part) for part in (_frames(evaluation), _confusion(evaluation), _forces(evaluation), notes))
     return Report(evaluation.as_json(), ["\n\n".join(filter(None, parts))])
 
 
@@ -227,7 +228,3 @@ def _forces(evaluation: "Evaluation") -> Iterator[str]:
     if len({trial.eye for trial in compared}) > 1:
         yield wrapped(held_by_eye(compared), "  by eye: ")
     yield wrapped(SHARED_ERROR)
-
-
-def _notes(evaluation: "Evaluation") -> Iterator[str]:
-    yield from (wrapped(note, "note: ") for note in evaluation.notes)

@@ -1,7 +1,7 @@
 """`scleraforce simulate` and `phantom`: virtual eyes; `scanner`: measure the scanner that is to image them."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import fields, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
@@ -21,8 +21,8 @@ from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import write_whole
 
 if TYPE_CHECKING:
-    from scleraforce.laboratory.scanner import MeasuredRange, MeasuredScanner
-    from scleraforce.laboratory.scanner_display import ImagedEye, Unmeasured
+    from scleraforce.laboratory.scanner import MeasuredScanner
+    from scleraforce.laboratory.scanner_display import ImagedEye
     from scleraforce.laboratory.virtual_eye import SimulatedEye
     from scleraforce.recording.folder import ScaledFrame, Scanner
     from scleraforce.segmentation.wall_finder import WallFinder
@@ -231,7 +231,8 @@ def scanner(
     picture = out.with_suffix(".png")
     overlap = _write(measured, frames, out, picture)
     result = {"out": str(out), "picture": str(picture), **_entries(measured), "histogram_overlap": overlap}
-    return Report(result, [*_scanner_lines(measured, overlap), f"wrote {out} and {picture}"])
+    notes = (wrapped(f"note: {note}") for note in _notes(measured, overlap))
+    return Report(result, [*_scanner_lines(result), *notes, f"wrote {out} and {picture}"])
 
 
 def _imaged(
@@ -287,52 +288,37 @@ def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, pictu
     return histogram_overlap(frame.eye.pixels, drawn, frame.eye.top)
 
 
-def _ranges(measured: "MeasuredScanner") -> "Iterator[tuple[str, MeasuredRange | Unmeasured, bool]]":
-    """Yield each quantity: its key in a study, its range in the unit of the key, and whether a study draws it."""
-    from scleraforce.laboratory.scanner import NOT_DRAWN, MeasuredRange
+def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
+    """Return the ranges by their keys in a study, in the unit of the key; those that no study draws apart."""
+    from scleraforce.laboratory.scanner import MeasuredRange
 
     items = {item.name: item for item in fields(PhantomStudy)}
-    for name, found in measured.ranges.items():
+    found: dict[str, dict[str, Any]] = {"measured": {}, "not_measured": {}, "not_drawn": {}}
+    for name, result in measured.ranges.items():
         key, change = (field_key(items[name]), field_unit(items[name]).from_si) if name in items else (name, float)
         if name == "roll_off_db_per_m":
             key, change = "roll_off_db_per_mm", lambda value: from_si(value, "per_mm")
-        if isinstance(found, MeasuredRange):
-            median, low, high = map(change, (found.median, found.low, found.high))
-            found = replace(found, median=median, low=low, high=high)
-        yield key, found, name not in NOT_DRAWN
-
-
-def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
-    from scleraforce.laboratory.scanner import MeasuredRange
-
-    found: dict[str, dict[str, Any]] = {"measured": {}, "not_measured": {}, "not_drawn": {}}
-    for key, result, is_drawn in _ranges(measured):
         if isinstance(result, MeasuredRange):
-            numbers = {"median": result.median, "min": result.low, "max": result.high}
+            numbers = {"median": change(result.median), "min": change(result.low), "max": change(result.high)}
             numbers |= {"seen": result.seen, "at_most": result.at_most}
-            found["measured" if is_drawn else "not_drawn"][key] = numbers
+            found["measured" if name in items else "not_drawn"][key] = numbers
         else:
             found["not_measured"][key] = result.reason
     counts = {name: list(counts) for name, counts in measured.counts.items()}
     return {"frames": len(measured.frames), "display": measured.display.name, "counts": counts, **found}
 
 
-def _scanner_lines(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
-    from scleraforce.laboratory.scanner import MeasuredRange
-
-    yield f"display = {measured.display.name}"
-    missing = []
-    for key, found, is_drawn in _ranges(measured):
-        if is_drawn and not isinstance(found, MeasuredRange):
-            missing.append(f"not measured: {key}: {found.reason}")
-        elif is_drawn and isinstance(found, MeasuredRange):
-            median, low, high = (f"{value:.4g}" for value in (found.median, found.low, found.high))
-            span = "" if low == high else f" ({low} to {high})"
-            yield f"{key} = {median}{' at most: finer than the pixels show' if found.at_most else span}"
-    for name, counts in measured.counts.items():
+def _scanner_lines(entries: Mapping[str, Any]) -> Iterator[str]:
+    yield f"display = {entries['display']}"
+    for key, numbers in entries["measured"].items():
+        median, low, high = (f"{numbers[name]:.4g}" for name in ("median", "min", "max"))
+        span = "" if low == high else f" ({low} to {high})"
+        yield f"{key} = {median}{' at most: finer than the pixels show' if numbers['at_most'] else span}"
+    for name, counts in entries["counts"].items():
         yield f"{name} = {', '.join(map(str, counts))} (of each frame)"
-    yield from map(wrapped, missing)
-    yield from (wrapped(f"note: {note}") for note in _notes(measured, overlap))
+    drawn = {field_key(item) for item in fields(PhantomStudy)}
+    for key in (key for key in entries["not_measured"] if key in drawn):
+        yield wrapped(f"not measured: {key}: {entries['not_measured'][key]}")
 
 
 def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:

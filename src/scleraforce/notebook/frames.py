@@ -359,14 +359,12 @@ def _wall(
 
 def given_eye(given: Mapping[str, Any]) -> Known:
     """Return the known inputs of an eye, checked; `given` has all arguments of `read` that state one."""
-    for key in ("youngs_modulus_pa", "iop_pa", "thickness_m", "gap_m", "polar_angle_rad"):
-        if given[key] is not None:
-            check_quantity(key, given[key])
     lean_rad = given["lean_rad"]
     if isinstance(lean_rad, str) and lean_rad != "unknown":
         raise InputError(f"lean_rad: {lean_rad!r}; give a number or 'unknown'")
-    if lean_rad not in (None, "unknown"):
-        check_quantity("lean_rad", lean_rad)
+    for key in ("youngs_modulus_pa", "iop_pa", "thickness_m", "gap_m", "polar_angle_rad", "lean_rad"):
+        if given[key] not in (None, "unknown"):
+            check_quantity(key, given[key])
     for key in ("plane_direction_rad", "stiffening"):
         if given[key] is not None and not isfinite(given[key]):
             raise InputError(f"{key}: {given[key]} is not a finite number; leave it out if it is not known")
