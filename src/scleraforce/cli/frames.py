@@ -462,11 +462,9 @@ def _size_words(frame: "ScaledFrame") -> str:
     """Return the scale for people, equal sources once: "15 x 4 mm (recording.toml), refractive index 1 (option)"."""
     width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
     mm = [f"{from_si(extent.value, 'mm'):.4g}" for extent in (width, depth)]
-    sizes = (
-        f"{mm[0]} x {mm[1]} mm ({width.source})"
-        if width.source == depth.source
-        else f"{mm[0]} mm ({width.source}) x {mm[1]} mm ({depth.source})"
-    )
+    sizes = f"{mm[0]} x {mm[1]} mm ({width.source})"
+    if width.source != depth.source:
+        sizes = f"{mm[0]} mm ({width.source}) x {mm[1]} mm ({depth.source})"
     return f"{sizes}, refractive index {index.value:g} ({index.source})"
 
 

@@ -162,9 +162,8 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
         return known, None
     check_calibrated(known, True, eye)
     if eye is None:
-        raise InputError(
-            f"--eye: missing; say which eye of {calibration} it is (another gets the population's modulus)"
-        )
+        others = "another gets the population's modulus"
+        raise InputError(f"--eye: missing; say which eye of {calibration} it is ({others})")
     summary = read_calibration(calibration)
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 

@@ -82,11 +82,9 @@ def calibrate(
     """
     notes = _Notes()
     if model is not None:
-        default = click.core.ParameterSource.DEFAULT
+        default, others = click.core.ParameterSource.DEFAULT, "only --frames, --wall-finder and --json"
         if any(ctx.get_parameter_source(name) != default for name in (*given, "plot")):
-            raise click.UsageError(
-                "--intervals: takes the model's own study; of the options, only --frames, --wall-finder and --json"
-            )
+            raise click.UsageError(f"--intervals: takes the model's own study; of the options, {others}")
         from scleraforce.notebook.calibrating import recalibrate_intervals
 
         found = recalibrate_intervals(

@@ -114,8 +114,6 @@ def _true_frame_forces(recording: "Recording") -> list[float] | None:
     """Return the force at each frame from truth.json, N; None if it lacks one, or does not exist."""
     from scleraforce.recording.folder import true_forces
 
-    if not (recording.path / "truth.json").exists():
-        return None
     true = true_forces(recording.path)
     return [true[entry.file] for entry in recording.frames] if {e.file for e in recording.frames} <= set(true) else None
 

@@ -88,9 +88,8 @@ def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
         raise InputError(f"--answers: {thing} is a file of answers already; give a recording folder for THING")
     rows = read_answers(thing)
     if out.suffix.lower() not in TABLES:
-        raise InputError(
-            f"--out: {out}: answers alone become .csv or .json; give their recording, and them as --answers"
-        )
+        way = "give their recording, and them as --answers"
+        raise InputError(f"--out: {out}: answers alone become .csv or .json; {way}")
     _write_table({}, rows, out)
     return len(rows)
 

@@ -161,13 +161,9 @@ def phantom(
     study = declared(study, *(values.pop(key) for key in ("mechanics", "globe", "rigidity_pa13_per_m3")))
     moves = given(**{key: values.pop(key) for key in ("rate_hz", "ramp_n_per_s", "hold_s", "puncture_n")})
     if moves and "rate_hz" not in moves:
-        raise click.UsageError(
-            "--ramp-mn-per-s, --hold-s, --puncture-mn are of a needle that moves; give --rate-hz too"
-        )
-    if (
-        "puncture_n" in moves
-        and click.get_current_context().get_parameter_source("forces_n") is ParameterSource.DEFAULT
-    ):
+        raise click.UsageError("--ramp-mn-per-s, --hold-s, --puncture-mn: of a needle that moves; give --rate-hz too")
+    source = click.get_current_context().get_parameter_source("forces_n")
+    if "puncture_n" in moves and source is ParameterSource.DEFAULT:
         forces_n = ()
     eye, seed = given(**values), study.phantom.seed if seed is None else seed
     eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
@@ -289,7 +285,7 @@ def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, pictu
 
 
 def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
-    """Return the ranges by their keys in a study, in the unit of the key; those that no study draws apart."""
+    """Return the ranges by their keys in a study, in the unit of the key; quantities that it does not draw, apart."""
     from scleraforce.laboratory.scanner import MeasuredRange
 
     items = {item.name: item for item in fields(PhantomStudy)}

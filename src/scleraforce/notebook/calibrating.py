@@ -102,9 +102,8 @@ def calibrate(
     refuse_unused(study, "calibrate", mechanics)
     sought = None if parameters is None else tuple(parameters)
     if study.tissue.stiffening > 0.0 and (sought is None or STIFFENING in sought):
-        raise InputError(
-            "study: tissue.stiffening: is sought in the frames; leave it out, or seek e alone (parameters e)"
-        )
+        way = "leave it out, or seek e alone (parameters e)"
+        raise InputError(f"study: tissue.stiffening: is sought in the frames; {way}")
     each = _with_thickness(opened(recordings), thickness_m)
     kind = CLASSIFIER if mechanics == "linear" else READER
     for recording in each:

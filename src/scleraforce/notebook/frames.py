@@ -318,9 +318,8 @@ def readings(
     if model.path != asked.path:
         notes.append(f"read with the bundled reader {model_name(model.path)}, which was trained for such eyes")
     if held_s is not None and known.relaxation is None:
-        raise InputError(
-            "held_s: nothing says how the tissue relaxes; give a calibration, or relaxation in recording.toml"
-        )
+        way = "give a calibration, or relaxation in recording.toml"
+        raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
     history = History.unknown(known, model.study.needle.max_force_n)
     try:
         walls = [_wall(one, frame, mask, mask_sd_rows, transpose, notes)

@@ -154,17 +154,10 @@ def phantom(
     if Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
     counting = counting or counting_for(progress, "frames")
-    pushed = PhantomEye(
-        id=eye,
-        thickness_m=thickness_m,
-        youngs_modulus_pa=study.eye.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa,
-        iop_pa=study.eye.iop_pa if iop_pa is None else iop_pa,
-        gap_m=study.needle.gap_m if gap_m is None else gap_m,
-        polar_rad=polar_angle_rad,
-        azimuth_rad=azimuth_rad,
-        direction_rad=direction_rad,
-        tilt_rad=tilt_rad,
-    )
+    eyes = {"youngs_modulus_pa": study.eye.youngs_modulus_pa, "iop_pa": study.eye.iop_pa, "gap_m": study.needle.gap_m}
+    eyes |= given(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa, gap_m=gap_m)
+    directions = {"azimuth_rad": azimuth_rad, "direction_rad": direction_rad, "tilt_rad": tilt_rad}
+    pushed = PhantomEye(id=eye, thickness_m=thickness_m, polar_rad=polar_angle_rad, **eyes, **directions)
     seed = study.phantom.seed if seed is None else seed
     if rate_hz is None and puncture_n is not None:
         raise InputError("puncture_n: of a needle that moves; give rate_hz too")

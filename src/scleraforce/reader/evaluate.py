@@ -375,7 +375,7 @@ class _Session:
         used = (modulus.mean_pa, modulus.source) if modulus else (None, None)
         modulus_pa, source = used if fixed_pa is None else (fixed_pa, "trained")
         doubts = FOREIGN if self.foreign else ()
-        true_n = true_forces(recording.path) if (recording.path / "truth.json").exists() else {}
+        true_n = true_forces(recording.path)
         sds_n, seen, planes = label_sds(recording, self.trials), list[tuple[float, float]](), recording.info.oct.plane
         for sd_n, (entry, trial, answer, calibrates) in zip(sds_n, self.read(progress), strict=True):
             yield FrameAnswer(

@@ -163,10 +163,8 @@ def _check_jpeg(dataset: "FileDataset", packed: bytes) -> None:
     if syntax not in JPEG2000TransferSyntaxes:
         return
     if signed != bool(stated := dataset.PixelRepresentation):
-        found = (
-            f"PixelRepresentation is {stated} ({signs[bool(stated)]}), its JPEG 2000 image has {signs[signed]} pixels"
-        )
-        raise FrameError(f"{found}; save it uncompressed")
+        found = f"PixelRepresentation is {stated} ({signs[bool(stated)]})"
+        raise FrameError(f"{found}, its JPEG 2000 image has {signs[signed]} pixels; save it uncompressed")
     # Values of more bits are right where they fit, which `_stored_values` checks.
     if bits < stored:
         raise FrameError(f"BitsStored is {stored}, its JPEG 2000 image has {bits} bits; save it uncompressed")

@@ -72,11 +72,9 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
     """
     columns: dict[str, Any] = {}
     for key, value in row.items():
-        if key in PAIRS:
-            columns |= zip(PAIRS[key], value if isinstance(value, list) else (None, None), strict=False)
-        elif key.endswith("_interval"):
-            ends = value if isinstance(value, list) else (None, None)
-            columns |= zip((key.replace("_interval", end) for end in ("_low", "_high")), ends, strict=False)
+        if key in PAIRS or key.endswith("_interval"):
+            names = PAIRS.get(key) or tuple(key.replace("_interval", end) for end in ("_low", "_high"))
+            columns |= zip(names, value if isinstance(value, list) else (None, None), strict=False)
         elif isinstance(value, Mapping | list):
             inner = dict(enumerate(value)) if isinstance(value, list) else value
             columns |= {f"{key}_{name}": entry for name, entry in flat({str(n): v for n, v in inner.items()}).items()}

@@ -20,7 +20,7 @@ from scleraforce.recording.walls import RecordedWalls
 from scleraforce.study import parse_record
 from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS, check_relaxation
 from scleraforce.study.fields import allowed, check_fields, check_quantity, option, quantity, required
-from scleraforce.units import from_si
+from scleraforce.units import HumanUnit, from_si
 from scleraforce.whole_files import KINDS, read_bytes, read_text
 
 # Outer diameters of hypodermic needles, ISO 9626 (normal wall).
@@ -31,8 +31,8 @@ GAUGE_DIAMETER_M = {
 LONGEST_ID = 200
 
 
-def _possible(key: str) -> Any:
-    return quantity(None, None, allowed(key).low, allowed(key).high)
+def _possible(key: str, unit: HumanUnit | None = None) -> Any:
+    return quantity(None, unit, allowed(key).low, allowed(key).high)
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,7 @@ class EyeInfo:
     thickness_m: float | None = _possible("thickness_m")
     iop_pa: float | None = _possible("iop_pa")
     globe: str | None = option(None, *GLOBES)
-    rigidity_pa13_per_m3: float | None = quantity(
-        None, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high
-    )
+    rigidity_pa13_per_m3: float | None = _possible("rigidity", "mmhg13_per_ul")
     rigidity_law: str | None = option(None, *RIGIDITY_LAWS)
     leak_time_s: float | None = quantity(None, None, 1.0, 1e6)
     relaxation: tuple[tuple[float, ...], ...] | None = quantity(None, None, 0.0, 1e5)
@@ -284,8 +282,10 @@ def tables_digest(recording: Recording) -> str:
 
 
 def true_forces(recording: Path) -> dict[str, float]:
-    """Return the true force at each frame of a virtual acquisition, N, by the frame's file."""
+    """Return the true force at each frame of a virtual acquisition, N, by the frame's file; of real ones nothing."""
     path = recording / "truth.json"
+    if not path.exists():
+        return {}
     try:
         frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
         return {frame["file"]: float(frame["force_n"]) for frame in frames}

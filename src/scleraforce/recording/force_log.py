@@ -314,9 +314,8 @@ def _range_n(text: Table) -> float | None:
 def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
     stated = {column.name: column for column in given if column.ours == STATUS}
     if missing := stated.keys() - set(text.names):
-        raise InputError(
-            f"{text.path}: --column: no column {min(missing)!r}; there are {', '.join(map(repr, text.names))}"
-        )
+        listed = ", ".join(map(repr, text.names))
+        raise InputError(f"{text.path}: --column: no column {min(missing)!r}; there are {listed}")
     meanings = {name: _status_meaning(name, text.names) for name in text.names}
     named = {name: LogColumn(STATUS, name, meaning) for name, meaning in meanings.items() if meaning}
     return tuple((named | stated).values())
@@ -325,9 +324,7 @@ def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
 def _overruled(by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> tuple[str, ...]:
     pairs = [(said, own) for said in given for own in by_header if (own.ours, own.name) == (said.ours, said.name)]
     differ = [(said, own) for said, own in pairs if not np.isclose(own.factor, said.factor, rtol=1e-9)]
-    return tuple(
-        f"{said.name}: read in {said.unit} (--column), where the log states {own.unit}" for said, own in differ
-    )
+    return tuple(f"{a.name}: read in {a.unit} (--column), where the log states {b.unit}" for a, b in differ)
 
 
 def _stated_number(pattern: str, text: Table) -> float | None:

@@ -144,9 +144,8 @@ def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> S
             found = {name: held[name] for name in held.files}
         frames = [name for name, value in found.items() if value.ndim in (2, 3) and value.size > 1]
         if array is None and len(frames) != 1:
-            raise scans.UnansweredError(
-                "--array", f"which array has the frames? There are {', '.join(found) or 'none'}"
-            )
+            listed = ", ".join(found) or "none"
+            raise scans.UnansweredError("--array", f"which array has the frames? There are {listed}")
         name = array or frames[0]
         if name not in found:
             raise FrameError(f"no array {name!r}; there are {', '.join(found)}")

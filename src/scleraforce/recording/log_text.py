@@ -161,12 +161,10 @@ def _of_labview(path: Path, lines: Sequence[str]) -> Table:
     if not ends:
         raise RecordingError(f"{path}: a LabVIEW measurement file without {LABVIEW_END}")
     if len(ends) > 2:
-        raise RecordingError(
-            f"{path}:{ends[2] + 1}: a second segment (Multi_Headings); export each to a file of its own"
-        )
-    stated = next(
-        (line[len("Separator") :].strip() for line in lines[: ends[0]] if line.startswith("Separator")), "Tab"
-    )
+        way = "export each to a file of its own"
+        raise RecordingError(f"{path}:{ends[2] + 1}: a second segment (Multi_Headings); {way}")
+    named = (line.removeprefix("Separator").strip() for line in lines[: ends[0]] if line.startswith("Separator"))
+    stated = next(named, "Tab")
     separator = LABVIEW_SEPARATORS.get(stated.strip(",").lower())
     if separator is None:
         raise RecordingError(f"{path}: Separator: {stated!r} is not read; export the file with Tab or Comma")

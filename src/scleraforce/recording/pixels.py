@@ -419,7 +419,6 @@ def array_scan(
     count, rows, columns = frames.shape
     check_size(rows, columns)
     depth_m, lateral_m = (steps_m[axes.index(name)] for name in AXES[1:])
-    scan = Scan(
-        frame_names(path, count), rows, columns, lambda: iter(frames), bits=8 if frames.dtype == np.uint8 else None
-    )
+    names, bits = frame_names(path, count), 8 if frames.dtype == np.uint8 else None
+    scan = Scan(names, rows, columns, lambda: iter(frames), bits=bits)
     return replace(scan, depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)

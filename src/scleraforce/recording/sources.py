@@ -157,6 +157,7 @@ def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
 
 
 def _known_kind(name: str, head: bytes) -> str | None:
+    avi = head[:4] == b"RIFF" and head[8:12] == b"AVI "
     marks = (
         ("picture", head.startswith((b"\x89PNG", b"\xff\xd8\xff"))),
         ("dicom", head[128:132] == b"DICM"),  # before TIFF: its preamble may be the head of one
@@ -164,10 +165,7 @@ def _known_kind(name: str, head: bytes) -> str | None:
         ("numpy", head.startswith(b"\x93NUMPY")),
         ("nrrd", head.startswith(b"NRRD")),
         ("bag", head.startswith((b"#ROSBAG", SQLITE, MCAP))),
-        (
-            "film",
-            head.startswith(images.MATROSKA) or head[4:8] == b"ftyp" or (head[:4] == b"RIFF" and head[8:12] == b"AVI "),
-        ),
+        ("film", head.startswith(images.MATROSKA) or head[4:8] == b"ftyp" or avi),
         ("nifti", head[344:347] in (b"n+1", b"ni1") or head[4:7] == b"n+2"),
         ("metaimage", re.match(rb"\s*(ObjectType|NDims|Comment)\s*=", head)),
         ("numpy", name.endswith(".npz")),

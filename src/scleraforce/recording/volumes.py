@@ -63,9 +63,7 @@ def _check_orientation(orientation: str, axes: Axes) -> None:
     letters = orientation.upper() if ORIENTATION.fullmatch(orientation) else ""
     found = f"UltrasoundImageOrientation = {orientation}: depth"
     if "N" in letters:
-        raise FrameError(
-            f"{found} runs towards the probe; write it as MF (PlusToolkit: EditSequenceFile), or flip the rows"
-        )
+        raise FrameError(f"{found} runs towards the probe; flip its rows, or write it as MF (PLUS: EditSequenceFile)")
     at = letters.find("F")
     if axes is not None and 0 <= at < len(axes) and axes[at] != "depth":
         raise FrameError(f"{found} is axis {at + 1}; --axes names {','.join(axes)}")
@@ -97,10 +95,10 @@ def _of_frames(scan: Scan, fields: Mapping[str, str], name: str) -> dict[int, st
     found = {int(match[1]): value for field, value in fields.items()
              if (match := re.fullmatch(SEQUENCE.format(name), field, re.IGNORECASE))}  # fmt: skip
     if found and sorted(found) != list(range(len(scan.names))):
-        stated = f"Seq_FrameNNNN_{name} of {len(found)} frames, {min(found)} to {max(found)}"
-        raise FrameError(
-            f"{stated}, where the axis named frame has {len(scan.names)}; write it again, or correct --axes"
+        stated = (
+            f"Seq_FrameNNNN_{name} of {len(found)} frames, {min(found)} to {max(found)}, where the axis named frame"
         )
+        raise FrameError(f"{stated} has {len(scan.names)}; write it again, or correct --axes")
     return found
 
 
@@ -231,10 +229,8 @@ def _nrrd_steps(header: Any, count: int) -> Steps:
         if np.isfinite(spacing) and np.isfinite(length) and abs(spacing - length) > SAME * length:
             raise FrameError(f"axis {axis}: spacings states {spacing:g}, and space directions {length:g}; correct one")
         if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != in_space[axis - 1]:
-            other = header.get("space units", "nothing")
-            raise FrameError(
-                f"axis {axis}: units states {units[axis - 1]!r}, and space units {other}; correct one of them"
-            )
+            other = f"space units {header.get('space units', 'nothing')}"
+            raise FrameError(f"axis {axis}: units states {units[axis - 1]!r}, and {other}; correct one of them")
     return _stated_steps(lengths, in_space, "NRRD's space directions")
 
 
