@@ -45,15 +45,9 @@ class StoredArray:
     dtype: str
     compressed: bool = False
 
-    @property
-    def size(self) -> int:
-        """Bytes of all its values in memory."""
-        return prod(self.shape) * np.dtype(self.dtype).itemsize
-
-    @property
-    def chunk_size(self) -> int:
-        """Bytes of the values of a chunk in memory."""
-        return prod(self.chunks) * np.dtype(self.dtype).itemsize
+    def size(self, shape: tuple[int, ...]) -> int:
+        """Return the bytes of values of a shape, of the array's or its chunks', in memory."""
+        return prod(shape) * np.dtype(self.dtype).itemsize
 
     @property
     def places(self) -> Iterable[tuple[int, ...]]:
@@ -101,8 +95,9 @@ class StoredArray:
         data, check = data[:-4], data[-4:]
         if crc32.iscsi(data) != int.from_bytes(check, "little"):
             raise ValueError("its check sum is wrong")
-        if self.compressed and (size := _decoded_bytes(data)) != self.chunk_size:
-            raise ValueError(f"a chunk of {self.chunk_size} bytes that would decode to {size}")
+        expected = self.size(self.chunks)
+        if self.compressed and (size := _decoded_bytes(data)) != expected:
+            raise ValueError(f"a chunk of {expected} bytes that would decode to {size}")
         values = Zstd().decode(data) if self.compressed else data
         return np.frombuffer(values, np.dtype(self.dtype).newbyteorder("<")).reshape(self.chunks)
 
@@ -204,10 +199,8 @@ class CheckedStore:
 
     def missing(self) -> list[int]:
         """Return the numbers of the units of which a chunk is missing or cannot be read."""
-        readable = [
-            [self._is_readable(self.arrays[name], index) for name, index in unit.items()] for unit in self.units
-        ]
-        return [number for number, chunks in enumerate(readable) if not all(chunks)]
+        chunks = ([self._is_readable(name, index) for name, index in unit.items()] for unit in self.units)
+        return [number for number, readable in enumerate(chunks) if not all(readable)]
 
     def write(self, unit: int, values: Mapping[str, NDArray[Any]]) -> None:
         """Write the chunks of a unit, given by the names of the arrays."""
@@ -223,10 +216,8 @@ class CheckedStore:
         if missing := len(self.missing()):
             lost = f"{missing} of {len(self.units)} {self.kind.parts} are missing"
             raise self.kind.error(f"{self.path}: {lost}; {self.kind.verb} it again")
-        hashes = {
-            name: [sha256(self._chunk(array, index)).hexdigest() for index in array.places]
-            for name, array in self.arrays.items()
-        }
+        arrays = self.arrays.items()
+        hashes = {name: [sha256(self._chunk(one, at)).hexdigest() for at in one.places] for name, one in arrays}
         with self._writing():
             for leftover in self.path.rglob("*.partial"):
                 leftover.unlink(missing_ok=True)
@@ -256,24 +247,23 @@ class CheckedStore:
     def _checked_hashes(self, name: str) -> dict[tuple[int, ...], Any]:
         array, places, place = self.arrays[name], list(self.arrays[name].places), self.path / name
         again = f"{self.kind.verb} it again"
-        if array.size > MAX_ARRAY_SIZE:
+        if (size := array.size(array.shape)) > MAX_ARRAY_SIZE:
             most = f"at most {MAX_ARRAY_SIZE // MIB} are read (docs/files.md)"
-            raise self.kind.error(f"{place}: {array.size // MIB} MiB of values, {most}")
+            raise self.kind.error(f"{place}: {size // MIB} MiB of values, {most}")
         if wrong := array.difference(self.kind.json(place)):
             raise self.kind.error(f"{place}: {wrong}; {again}")
         hashes = self.attributes.get(HASHES)
         found = hashes.get(name) if isinstance(hashes, dict) else None
         if not isinstance(found, list) or len(found) != len(places):
-            raise self.kind.error(
-                f"{self.path}: {HASHES}: not the hashes of the {len(places)} chunks of {name}; {again}"
-            )
+            wrong = f"{HASHES}: not the hashes of the {len(places)} chunks of {name}"
+            raise self.kind.error(f"{self.path}: {wrong}; {again}")
         if missing := sum(not (self.path / array.file(index)).exists() for index in places):
             raise self.kind.error(f"{place}: {missing} of {len(places)} chunks are missing; {again}")
         return dict(zip(places, found, strict=True))
 
-    def _is_readable(self, array: StoredArray, index: tuple[int, ...]) -> bool:
+    def _is_readable(self, name: str, index: tuple[int, ...]) -> bool:
         try:
-            array.decoded(self._chunk(array, index))
+            self.arrays[name].decoded(self._chunk(self.arrays[name], index))
         except (self.kind.error, ValueError, RuntimeError):
             return False
         return True
@@ -301,7 +291,7 @@ class CheckedStore:
         return zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
 
     def _chunk(self, array: StoredArray, index: tuple[int, ...]) -> bytes:
-        kind = replace(KINDS["store chunk"], error=self.kind.error, max_bytes=max(MIB, 2 * array.chunk_size))
+        kind = replace(KINDS["store chunk"], error=self.kind.error, max_bytes=max(MIB, 2 * array.size(array.chunks)))
         return read_bytes(self.path / array.file(index), kind)
 
 

@@ -64,12 +64,16 @@ FILES: dict[str, tuple[str, ...]] = dict.fromkeys(("classifier", "reader", "raw-
 FILES["reader"] = (*COMMON_FILES, LIBRARY_FILE)
 
 
+Files = Mapping[str, bytes]  # contents by name
+Interface = Mapping[str, tuple[str, list[int]]]  # type and shape of each input or output
+
+
 @dataclass(frozen=True)
 class ModelFolder:
     """The checked content of a model folder: the bytes of its files by name, and `model.json`."""
 
     path: Path
-    files: Mapping[str, bytes]
+    files: Files
     record: Mapping[str, Any]
 
 
@@ -130,12 +134,7 @@ def check_place(out: Path) -> None:
 
 
 def write_folder(
-    out: Path,
-    network: bytes,
-    study_toml: str,
-    card: str,
-    record: Mapping[str, Any],
-    more: Mapping[str, bytes] = MappingProxyType({}),
+    out: Path, network: bytes, study_toml: str, card: str, record: Mapping[str, Any], more: Files = MappingProxyType({})
 ) -> None:
     """Write a model folder whole or not at all; raises `ModelError`, or `InputError` if the disk refuses it."""
     check_place(out)
@@ -189,12 +188,7 @@ def check_provenance(folder: ModelFolder, metadata: Mapping[str, str]) -> None:
         raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")
 
 
-def check_interface(
-    session: "InferenceSession",
-    inputs: Mapping[str, tuple[str, list[int]]],
-    outputs: Mapping[str, tuple[str, list[int]]],
-    place: str,
-) -> None:
+def check_interface(session: "InferenceSession", inputs: Interface, outputs: Interface, place: str) -> None:
     """Check types and shapes, without the first axis, of a network's inputs and outputs; raises `ModelError`."""
     for which, wanted in (("inputs", inputs), ("outputs", outputs)):
         items = session.get_inputs() if which == "inputs" else session.get_outputs()

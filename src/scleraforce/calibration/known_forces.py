@@ -231,12 +231,13 @@ class Settled:
         return TissueTrial(found=found, refused=refused, frames=len(read), of_boundaries=loss, of_forces=self.loss)
 
 
+SeenFrames = Sequence[tuple[Boundaries, float]]  # with their known forces, N
 Again = tuple[list[KnownForce | None], list[KnownForce], Found]
 
 
 def settled(
     known: Known,
-    frames: Sequence[tuple[Boundaries, float]],
+    frames: SeenFrames,
     earlier: Sequence[KnownForce],
     library: Library,
     study: Study,
@@ -263,11 +264,7 @@ def settled(
 
 
 def read_again(
-    frames: Sequence[tuple[Boundaries, float]],
-    known: Known,
-    library: Library,
-    study: Study,
-    rests_pa: Sequence[float] | None = None,
+    frames: SeenFrames, known: Known, library: Library, study: Study, rests_pa: Sequence[float] | None = None
 ) -> list[KnownForce | None]:
     """Return the readings of an eye's frames without their forces, each None if the frame cannot be read.
 

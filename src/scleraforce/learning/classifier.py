@@ -9,7 +9,7 @@ sample (Inoue, "Multi-sample dropout", 2019) are cheap: the first layer, most of
 import hashlib
 import threading
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise, product
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Bytes, Flags, Floats, Integers
 from scleraforce.errors import SolverError
-from scleraforce.learning.descent import onnx_bytes, tensor, torch, trained
+from scleraforce.learning.descent import Losses, Progress, onnx_bytes, tensor, torch, trained
 from scleraforce.processes import work_in_order
 from scleraforce.reader.kinds import INPUT, OUTPUT
 from scleraforce.study import ClassesStudy, NetworkStudy, SliceStudy
@@ -189,7 +189,7 @@ def fit(
     training: Samples,
     validation: Samples,
     classes: int = 3,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress = None,
     device: str = "cpu",
 ) -> Fitted:
     """Train a network; the same study and samples give the same weights on the same machine.
@@ -208,7 +208,7 @@ def fit(
     rows = list[tuple[float, ...]]()
     batches = ceil(len(training) / study.batch_size)
 
-    def epoch(network: torch.nn.Sequential, *_: object) -> Iterator[tuple[torch.Tensor, int]]:
+    def epoch(network: torch.nn.Sequential, *_: object) -> Losses:
         """Go through all training samples once, in random order; note accuracy, and loss and accuracy of the others."""
         network.train()
         right = 0.0
@@ -281,7 +281,7 @@ def search_sizes(
     training: Samples,
     validation: Samples,
     classes: int = 3,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress = None,
     workers: int | None = None,
     device: str = "cpu",
 ) -> tuple[tuple[Candidate, ...], NetworkStudy, Fitted]:

@@ -67,6 +67,8 @@ CURVE_POINTS = 50
 AHEAD = 4  # chunks of samples for each process that are drawn or wait
 READER_THREADS = 1
 DEVICES = ("auto", "cpu", "cuda")
+Progress = Callable[[int], object] | None
+Losses = Iterable[tuple[torch.Tensor, int]]  # mean losses of batches, computed lazily, and their numbers of samples
 Drawn = TypeVar("Drawn")
 Samples = TypeVar("Samples")
 Network = TypeVar("Network", bound=torch.nn.Module)
@@ -99,15 +101,11 @@ def tensor(array: NDArray[Any]) -> torch.Tensor:
 
 
 def descend(
-    network: torch.nn.Module,
-    optimiser: torch.optim.Optimizer,
-    rounds: Iterable[Iterable[tuple[torch.Tensor, int]]],
-    study: Settings,
-    steps: int,
+    network: torch.nn.Module, optimiser: torch.optim.Optimizer, rounds: Iterable[Losses], study: Settings, steps: int
 ) -> Iterator[float]:
     """Take a step down the gradient of each batch's loss, its norm clipped; yield the mean loss of each round.
 
-    A round has mean losses of batches and their numbers of samples, computed lazily; `steps` batches make all rounds.
+    `steps` batches make all rounds.
     """
     step = 0
     for batches in rounds:
@@ -137,11 +135,11 @@ class Fitted(Generic[Network]):
 
 def trained(
     build: Callable[[], Network],
-    losses_of: Callable[[Network, int, Samples], Iterable[tuple[torch.Tensor, int]]],
+    losses_of: Callable[[Network, int, Samples], Losses],
     drawn: Generator[Samples, None, None],
     study: Settings,
     steps: int,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress = None,
     threads: int = READER_THREADS,
     device: str = "cpu",
 ) -> Fitted[Network]:

@@ -20,7 +20,7 @@ from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.learning import samples
-from scleraforce.learning.descent import Fitted, drawn_ahead, tensor, torch, trained
+from scleraforce.learning.descent import Fitted, Losses, Progress, drawn_ahead, tensor, torch, trained
 from scleraforce.learning.reader import ReaderNetwork, compared, fit_reader, reader_loss, targets
 from scleraforce.learning.samples import RawSamples, Source, concatenated
 from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, eye_scores, network_score, of_population, wall_depths
@@ -172,8 +172,8 @@ def fit_raw_reader(
     library: Library,
     study: Study,
     workers: int,
-    progress: Callable[[int], object] | None = None,
-    learned: Callable[[int], object] | None = None,
+    progress: Progress = None,
+    learned: Progress = None,
     device: str = "cpu",
 ) -> Fitted[RawReaderNetwork]:
     """Train a raw reader; the same study and library give the same weights on the same machine."""
@@ -199,7 +199,7 @@ def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Generator[
             left = left.picked(np.arange(raw.batch_size, len(left)))
 
 
-def _losses(study: Study, network: RawReaderNetwork, number: int, batch: RawSamples) -> tuple[tuple[torch.Tensor, int]]:
+def _losses(study: Study, network: RawReaderNetwork, number: int, batch: RawSamples) -> Losses:
     """Return the mean loss of a draw, which is a batch; of the first ones it is the wall's alone."""
     raw = study.raw_reader
     frames, given, boundaries = (tensor(each) for each in (batch.frames, batch.given, batch.boundary_rows))

@@ -8,7 +8,7 @@ rules", 2007), plus Huber's loss of the contact's place; AdamW descends on sampl
 them mirror images: a wall costs more time to draw than to learn from.
 """
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from itertools import count
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.learning import descent
-from scleraforce.learning.descent import Fitted, tensor, torch
+from scleraforce.learning.descent import Fitted, Losses, Progress, tensor, torch
 from scleraforce.learning.samples import CHUNK, ForceSamples, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.library.slices import column_laterals
 from scleraforce.reader.metrics import accuracy, confusion_matrix
@@ -158,11 +158,7 @@ def force_bytes(network: Any, provenance: Mapping[str, str]) -> bytes:
 
 
 def fit_reader(
-    study: Study,
-    draw: Callable[[int], ReaderSamples],
-    workers: int,
-    progress: Callable[[int], object] | None = None,
-    device: str = "cpu",
+    study: Study, draw: Callable[[int], ReaderSamples], workers: int, progress: Progress = None, device: str = "cpu"
 ) -> Fitted[ReaderNetwork]:
     """Train a reader on chunks of samples, none seen twice but for mirror images; losses and `progress` are of epochs.
 
@@ -199,9 +195,7 @@ def _rounds(
                 yield samples.mirrored()
 
 
-def _losses(
-    reader: ReaderStudy, network: ReaderNetwork, _: int, samples: ReaderSamples
-) -> Iterator[tuple[torch.Tensor, int]]:
+def _losses(reader: ReaderStudy, network: ReaderNetwork, _: int, samples: ReaderSamples) -> Losses:
     """Yield the mean losses of the batches of samples, and their sizes."""
     slices, given = _tensors(samples)
     force, place_mm = targets(samples, reader)

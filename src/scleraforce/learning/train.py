@@ -2,7 +2,7 @@
 
 import platform
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from functools import partial
 from hashlib import sha256
@@ -18,7 +18,7 @@ from scleraforce import __version__
 from scleraforce.errors import DatasetError
 from scleraforce.learning import classifier, raw_reader, reader, wall_finder
 from scleraforce.learning.dataset import Dataset
-from scleraforce.learning.descent import READER_THREADS, chosen_device, curve, onnx, torch
+from scleraforce.learning.descent import READER_THREADS, Progress, chosen_device, curve, onnx, torch
 from scleraforce.learning.generate import check_library
 from scleraforce.learning.samples import CHUNK, Source
 from scleraforce.learning.virtual_eyes import measured_intervals, measuring
@@ -32,7 +32,6 @@ from scleraforce.study import Choice, NetworkStudy, Range, Study, format_study, 
 from scleraforce.study.fields import field_key, field_unit, map_numbers
 from scleraforce.units import from_si
 
-Progress = Callable[[int], object] | None
 Record = dict[str, Any]  # `model.json`
 
 DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)

@@ -5,7 +5,7 @@ resolution in the last step, as two interleaved channels. The loss of a boundary
 distribution, plus the ranked probability score (Epstein 1969), which includes the distance of a wrong row.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Flags, Floats
 from scleraforce.laboratory.scenes import Scene, draw_scene
-from scleraforce.learning.descent import Fitted, drawn_ahead, onnx_bytes, tensor, torch, trained
+from scleraforce.learning.descent import Fitted, Losses, Progress, drawn_ahead, onnx_bytes, tensor, torch, trained
 from scleraforce.reader.metrics import dice
 from scleraforce.segmentation.wall_finder import (
     BEYOND_SHARE,
@@ -146,7 +146,7 @@ def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
 
 
 def fit_wall_finder(
-    study: Study, workers: int, progress: Callable[[int], object] | None = None, device: str = "cpu"
+    study: Study, workers: int, progress: Progress = None, device: str = "cpu"
 ) -> Fitted[WallFinderNetwork]:
     """Train the network; scenes and weights are the same for any number of workers (0: none), on the same machine."""
     finder = study.wall_finder
@@ -155,9 +155,7 @@ def fit_wall_finder(
     return trained(build, losses_of, drawn, finder, finder.batches, progress, device=device)
 
 
-def _losses(
-    study: WallFinderStudy, network: WallFinderNetwork, _: int, batch: SceneBatch
-) -> tuple[tuple[torch.Tensor, int]]:
+def _losses(study: WallFinderStudy, network: WallFinderNetwork, _: int, batch: SceneBatch) -> Losses:
     """Return the mean loss of a draw, which is a batch, a random half of its scenes mirrored."""
     drawn = tuple(tensor(each) for each in (batch.frames, batch.boundaries, batch.weight))
     turned = torch.rand(len(batch.frames)) < 0.5

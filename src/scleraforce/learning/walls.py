@@ -104,19 +104,17 @@ class BoundaryErrors:
     top_m: float = 0.03e-3  # a surface less than this below the upper edge is not found
 
 
+USUAL = BoundaryErrors()  # of this project's segmentation
+
+
 def disturb(
-    depth_sbc: Floats,
-    study: SliceStudy,
-    rng: np.random.Generator,
-    errors: BoundaryErrors | None = None,
-    scale: float = 1.0,
+    depth_sbc: Floats, study: SliceStudy, rng: np.random.Generator, errors: BoundaryErrors = USUAL, scale: float = 1.0
 ) -> Floats:
     """Return boundaries as a segmentation might have found them, NaN in columns without a found wall.
 
     `depth_sbc` are m below the frame's upper edge, NaN without wall. `scale` multiplies the errors of surface,
-    thickness and scale, and the numbers of bumps and layers; sizes are this project's segmentation's by default.
+    thickness and scale, and the numbers of bumps and layers.
     """
-    errors = errors or BoundaryErrors()
     known: Flags = np.all(np.isfinite(depth_sbc), axis=1)
     outer = _filled(depth_sbc[:, OUTER], known)
     thickness = _filled(depth_sbc[:, INNER], known) - outer
