@@ -23,7 +23,7 @@ from time import perf_counter
 
 import numpy as np
 
-from scleraforce.learning.dataset import create_dataset, plan_dataset
+from scleraforce.learning.dataset import create_dataset, plan_dataset, unit_samples
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.processes import available_cores, cluster_workers, work_units
 from scleraforce.study import DatasetGroup, Study, format_study, parse_study, read_study
@@ -121,19 +121,19 @@ def writing_s(study: Study) -> tuple[float, float]:
     study = sized(study, UNITS * 200)
     plan = plan_dataset(study)
     size = study.slice.rows, study.slice.columns
-    images = np.zeros((plan.unit_images, *size), dtype=np.uint8)
+    units = unit_samples(study)
+    images = np.zeros((units[0].stop, *size), dtype=np.uint8)
     images[:, size[0] // 4 : size[0] // 2] = 255
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "dataset"
         store = create_dataset(path, study, study.eye.youngs_modulus_pa, None, plan)
 
         def write() -> None:
-            for unit in range(plan.units):
-                samples = plan.unit(unit)
+            for unit, samples in enumerate(units):
                 store.write(unit, {"slices": images[: samples.stop - samples.start]})
 
         written_s = _seconds(write)
-        return written_s / plan.units, _seconds(store.finish) / plan.units
+        return written_s / len(units), _seconds(store.finish) / len(units)
 
 
 def scheduling_s() -> float | None:
@@ -169,7 +169,7 @@ def _seconds(work: Callable[[], object]) -> float:
 
 def print_cluster(of_an_image_s: float, study: Study) -> None:
     """Print what a unit costs whom, and what that makes of 10^8 slices on 1,000 cores."""
-    unit = plan_dataset(sized(study, 20_000)).unit_images
+    unit = unit_samples(sized(study, 20_000))[0].stop
     writes_s, completes_s = writing_s(study)
     scheduled_s = scheduling_s()
     print(f"\na unit of {unit} images: simulated in {1e3 * unit * of_an_image_s:.0f} ms of a core, written in "

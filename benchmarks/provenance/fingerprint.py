@@ -153,7 +153,7 @@ def classifier_fingerprint(study: Study) -> Fingerprint:
     return {
         "resting wall": item([wall.pressure_nc, wall.gravity_nc]),
         "wall under a needle": item(needle),
-        **{f"plan {name}": item(column) for name, column in plan.columns.items()},
+        **{f"plan {name}": item(column) for name, column in vars(plan).items()},
         **_slice_items("slices", slices),
         "classes": item(samples.target),
         "training loss": item([*fitted.curves.training_loss, *fitted.curves.validation_loss], DESCENT),

@@ -15,7 +15,7 @@ import torch
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError, SolverError
 from scleraforce.learning import classifier
-from scleraforce.learning.dataset import SLICES, create_dataset, open_dataset, plan_dataset
+from scleraforce.learning.dataset import SLICES, create_dataset, open_dataset, plan_dataset, unit_samples
 from scleraforce.learning.descent import descend, learning_rate
 from scleraforce.learning.train import split_samples, train_classifier
 from scleraforce.reader import load_model
@@ -152,8 +152,8 @@ def store(tmp_path_factory) -> Path:
     top = plan.force_n / 10e-3
     row = np.arange(8)[:, None]
     bars = np.broadcast_to((row >= top[:, None, None]) & (row < top[:, None, None] + 2), (plan.images, 8, 10))
-    for unit in range(plan.units):
-        unwritten.write(unit, {SLICES: bars[plan.unit(unit)].astype(np.uint8) * np.uint8(255)})
+    for unit, samples in enumerate(unit_samples(STUDY)):
+        unwritten.write(unit, {SLICES: bars[samples].astype(np.uint8) * np.uint8(255)})
     unwritten.finish()
     return path
 

@@ -22,7 +22,15 @@ from reference_walls import cut_section
 from scleraforce import study as st
 from scleraforce.errors import DatasetError, InputError, StudyError
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.learning.dataset import DTYPES, SLICES, create_dataset, draft_plan, open_dataset, plan_dataset
+from scleraforce.learning.dataset import (
+    DTYPES,
+    SLICES,
+    create_dataset,
+    draft_plan,
+    open_dataset,
+    plan_dataset,
+    unit_samples,
+)
 from scleraforce.learning.generate import generate_dataset, library_slices, near_library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.contact import Contact, ScanPlane
@@ -53,7 +61,7 @@ def test_every_thickness_has_200_contacts_of_its_own_and_a_tenth_of_them_for_val
         assert paper.validation[of_wall].mean() == pytest.approx(0.1)
     starts = np.flatnonzero(np.diff(paper.contact, prepend=-1))
     assert len(starts) == 1000
-    assert all(paper.unit(unit).start in starts for unit in range(paper.units))
+    assert all(unit.start in starts for unit in unit_samples(Study()))
 
 
 def test_forces_and_contacts_are_uniform_and_targets_are_the_classes_of_the_forces(paper):
@@ -89,9 +97,9 @@ def test_a_part_of_a_plan_is_that_of_the_whole_whatever_groups_and_contacts_it_s
     whole, draft = plan_dataset(study), draft_plan(study)
     assert draft.images == whole.images == 278
     for part in (slice(0, 1), slice(40, 60), slice(45, 48), slice(277, 278)):
-        for name, values in draft.samples(part).columns.items():
-            np.testing.assert_array_equal(values, whole.columns[name][part], err_msg=name)
-    units = [draft.unit(number) for number in range(whole.units)]
+        for name, values in vars(draft.samples(part)).items():
+            np.testing.assert_array_equal(values, vars(whole)[name][part], err_msg=name)
+    units = [draft.unit(number) for number in range(len(unit_samples(study)))]
     assert len(units) > 1
     np.testing.assert_array_equal(np.concatenate([unit.seed for unit in units]), whole.seed)
 
@@ -155,7 +163,7 @@ def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
 @pytest.mark.slow
 def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
     dataset = open_dataset(made)
-    study, columns = dataset.study, {name: dataset.read(name) for name in plan_dataset(dataset.study).columns}
+    study, columns = dataset.study, {name: dataset.read(name) for name in vars(plan_dataset(dataset.study))}
     for sample in (0, 130, 252, 253, 464):
         row = {name: values[sample] for name, values in columns.items()}
         mesh = build_mesh(study.eye.radius_m, row["thickness_m"], 4, 1, 1, 2)
@@ -177,7 +185,7 @@ def test_metadata_is_complete_and_is_the_plan(made):
     found = dataset.study, dataset.youngs_modulus_pa, dataset.attributes["seed"]
     assert found == (small_study(), MODULUS_PA, 0)
     assert set(dataset.attributes["versions"]) >= {"scleraforce", "numpy", "zarr"}
-    for name, values in plan_dataset(small_study()).columns.items():
+    for name, values in vars(plan_dataset(small_study())).items():
         np.testing.assert_array_equal(dataset.read(name), values)
     training, validation = dataset.split()
     np.testing.assert_array_equal(np.sort(np.r_[training, validation]), np.arange(dataset.images))
@@ -290,9 +298,9 @@ def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
 
 def test_the_units_before_a_kill_are_reused(tmp_path):
     path = tmp_path / "d"
-    plan, store = plan_dataset(small_study()), partial_store(path)
-    for unit in range(plan.units):
-        store.write(unit, {SLICES: np.zeros((len(plan.force_n[plan.unit(unit)]), 40, 140), np.uint8)})
+    store = partial_store(path)
+    for unit, samples in enumerate(unit_samples(small_study())):
+        store.write(unit, {SLICES: np.zeros((samples.stop - samples.start, 40, 140), np.uint8)})
     chunk = path / "slices" / "c" / "1" / "0" / "0"
     chunk.write_bytes(chunk.read_bytes()[:50])  # a disk that lost power
     chunk.with_suffix(".1234.partial").write_bytes(b"half")
@@ -339,7 +347,7 @@ def test_slices_equal_cutting_and_filling_one_by_one(study, library):
     plan = plan_dataset(study)
     near = near_library(study, plan, library)
     images = library_slices(study, MODULUS_PA, draft_plan(study).unit(1), near)
-    numbers = np.arange(plan.images)[plan.unit(1)]
+    numbers = np.arange(plan.images)[unit_samples(study)[1]]
     differing = [
         int((image != one_by_one(study, library, plan, sample)).sum())
         for sample, image in zip(numbers[:25], images, strict=False)

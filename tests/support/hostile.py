@@ -28,7 +28,7 @@ from scleraforce.calibration.result import parse_calibration
 from scleraforce.errors import InputError
 from scleraforce.known import Known
 from scleraforce.known.calibration_file import open_calibration, read_calibration
-from scleraforce.learning.dataset import DTYPES, SLICES, create_dataset, open_dataset, plan_dataset
+from scleraforce.learning.dataset import DTYPES, SLICES, create_dataset, open_dataset, plan_dataset, unit_samples
 from scleraforce.library.build import build_library
 from scleraforce.library.store import open_library
 from scleraforce.reader import load_force_reader
@@ -69,7 +69,7 @@ def write_whole_ones(folder: Path) -> None:
     plan = plan_dataset(study)
     store = create_dataset(folder / "dataset", study, 3e5, None, plan)
     rows = np.arange(8)[:, None] > np.arange(10) // 2
-    for unit in range(plan.units):
+    for unit in range(len(unit_samples(study))):
         store.write(unit, {SLICES: np.repeat(np.uint8(255) * rows[None], 20, axis=0)})
     store.finish()
     build_library(Study(library=SMALL_LIBRARY), folder / "library", workers=1, solve=solve_analytic)

@@ -294,14 +294,14 @@ def _calibrate_eye(
     """Calibrate an eye, whose frames have resting pressures of their own if it leaks."""
     study, library = settings.study, settings.library
     trials, forces, relaxation, _ = frames.labelled()
-    session = _begin(recording, settings, forces, earlier, frames.poses)
+    session = _begin(recording, settings, frames, earlier)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     least_n, left = study.calibration.min_force_n, len(trials) if settings.frames is None else settings.frames
     included = [trial.excluded is None for trial in trials]
     rising = session.filter.model.constants.globe.can_be_sealed
     order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
     shown = [float("nan")] * len(trials)
-    taken, rested, refused, path = dict[int, Boundaries](), list[float](), 0, str(recording.path)
+    taken, refused, path = dict[int, tuple[Boundaries, float | None]](), 0, str(recording.path)
     for index in order:
         seen = frames.seen(index) if left > 0 and included[index] else None
         if seen is not None:
@@ -309,15 +309,14 @@ def _calibrate_eye(
             if isinstance(wall, assimilation.Skipped):
                 found: assimilation.FrameStep | assimilation.Skipped | None = wall
             else:
-                shown[index] = dent(wall)
-                now = session if rests_pa is None else assimilation.at_rest(session, float(rests_pa[index]))
+                shown[index], rest_pa = dent(wall), None if rests_pa is None else float(rests_pa[index])
+                now = session if rest_pa is None else assimilation.at_rest(session, rest_pa)
                 now = assimilation.step(now, wall, force_n, float(forces.since_start_s[index]))
                 session = replace(now, filter=session.filter)
                 found = session.last
                 refused += force_n > least_n and isinstance(found, assimilation.Skipped)
                 if isinstance(found, assimilation.FrameStep):
-                    taken[len(records)] = wall
-                    rested += [] if rests_pa is None else [float(rests_pa[index])]
+                    taken[len(records)] = wall, rest_pa
                     steps.append(found)
                     left -= 1
             assert found is not None  # after a step
@@ -361,9 +360,7 @@ def _calibrate_eye(
         relaxation=relaxation,
         lean_rad=recording.info.needle.lean_rad,
     )
-    if library is None or eye.status != "ok":
-        return TissueTrial.diverged(eye, refused)
-    return _settled(eye, assimilation.known_after(session), taken, refused, library, study, rested)
+    return _settled(eye, assimilation.known_after(session), taken, refused, settings)
 
 
 def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[str, ...]:
@@ -413,18 +410,15 @@ def single_gap_m(recording: Recording) -> float:
 
 
 def _begin(
-    recording: Recording,
-    settings: Settings,
-    forces: FrameForces,
-    earlier: EyeCalibration | None,
-    poses: dict[Boundaries, PoseBelief],
+    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None
 ) -> assimilation.EyeSession:
     """Return the eye before this recording's frames; the pose that frames share is new with each recording."""
     constants = eye_constants(recording, settings.study)
     if settings.library is None:
         constants = replace(constants, globe=OPEN)  # as in the paper: linear mechanics knows no other
+    _, forces, _, _ = frames.labelled()
     begun = (settings.study, constants, settings.library, settings.parameters, forces.zero_covariance)
-    session = assimilation.begin(*begun, poses if earlier is None else None)
+    session = assimilation.begin(*begun, frames.poses if earlier is None else None)
     if earlier is None:
         return session
     names = session.filter.space.names
@@ -476,17 +470,18 @@ def _recordings(
 def _settled(
     eye: EyeCalibration,
     known: Known,
-    taken: Mapping[int, Boundaries],
+    taken: Mapping[int, tuple[Boundaries, float | None]],
     refused: int,
-    library: Library,
-    study: Study,
-    rested: Sequence[float],
+    settings: Settings,
 ) -> TissueTrial[EyeCalibration]:
-    """Return a calibration after its frames are read again; `rested`: their resting pressures, Pa, if it leaks."""
+    """Return a calibration after its frames are read again, at their resting pressures, Pa, if it leaks."""
+    if settings.library is None or eye.status != "ok":
+        return TissueTrial.diverged(eye, refused)
     frames = list(eye.frames)
-    asked = [(boundaries, frames[place].force_n) for place, boundaries in taken.items()]
+    asked = [(boundaries, frames[place].force_n) for place, (boundaries, _) in taken.items()]
+    rested = [rest_pa for _, rest_pa in taken.values() if rest_pa is not None]
     earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]
-    after = settled(known, asked, earlier, library, study, rested or None)
+    after = settled(known, asked, earlier, settings.library, settings.study, rested or None)
     for place, read in zip(taken, after.again, strict=True):
         frames[place] = replace(frames[place], again=read)
     modulus, globe = own(after.known)

@@ -141,15 +141,10 @@ def updated_belief(belief: PoseBelief, prior: PoseBelief, fit: Registered) -> Po
 
 
 def register(
-    model: "EyeModel",
-    boundaries: Boundaries,
-    force_n: float,
-    modulus_pa: float,
-    prior: PoseBelief,
-    rigidity_pa13_per_m3: float | None = None,
+    model: "EyeModel", boundaries: Boundaries, force_n: float, modulus_pa: float, prior: PoseBelief, rigidity: float
 ) -> Registered:
-    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss."""
-    sought = stated_wall(model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity_pa13_per_m3)
+    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss; the rigidity is SI."""
+    sought = stated_wall(model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity)
     fit = _Fit(model, _thinned(boundaries), sought, prior)
     unknown, placed, _ = placement.gauss_newton(fit, fit.start(), STOPPING)
     return fit.result(unknown, placed)

@@ -5,7 +5,7 @@ unit of work. Reading checks that values are possible: forces of the study, thei
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from math import lcm
@@ -48,26 +48,11 @@ class DatasetPlan:
     framing_depth_m: Floats
     validation: Flags
     seed: NDArray[np.uint32]
-    unit_images: int  # samples of a unit of work, which is a chunk of the store
 
     @property
     def images(self) -> int:
         """Number of samples."""
         return len(self.force_n)
-
-    @property
-    def units(self) -> int:
-        """Number of units of work; the last may be smaller."""
-        return -(-self.images // self.unit_images)
-
-    @property
-    def columns(self) -> dict[str, NDArray[np.generic]]:
-        """The metadata by name."""
-        return {item.name: getattr(self, item.name) for item in fields(self) if item.name != "unit_images"}
-
-    def unit(self, number: int) -> slice:
-        """Return the samples of a unit of work."""
-        return slice(number * self.unit_images, min((number + 1) * self.unit_images, self.images))
 
 
 def plan_dataset(study: Study) -> DatasetPlan:
@@ -105,8 +90,7 @@ class PlanDraft:
 
     def unit(self, number: int) -> DatasetPlan:
         """Return the plan of the samples of a unit of work alone, numbered from 0."""
-        size = unit_images(self.study)
-        return self.samples(slice(number * size, min((number + 1) * size, self.images)))
+        return self.samples(unit_samples(self.study)[number])
 
     def samples(self, samples: slice) -> DatasetPlan:
         """Return the plan of consecutive samples alone, numbered from 0."""
@@ -129,7 +113,6 @@ class PlanDraft:
             framing_depth_m=_at(study.framing_depth_m, draws["framing_depth"]),
             validation=self.validation[contact],
             seed=seed,
-            unit_images=unit_images(self.study),
         )
 
 
@@ -157,11 +140,15 @@ def _at(sampled: Sampled, uniform: Floats) -> Floats:
     return sampled.min + (sampled.max - sampled.min) * uniform
 
 
-def unit_images(study: Study) -> int:
-    """Return the samples in a unit: whole contacts in every group if a common multiple near `UNIT_IMAGES` exists."""
-    even = [group.images // min(study.dataset.contacts, group.images) for group in study.dataset.group]
-    whole = lcm(*even)
-    return whole * max(1, round(UNIT_IMAGES / whole)) if whole <= 2 * UNIT_IMAGES else UNIT_IMAGES
+def unit_samples(study: Study) -> list[slice]:
+    """Return the samples of each unit of work, which is a chunk of the store: equally many but for the last unit.
+
+    It has whole contacts in every group if a common multiple near `UNIT_IMAGES` exists.
+    """
+    images = sum(group.images for group in study.dataset.group)
+    whole = lcm(*(group.images // min(study.dataset.contacts, group.images) for group in study.dataset.group))
+    size = whole * max(1, round(UNIT_IMAGES / whole)) if whole <= 2 * UNIT_IMAGES else UNIT_IMAGES
+    return [slice(first, min(first + size, images)) for first in range(0, images, size)]
 
 
 KIND = StoreKind(
@@ -181,9 +168,7 @@ MAX_MODULUS_PA = 1e12
 SLACK = 1e-12
 # Floats is "numpy.ndarray[shape, numpy.dtype[numpy.float64]]" or, since NumPy 2.5, a name of its own.
 DTYPES = {
-    name: np.dtype(str(kind).rstrip("]").rpartition(".")[2]).name
-    for name, kind in get_type_hints(DatasetPlan).items()
-    if name != "unit_images"
+    name: np.dtype(str(kind).rstrip("]").rpartition(".")[2]).name for name, kind in get_type_hints(DatasetPlan).items()
 }
 
 
@@ -258,9 +243,9 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
 
 def _arrays(study: Study) -> dict[str, StoredArray]:
     """Return the arrays of a data set: the slices, a unit of work in each chunk, and the metadata of all samples."""
-    images = sum(part.images for part in study.dataset.group)
-    size = (study.slice.rows, study.slice.columns)
-    slices = StoredArray(SLICES, (images, *size), (min(unit_images(study), images), *size), "uint8", compressed=True)
+    units, size = unit_samples(study), (study.slice.rows, study.slice.columns)
+    images = units[-1].stop
+    slices = StoredArray(SLICES, (images, *size), (units[0].stop, *size), "uint8", compressed=True)
     return {SLICES: slices, **{name: StoredArray(name, (images,), (images,), dtype) for name, dtype in DTYPES.items()}}
 
 
@@ -305,6 +290,6 @@ def create_dataset(
         "calibration": modulus,
         "versions": {name: version(name) for name in packages},
     }
-    store = CheckedStore(KIND, path, _arrays(study), [{SLICES: (unit,)} for unit in range(plan.units)])
-    store.begin(described, plan.columns)
+    store = CheckedStore(KIND, path, _arrays(study), [{SLICES: (unit,)} for unit in range(len(unit_samples(study)))])
+    store.begin(described, vars(plan))
     return store

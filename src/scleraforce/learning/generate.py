@@ -177,7 +177,8 @@ def generate_dataset(
     plan = dataset.plan_dataset(study)
     store = dataset.create_dataset(out, study, modulus, calibration, plan, mechanics)
     todo = store.missing()
-    missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
+    units = dataset.unit_samples(study)
+    missing = sum(units[number].stop - units[number].start for number in todo)
     report(plan.images - missing)
     workers = workers or available_cores()
     if library is None:
