@@ -117,7 +117,7 @@ def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(laborato
     belief = first_belief(model)
     for _, boundaries, force_n in laboratory.frames(eye, [0.03] * 12, np.random.default_rng(1)):
         prior = frame_prior(belief, study)
-        belief = updated_belief(belief, prior, register(model, boundaries, force_n, 0.3e6, prior))
+        belief = updated_belief(belief, prior, register(model, boundaries, force_n, 0.3e6, prior, 0.0))
         assert np.linalg.eigvalsh(belief.covariance).min() > -1e-18
     sd = np.sqrt(np.diag(belief.covariance))
     assert belief.mean[BY_LATERAL] == pytest.approx(0.3e-3, abs=0.15e-3)

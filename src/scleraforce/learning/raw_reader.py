@@ -5,7 +5,7 @@ the mean over all places of the boundaries, for the slice network. That learns f
 learned from raw frames by the wall finder's loss, and last everything by the force's loss beside it.
 """
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,7 +23,15 @@ from scleraforce.learning import samples
 from scleraforce.learning.descent import Fitted, Losses, Progress, drawn_ahead, tensor, torch, trained
 from scleraforce.learning.reader import ReaderNetwork, compared, fit_reader, reader_loss, targets
 from scleraforce.learning.samples import RawSamples, Source, concatenated
-from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, eye_scores, network_score, of_population, wall_depths
+from scleraforce.learning.virtual_eyes import (
+    FRAMES,
+    EyeScores,
+    VirtualEye,
+    eye_scores,
+    network_score,
+    of_population,
+    wall_depths,
+)
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
 from scleraforce.library.slices import column_laterals
@@ -218,7 +226,7 @@ def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Stud
     return compared(read, concatenated(parts), study)
 
 
-def measuring_raw(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
+def measuring_raw(study: Study, library: Library, network: bytes) -> EyeScores:
     """Return the function that scores an eye, for a process; `network`: of the frames, as ONNX."""
     reads_frames = networks.ForceNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE, raw=True)
 

@@ -196,10 +196,30 @@ def calibrated(
         order = frame_order(forces_n, [True] * len(frames), least_n, wanted, rising=True)
     else:
         order = sorted(chosen, key=lambda place: float(forces_n[place]))
-    taken = [
-        (frames[place].boundaries, float(forces_n[place]), float(labelled.since_start_s[place])) for place in order
-    ]
-    found = search(library, partial(_with_tissue, eye.stated, taken, wanted, labelled.zero_covariance, study, {}))
+    poses = dict[Boundaries, PoseBelief]()
+
+    def attempt(of_tissue: Library) -> TissueTrial[tuple[Known, int]] | None:
+        """Calibrate with the walls of one tissue: the known values, and the number of frames that were used."""
+        try:
+            session = begin(study, eye.stated, of_tissue, zero_covariance=labelled.zero_covariance, poses=poses)
+        except CalibrationError:
+            return None
+        used, refused = 0, 0
+        for place in order:
+            if session.updates >= wanted:
+                break
+            since_start_s = float(labelled.since_start_s[place])
+            session = step(session, frames[place].boundaries, float(forces_n[place]), since_start_s)
+            refused += forces_n[place] > least_n and isinstance(session.last, Skipped)
+            used += 1
+        known, borne = known_after(session), [place for place in order[:used] if forces_n[place] > least_n]
+        if known.modulus is None:
+            return TissueTrial.diverged((known, used), refused)
+        seen = [(frames[place].boundaries, float(forces_n[place])) for place in borne]
+        after = settled(known, seen, (), of_tissue, study)
+        return after.trial((after.known, used), refused)
+
+    found = search(library, attempt)
     if found is None:
         raise CalibrationError("the library does not have the eye with its stated values")
     stiffening, (known, used) = found
@@ -218,34 +238,6 @@ def label_forces(forces_n: Floats, rng: np.random.Generator) -> FrameForces:
     left_n = offset_n - zero[0] + (drift_n_per_s - zero[1]) * time_s
     labels_n = forces_n + left_n + LABEL_SD_N * rng.standard_normal(len(forces_n))
     return FrameForces(labels_n, time_s, zero, covariance)
-
-
-def _with_tissue(
-    stated: EyeConstants,
-    frames: Sequence[tuple[Boundaries, float, float]],
-    wanted: int,
-    zero_covariance: Floats,
-    study: Study,
-    poses: dict[Boundaries, PoseBelief],
-    library: Library,
-) -> TissueTrial[tuple[Known, int]] | None:
-    """Calibrate an eye with the walls of one tissue: its known values, and the number of frames that were used."""
-    try:
-        session = begin(study, stated, library, zero_covariance=zero_covariance, poses=poses)
-    except CalibrationError:
-        return None
-    used, least_n, refused = 0, study.calibration.min_force_n, 0
-    for boundaries, force_n, since_start_s in frames:
-        if session.updates >= wanted:
-            break
-        session = step(session, boundaries, force_n, since_start_s)
-        refused += force_n > least_n and isinstance(session.last, Skipped)
-        used += 1
-    known, borne = known_after(session), [(seen, force_n) for seen, force_n, _ in frames[:used] if force_n > least_n]
-    if known.modulus is None:
-        return TissueTrial.diverged((known, used), refused)
-    after = settled(known, borne, (), library, study)
-    return after.trial((after.known, used), refused)
 
 
 def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:
@@ -268,8 +260,11 @@ LEAST_N, LEAST_LARGEST_N = 6e-3, 12e-3  # of their forces, and of the largest of
 LEAST_SCORE = 1e-3  # a force at the median has no logarithm
 
 
+EyeScores = Callable[[int], list[Score]]  # of an eye, by its number
+
+
 def measured_intervals(
-    prepare: Callable[[], Callable[[int], list[Score]]],
+    prepare: Callable[[], EyeScores],
     eyes: int,
     workers: int,
     source: str,
@@ -300,7 +295,7 @@ def eye_scores(study: Study, library: Library, seed: int, scores_of: ScoresOf, n
     return scores_of(number, eye, known, left, rng)
 
 
-def measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
+def measuring(study: Study, library: Library, network: bytes) -> EyeScores:
     """Return the function that scores an eye, for a process; `network`: of the slices, as ONNX."""
     read = slice_network(network, study).read
 
