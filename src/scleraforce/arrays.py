@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 Reals = NDArray[np.floating[Any]]  # of any precision
 Integers = NDArray[np.int64]
 Places = NDArray[np.intp]

@@ -15,7 +15,7 @@ from math import ceil, cos, pi, sin, sqrt, tan
 
 import numpy as np
 
-from scleraforce.arrays import Bytes, Counts, Flags, Floats, Reals
+from scleraforce.arrays import Bytes, Counts, Flags, Floats, Reals, Singles
 from scleraforce.laboratory.light import (
     BscanOptics,
     Conjunctiva,
@@ -29,7 +29,6 @@ from scleraforce.laboratory.light import (
 )
 from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.slices import columns_crossed
-from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy
 
 SKIN_M = 10e-6  # thickness of the bright edge, and at least SKIN_COLUMNS of a column
@@ -42,8 +41,8 @@ class DrawnShaft:
     """A shaft in a frame, (rows, columns): its pixels, the light that passes, its edge's intensity over the noise."""
 
     inside: Flags
-    light: Float
-    skin: Float
+    light: Singles
+    skin: Singles
 
     def over(self, other: "DrawnShaft") -> "DrawnShaft":
         """Return both, one over the other."""
@@ -120,13 +119,13 @@ class Bscan:
 class _Tissue:
     """The tissue in each pixel, (rows, columns)."""
 
-    wall: Float  # filled fractions
-    choroid: Float
-    tissue_path_m: Float  # through wall and conjunctiva, that light has passed, one way, down to the pixel's middle
-    choroid_path_m: Float
-    surface_row: Float  # (column,), from the top edge, NaN without tissue
+    wall: Singles  # filled fractions
+    choroid: Singles
+    tissue_path_m: Singles  # through wall and conjunctiva, that light has passed, one way, down to the pixel's middle
+    choroid_path_m: Singles
+    surface_row: Singles  # (column,), from the top edge, NaN without tissue
     over: (
-        tuple[Conjunctiva, Float, Float] | None
+        tuple[Conjunctiva, Singles, Singles] | None
     )  # its filled fractions; the row of the wall's surface below, (column,)
 
 
@@ -160,7 +159,7 @@ def render_bscan(
     return Bscan(frame, mask)
 
 
-def column_crossings(curve: Floats, columns_m: Floats) -> Float:
+def column_crossings(curve: Floats, columns_m: Floats) -> Singles:
     """Return the depths (crossings, columns) at which vertical lines enter and leave the region that a curve encloses.
 
     The region is where the winding number is not 0, so a wall that overlaps itself stays filled. Exact for polylines. A
@@ -219,13 +218,13 @@ def _fill_columns(section: Section, oct_study: OctStudy, optics: BscanOptics) ->
     return _Tissue(wall, choroid, tissue_path_m[1:], choroid_path_m[1:], surface_row, over)
 
 
-def _filled(part_m: Float, row_m: Float) -> Float:
+def _filled(part_m: Singles, row_m: Singles) -> Singles:
     """Return the filled fraction of each pixel."""
     hair_m = 1e-4 * row_m.max()  # what rounding leaves
     return (np.where(part_m > hair_m, part_m, 0.0) / row_m).astype(np.float32)
 
 
-def _length_above(edges_m: Float, crossings_m: Float) -> Float:
+def _length_above(edges_m: Singles, crossings_m: Singles) -> Singles:
     """Return the length of a column that is filled above each edge; crossings enter and leave by turns."""
     length_m = np.zeros(np.broadcast_shapes(edges_m.shape, crossings_m.shape[1:]), dtype=np.float32)
     for rank, depth_m in enumerate(crossings_m):
@@ -234,7 +233,7 @@ def _length_above(edges_m: Float, crossings_m: Float) -> Float:
     return length_m
 
 
-def _layer_crossings(inside_m: Float, thickness_m: float) -> Float:
+def _layer_crossings(inside_m: Singles, thickness_m: float) -> Singles:
     """Return the crossings of a layer of given depth along the column, below each entry into the inside of the eye."""
     layer_m = np.full((len(inside_m) + len(inside_m) % 2, inside_m.shape[1]), np.inf, dtype=np.float32)
     layer_m[: len(inside_m)] = inside_m
@@ -242,7 +241,7 @@ def _layer_crossings(inside_m: Float, thickness_m: float) -> Float:
     return layer_m
 
 
-def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> Float:
+def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> Singles:
     """Return the mean intensity that comes back from each pixel, over the mean noise, shape (rows, columns)."""
     depth = optics.attenuation_per_m * tissue.tissue_path_m + optics.choroid_attenuation_per_m * tissue.choroid_path_m
     scatter = tissue.wall + decibel(optics.choroid_level_db) * tissue.choroid

@@ -10,10 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Floats, Reals
+from scleraforce.arrays import Floats, Reals, Singles
 from scleraforce.mechanics.contact import Section
 from scleraforce.mechanics.material import lame_constants
-from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy, PhantomStudy, draw
 
 if TYPE_CHECKING:
@@ -176,7 +175,7 @@ class BscanOptics:
     conjunctiva: Conjunctiva | None = None
     display: str = "logarithmic"
 
-    def counts(self, intensity: Float, largest: float) -> Float:
+    def counts(self, intensity: Singles, largest: float) -> Singles:
         """Return the counts, not yet whole, of intensities over the mean noise; brighter than `largest` saturates."""
         if self.display in POWERS:
             power = POWERS[self.display]
@@ -250,7 +249,7 @@ def sample_needle(
     return drawn(NeedleShaft, phantom, rng, "needle_", diameter_m=diameter_m, gap_m=gap_m)
 
 
-def transmission(shadows: Sequence[Shadow], columns_m: Floats) -> Float:
+def transmission(shadows: Sequence[Shadow], columns_m: Floats) -> Singles:
     """Return the share of the light that shadows let through in each column, (column,)."""
     left = np.ones(len(columns_m))
     for shadow in shadows:
@@ -284,7 +283,7 @@ def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Com
     return np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
 
 
-def spread(intensity: Float, sigma_rows: float, sigma_columns: float) -> Float:
+def spread(intensity: Singles, sigma_rows: float, sigma_columns: float) -> Singles:
     """Return the mean intensity of a field that is `seen_through`, of the scatterers' intensity."""
     down, across = np.square(_kernel(sigma_rows)), np.square(_kernel(sigma_columns))
     seen = cv2.sepFilter2D(intensity, -1, across, down, borderType=cv2.BORDER_REFLECT_101)
@@ -326,22 +325,22 @@ class Displayed:
         self._mean, self._variance = counts.mean(axis=2), counts.var(axis=2)
         self._first = (np.arange(len(optics), dtype=np.int32) * LEVELS)[:, None, None]
 
-    def mean(self, level_db: Float) -> Float:
+    def mean(self, level_db: Singles) -> Singles:
         """Return the mean count."""
         return self._mean.take(self._place(level_db))
 
-    def moments(self, level_db: Float) -> tuple[Float, Float]:
+    def moments(self, level_db: Singles) -> tuple[Singles, Singles]:
         """Return the mean count and its variance over speckle."""
         place = self._place(level_db)
         return self._mean.take(place), self._variance.take(place)
 
-    def _place(self, level_db: Float) -> NDArray[np.int32]:
+    def _place(self, level_db: Singles) -> NDArray[np.int32]:
         nearest = ((level_db - np.float32(NO_LIGHT_DB)) * np.float32(1.0 / STEP_DB) + np.float32(0.5)).astype(np.int32)
         return np.clip(nearest, 0, LEVELS - 1) + self._first
 
 
 @lru_cache(maxsize=1)
-def _intensities() -> Float:
+def _intensities() -> Singles:
     """Return quantiles of intensities over the mean noise, (level, quantile); the first level is without light."""
     light = 10.0 ** (0.1 * (NO_LIGHT_DB + STEP_DB * np.arange(LEVELS)))
     light[0] = 0.0

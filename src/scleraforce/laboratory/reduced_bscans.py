@@ -11,11 +11,10 @@ from math import log, pi, sqrt
 
 import numpy as np
 
-from scleraforce.arrays import Reals
+from scleraforce.arrays import Reals, Singles
 from scleraforce.laboratory.bscan import DrawnShaft
 from scleraforce.laboratory.light import NO_LIGHT_DB, BscanOptics, Displayed, amplitude_sigma, transmission
 from scleraforce.library import INNER, OUTER
-from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.wall_finder import FrameWindow
 from scleraforce.study import OctStudy
 
@@ -43,7 +42,7 @@ def draw_reduced(
     window: FrameWindow,
     rng: np.random.Generator,
     shafts: Sequence[DrawnShaft] = (),
-) -> tuple[Float, Reals]:
+) -> tuple[Singles, Reals]:
     """Draw reduced frames of walls, each with its optics and, if any has one, its needle (in the window's cells).
 
     Returns frames float32 (frame, row, column) and the rows of their walls' boundaries (frame, boundary, column):
@@ -121,9 +120,9 @@ def _looks(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWind
 
 
 def _speckled(
-    layers: Sequence[_Layer], light_db: Float | np.float32, displayed: Displayed, speckles: Reals, pixels: float,
+    layers: Sequence[_Layer], light_db: Singles | np.float32, displayed: Displayed, speckles: Reals, pixels: float,
     window: FrameWindow,
-) -> tuple[Float, Float]:  # fmt: skip
+) -> tuple[Singles, Singles]:  # fmt: skip
     """Return the mean count of each cell and its variance (frame, row, column)."""
     cells = (len(speckles), window.rows, window.columns)
     empty, mean, variance = np.ones(cells, np.float32), np.zeros(cells, np.float32), np.zeros(cells, np.float32)
@@ -142,17 +141,17 @@ def _speckled(
     return mean, variance
 
 
-def _covered(window: FrameWindow, top_m: Reals, bottom_m: Reals) -> tuple[Float, Float]:
+def _covered(window: FrameWindow, top_m: Reals, bottom_m: Reals) -> tuple[Singles, Singles]:
     """Return each cell's share between two depths, and distance below the first, m; 0 in columns without them."""
     edges = (np.arange(window.rows + 1, dtype=np.float32) * np.float32(window.row_m))[:, None]
     top, bottom = (np.nan_to_num(depth, nan=np.inf)[:, None].astype(np.float32) for depth in (top_m, bottom_m))
     begin, end = np.maximum(edges[:-1], top), np.minimum(edges[1:], bottom)
-    share: Float = np.maximum(end - begin, 0.0) / np.float32(window.row_m)
-    below: Float = np.where(share > 0.0, 0.5 * (begin + end) - np.minimum(top, edges[-1]), np.float32(0.0))
+    share: Singles = np.maximum(end - begin, 0.0) / np.float32(window.row_m)
+    below: Singles = np.where(share > 0.0, 0.5 * (begin + end) - np.minimum(top, edges[-1]), np.float32(0.0))
     return share, below
 
 
-def _there(level_db: Reals) -> Float:
+def _there(level_db: Reals) -> Singles:
     """Return levels (frame, column) for each row (frame, 1, column); NaN becomes no light."""
     return np.nan_to_num(level_db, nan=NO_LIGHT_DB)[:, None].astype(np.float32)
 
@@ -185,7 +184,7 @@ def _lines(
         yield np.stack(depths), width_m, np.array(levels)[:, None]
 
 
-def _imaged(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow) -> tuple[Float, Float]:
+def _imaged(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow) -> tuple[Singles, Singles]:
     """Return the visible share of each row (row, 1) and of each column (frame, column) between the bands."""
     down = oct_study.depth_m / window.row_m - np.arange(window.rows)
     half_m = 0.5 * oct_study.width_m - _each(optics, "band_m")
@@ -198,6 +197,6 @@ def _each(optics: Sequence[BscanOptics], name: str) -> Reals:
     return np.array([[getattr(each, name)] for each in optics])
 
 
-def _decibel(share: Reals) -> Float:
+def _decibel(share: Reals) -> Singles:
     """Return a ratio of intensities in dB, at least that of `DARKEST`."""
     return (10.0 * np.log10(np.maximum(share, DARKEST))).astype(np.float32)

@@ -6,11 +6,10 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from scleraforce.arrays import Flags, Floats
+from scleraforce.arrays import Flags, Floats, Singles
 from scleraforce.laboratory.bscan import column_crossings
 from scleraforce.laboratory.light import ratios
 from scleraforce.laboratory.scene_wall import DrawnWall, Limbus, Window
-from scleraforce.segmentation.grid import Float
 from scleraforce.study import SceneTissueStudy, draw
 
 ROUNDS = 5  # of the search for a ray's crossing with a curve
@@ -75,13 +74,13 @@ class Picture:
     """A drawing (rows + above, columns): backscatter over the mean noise, loss of its logarithm, ridges, lids."""
 
     window: Window
-    scatter: Float
-    loss: Float
+    scatter: Singles
+    loss: Singles
     ridges: list[Ridge]
     covered: Flags  # (column,), by a lid or a drape
 
     @property
-    def rows(self) -> Float:
+    def rows(self) -> Singles:
         """The middles of the rows, shape (row, 1)."""
         return np.arange(len(self.scatter), dtype=np.float32)[:, None] + np.float32(0.5)
 
@@ -386,7 +385,9 @@ def _scar(tissue: Tissue) -> None:
     picture.shade(middle, np.where(np.isfinite(middle), 1.0 - loss, 1.0))
 
 
-def _grains(picture: Picture, rng: np.random.Generator, length_m: float = GRAIN_M, height_m: float = GRAIN_M) -> Float:
+def _grains(
+    picture: Picture, rng: np.random.Generator, length_m: float = GRAIN_M, height_m: float = GRAIN_M
+) -> Singles:
     """Return smooth grains of unit variance at their middles, of a size, (row, column)."""
     window, shape = picture.window, picture.scatter.shape
     across, down = round(window.width_m / length_m), round(shape[0] * window.pixel_m / height_m)

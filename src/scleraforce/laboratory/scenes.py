@@ -5,14 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import find_objects, label
 
-from scleraforce.arrays import Bytes, Flags, Floats
+from scleraforce.arrays import Bytes, Flags, Floats, Singles
 from scleraforce.laboratory import light as optics
 from scleraforce.laboratory.light import Complex, amplitude_sigma, ratios
 from scleraforce.laboratory.scene_over import draw_over
 from scleraforce.laboratory.scene_tissue import Picture, Ridge, draw_tissue
 from scleraforce.laboratory.scene_wall import Window, draw_wall, draw_window
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.grid import Float
 from scleraforce.study import SceneScannerStudy, ScenesStudy, draw
 
 STREAK_SLOPE = 1.2  # of a slanted streak, at most, in pixels
@@ -63,7 +62,7 @@ def _field(study: SceneScannerStudy, picture: Picture, looks: float, rng: np.ran
     return field
 
 
-def _fall(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator) -> Float:
+def _fall(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator) -> Singles:
     """Return the light's fall from a place near the middle on: sideways, in a ring, or between both, (row, column)."""
     window = picture.window
     across = (window.lateral_m / (window.width_m / 2) - rng.uniform(-0.2, 0.2)) ** 2
@@ -72,7 +71,9 @@ def _fall(study: SceneScannerStudy, picture: Picture, rng: np.random.Generator) 
     return ratios(-draw(study.fall_db, rng) * away ** rng.uniform(0.7, 2.0)).astype(np.float32)
 
 
-def _folded(study: SceneScannerStudy, field: Complex, window: Window, looks: float, rng: np.random.Generator) -> Float:
+def _folded(
+    study: SceneScannerStudy, field: Complex, window: Window, looks: float, rng: np.random.Generator
+) -> Singles:
     """Return the frame's intensity over the mean noise, with the part above the zero delay mirrored, and noise."""
     below, above = field[window.above :], field[: window.above][::-1]
     if rng.random() < study.mirrored_share:
@@ -85,7 +86,7 @@ def _folded(study: SceneScannerStudy, field: Complex, window: Window, looks: flo
     return np.maximum(mean + (one_look - mean) / np.sqrt(np.float32(looks)), LEAST_LIGHT)
 
 
-def _add_flare(study: SceneScannerStudy, light: Float, window: Window, apex: float, rng: np.random.Generator) -> None:
+def _add_flare(study: SceneScannerStudy, light: Singles, window: Window, apex: float, rng: np.random.Generator) -> None:
     """Add the vertical stripe of the apex' mirror reflection, over the whole depth, and its ghosts, short and wide."""
     width_m, level_db = draw(study.flare_m, rng), draw(study.flare_db, rng)
     across = (np.arange(window.columns) - apex) * window.step_m / width_m
@@ -98,7 +99,7 @@ def _add_flare(study: SceneScannerStudy, light: Float, window: Window, apex: flo
     light += (fades[:, None] * stripe * rng.exponential(1.0, (window.rows, 1))).astype(np.float32)
 
 
-def _add_streaks(study: SceneScannerStudy, light: Float, window: Window, rng: np.random.Generator) -> None:
+def _add_streaks(study: SceneScannerStudy, light: Singles, window: Window, rng: np.random.Generator) -> None:
     """Add slanted streaks of haze: reflections from outside of the frame."""
     for _ in range(int(draw(study.streak_count, rng))):
         row = np.arange(window.rows)[:, None] - rng.uniform(-0.2, 0.6) * window.rows
@@ -109,7 +110,7 @@ def _add_streaks(study: SceneScannerStudy, light: Float, window: Window, rng: np
         light += (streak * rng.exponential(1.0, (1, window.columns))).astype(np.float32)
 
 
-def _display(study: SceneScannerStudy, light: Float, rng: np.random.Generator) -> Float:
+def _display(study: SceneScannerStudy, light: Singles, rng: np.random.Generator) -> Singles:
     """Return the counts' share of the largest: of the intensity, its root or its logarithm, then gamma."""
     sample = light.ravel()[::SAMPLE]
     nth = int((1.0 - draw(study.saturated_fraction, rng)) * (len(sample) - 1))
@@ -126,7 +127,7 @@ def _display(study: SceneScannerStudy, light: Float, rng: np.random.Generator) -
     return np.power(np.clip(share, 0.0, 1.0), np.float32(draw(study.gamma, rng)))
 
 
-def _blacken(study: SceneScannerStudy, share: Float, rng: np.random.Generator) -> Flags:
+def _blacken(study: SceneScannerStudy, share: Singles, rng: np.random.Generator) -> Flags:
     """Lose columns, blacken bands and arcs, put the frame on a page, draw marks; return which columns are imaged."""
     rows, columns = share.shape
     if rng.random() < study.lost_share:
@@ -149,7 +150,7 @@ def _blacken(study: SceneScannerStudy, share: Float, rng: np.random.Generator) -
     return imaged
 
 
-def _put_on_page(study: SceneScannerStudy, share: Float, imaged: Flags, rng: np.random.Generator) -> None:
+def _put_on_page(study: SceneScannerStudy, share: Singles, imaged: Flags, rng: np.random.Generator) -> None:
     """Draw the page's margins, of one grey, at some sides of a frame; they show nothing (`imaged`)."""
     level = draw(study.margin_level, rng)
     for side in np.flatnonzero(rng.random(4) < 0.6):
@@ -161,13 +162,13 @@ def _put_on_page(study: SceneScannerStudy, share: Float, imaged: Flags, rng: np.
             imaged[margin] = False
 
 
-def _cursor(share: Float, rng: np.random.Generator) -> None:
+def _cursor(share: Singles, rng: np.random.Generator) -> None:
     """Draw the line of a program's cursor, upright or across."""
     turned = share.T if rng.random() < 0.6 else share
     turned[rng.integers(len(turned))] = rng.uniform(0.3, 1.0)
 
 
-def _box(share: Float, rng: np.random.Generator) -> None:
+def _box(share: Singles, rng: np.random.Generator) -> None:
     """Draw a small frame in a corner."""
     top, height, left, width = _corner(share, rng)
     bright = np.float32(rng.uniform(0.3, 1.0))
@@ -175,7 +176,7 @@ def _box(share: Float, rng: np.random.Generator) -> None:
     share[[top, top + height], left : left + width] = bright
 
 
-def _letters(share: Float, rng: np.random.Generator) -> None:
+def _letters(share: Singles, rng: np.random.Generator) -> None:
     """Draw what looks like a line of text in a corner."""
     top, _, left, width = _corner(share, rng)
     lines = rng.random((max(3, len(share) // 40), width)) < 0.4
@@ -183,7 +184,7 @@ def _letters(share: Float, rng: np.random.Generator) -> None:
     text[lines[: len(text)]] = rng.uniform(0.5, 1.0)
 
 
-def _corner(share: Float, rng: np.random.Generator) -> tuple[int, int, int, int]:
+def _corner(share: Singles, rng: np.random.Generator) -> tuple[int, int, int, int]:
     """Return first row, rows, first column and columns of a box in a corner."""
     (rows, height), (columns, width) = ((size, int(size * rng.uniform(0.08, 0.2))) for size in share.shape)
     return (

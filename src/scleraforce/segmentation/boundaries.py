@@ -11,13 +11,12 @@ import numpy as np
 from numba import types
 from numba.experimental import structref
 
-from scleraforce.arrays import Counts, Flags, Floats, Indices, Integers, Places
+from scleraforce.arrays import Counts, Flags, Floats, Indices, Integers, Places, Singles
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import EMPTY_SHARE, SATURATED_LEVEL, SATURATED_SHARE, UNSEEN_DEPTH_M
-from scleraforce.segmentation.grid import LEAST_SHAPE, Float, GridSize, grid_size
 from scleraforce.segmentation.inner import CELLS, GROUP, find_thickness, stretch, unroll
-from scleraforce.segmentation.light import brighter_columns, grid_cells, noise_floor
+from scleraforce.segmentation.light import LEAST_SHAPE, GridSize, brighter_columns, grid_cells, grid_size, noise_floor
 from scleraforce.segmentation.loops import at_every_column, bridge, mean_of_neighbours
 from scleraforce.segmentation.needle import top_rows
 from scleraforce.segmentation.surface import (
@@ -48,7 +47,7 @@ FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
 
 
 @lru_cache(maxsize=CACHED)
-def fine_columns(columns: int) -> Float:
+def fine_columns(columns: int) -> Singles:
     """Return at most 128 columns of a frame, evenly spaced from the first to the last."""
     return np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
 
@@ -61,7 +60,7 @@ def nearest_point(columns: int) -> Integers:
 
 
 @lru_cache(maxsize=CACHED)
-def continuation(columns: int, first: float, spacing: float, points: int) -> Float:
+def continuation(columns: int, first: float, spacing: float, points: int) -> Singles:
     """Return the matrix that takes a curve at evenly spaced points to `fine_columns`, shape (fine, point).
 
     It interpolates, and extrapolates beyond the curve's ends along their slopes (over three points: less ragged).
@@ -77,7 +76,7 @@ def continuation(columns: int, first: float, spacing: float, points: int) -> Flo
 
 
 @lru_cache(maxsize=CACHED)
-def grouping(points: int) -> tuple[Places, Float]:
+def grouping(points: int) -> tuple[Places, Singles]:
     """Return INNER_COLUMNS evenly spread points, and the matrix (point, group) from means of groups to all points."""
     chosen = np.arange(INNER_COLUMNS) * (points - 1) // (INNER_COLUMNS - 1)
     middle = chosen.reshape(-1, GROUP).mean(axis=1)
@@ -85,7 +84,7 @@ def grouping(points: int) -> tuple[Places, Float]:
     return chosen, matrix.astype(np.float32)
 
 
-def grouped(values: Float) -> Float:
+def grouped(values: Singles) -> Singles:
     """Return the means over groups of points, (group,)."""
     return values[grouping(len(values))[0]].reshape(-1, GROUP).mean(axis=1)
 
@@ -105,17 +104,17 @@ class Tables(NamedTuple):
     point_m: float
     tissue_depth_m: float
     pairs: Indices  # columns of the grid, by turns
-    downwards: Float  # a bonus of each row that is too small to outweigh anything seen
-    column: Float
+    downwards: Singles  # a bonus of each row that is too small to outweigh anything seen
+    column: Singles
     columns: Indices  # before and after each point, (2, point)
-    across: Float
+    across: Singles
     looked_at: Integers
     looked_columns: Indices
-    looked_across: Float
+    looked_across: Singles
     place: Integers
-    weight: Float
+    weight: Singles
     group: Integers
-    group_weight: Float
+    group_weight: Singles
     nearest: Integers
 
 
@@ -192,7 +191,7 @@ def _rows_of(pixels: float, length_m: float, size: GridSize, least: int) -> int:
     return max(least, round(min(pixels / size.step_rows, length_m / size.scale.depth_m)))
 
 
-def _two_of_each(matrix: Float) -> tuple[Integers, Float]:
+def _two_of_each(matrix: Singles) -> tuple[Integers, Singles]:
     """Return the places of the (at most two) nonzero values in each row of a matrix, and these, (row, 2)."""
     place = np.sort(np.argsort(matrix == 0.0, axis=1, kind="stable")[:, :2], axis=1).astype(np.int64)
     return place, np.take_along_axis(matrix, place, axis=1)
@@ -249,8 +248,8 @@ def look(
 
 @compiled
 def _fit_strip(
-    frame: Counts, first: int, start: Float, behind: tuple[int, int], tables: Tables
-) -> tuple[Float, Float, float]:
+    frame: Counts, first: int, start: Singles, behind: tuple[int, int], tables: Tables
+) -> tuple[Singles, Singles, float]:
     """Move a surface from its start to the edge of the full frame; return rows, contrast and the noise of a pixel."""
     raw, noise = sample_strip(frame, first, tables.columns, tables.across, start, tables.strip_half)
     row, contrast = fit_edges(raw, tables.strip_line, start)
@@ -264,8 +263,8 @@ def _fit_strip(
 
 @compiled
 def _find_inner(
-    frame: Counts, first: int, floor: int, tables: Tables, row: Float, present: Flags
-) -> tuple[Float, float]:
+    frame: Counts, first: int, floor: int, tables: Tables, row: Singles, present: Flags
+) -> tuple[Singles, float]:
     """Return the inner boundary's rows below a surface without gaps, and the median thickness, NaN: not found."""
     along_rows, thickness_m = stretch(row, tables.point_m, tables.tissue_depth_m), np.empty_like(row)
     prior = np.zeros((len(tables.looked_at) // GROUP, CELLS + 1), np.float32)
@@ -283,8 +282,15 @@ def _find_inner(
 
 @compiled
 def _search_below(
-    frame: Counts, first: int, floor: int, tables: Tables, row: Float, present: Flags, along_rows: Float, prior: Float
-) -> tuple[Float, Flags, float]:
+    frame: Counts,
+    first: int,
+    floor: int,
+    tables: Tables,
+    row: Singles,
+    present: Flags,
+    along_rows: Singles,
+    prior: Singles,
+) -> tuple[Singles, Flags, float]:
     """Return the wall's thickness at each group, which groups show its end, and their share: see `find_thickness`."""
     at = tables.looked_at
     wall, seen = unroll(
@@ -294,16 +300,16 @@ def _search_below(
 
 
 @compiled
-def edge_near(frame: Counts, first: int, start: Float, workplace: Workplace) -> Float:
+def edge_near(frame: Counts, first: int, start: Singles, workplace: Workplace) -> Singles:
     """Return the edge of the full frame that lies nearest to a surface, both (point,), in rows."""
     return _fit_strip(frame, first, start, (0, 0), workplace.tables)[0]
 
 
 @compiled
 def thickness_below(
-    frame: Counts, first: int, eight_bits: bool, row: Float, present: Flags, along_rows: Float, prior: Float,
+    frame: Counts, first: int, eight_bits: bool, row: Singles, present: Flags, along_rows: Singles, prior: Singles,
     workplace: Workplace,
-) -> tuple[Float, Flags]:  # fmt: skip
+) -> tuple[Singles, Flags]:  # fmt: skip
     """Return the thickness below a surface without NaN at each group of points, m, and which groups show its end."""
     tables = workplace.tables
     floor = noise_floor(grid_cells(frame, first, tables.width, eight_bits))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from scleraforce.arrays import Flags, Floats, Places
+from scleraforce.arrays import Flags, Floats, Places, Singles
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.boundaries import (
     continuation,
@@ -27,8 +27,8 @@ from scleraforce.segmentation.boundaries import (
     thickness_below,
 )
 from scleraforce.segmentation.found import UNSEEN_DEPTH_M, Segmentation
-from scleraforce.segmentation.grid import LEAST_SHAPE, Float
 from scleraforce.segmentation.inner import CELL_M, CELLS, stretch
+from scleraforce.segmentation.light import LEAST_SHAPE
 from scleraforce.segmentation.loops import at_every_column, best_path, bridge
 from scleraforce.segmentation.wall import Part, lit_part
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
@@ -205,9 +205,9 @@ class _Start:
     `ended`: where it sees the wall's end inside of the frame.
     """
 
-    outer: Float
-    inner: Float
-    inner_sd: Float
+    outer: Singles
+    inner: Singles
+    inner_sd: Singles
     there: Flags
     ended: Flags
     step_rows: float
@@ -237,7 +237,7 @@ def _start(seen: SeenWall, left: int, width: int, rows: int) -> _Start:
     return _Start(outer, inner, inner_sd, there, ended, seen.step_rows)
 
 
-def _surface(part: Part, start: _Start) -> Float:
+def _surface(part: Part, start: _Start) -> Singles:
     """Return the surface at `fine_columns`: the edge near the network's, its own where none is near."""
     width = len(part.missing)
     column = np.linspace(0.0, width - 1.0, START_POINTS, dtype=np.float32)
@@ -245,11 +245,11 @@ def _surface(part: Part, start: _Start) -> Float:
     spread = continuation(width, float(column[0]), float(column[1] - column[0]), START_POINTS) @ row
     edge = edge_near(part.frame, part.first, np.clip(spread, 0.0, len(part.frame) - 1.0), part.workplace)
     near = np.abs(edge - start.outer) <= np.float32(NEAR_STEPS * start.step_rows)
-    surface: Float = np.where(near, edge, start.outer)
+    surface: Singles = np.where(near, edge, start.outer)
     return surface
 
 
-def _inner(part: Part, row: Float, start: _Start) -> tuple[Float, bool, float]:
+def _inner(part: Part, row: Singles, start: _Start) -> tuple[Singles, bool, float]:
     """Return the inner boundary's rows, whether an edge shows it, and the median thickness along the normal, m.
 
     Where the network sees no end inside of the frame the wall continues, as thick as beside that. Where it sees
@@ -266,7 +266,7 @@ def _inner(part: Part, row: Float, start: _Start) -> tuple[Float, bool, float]:
     return row + along_rows * thickness_m, shown, float(np.median(thickness_m[start.ended]))
 
 
-def _thickness(part: Part, row: Float, along_rows: Float, start: _Start) -> tuple[Float, bool]:
+def _thickness(part: Part, row: Singles, along_rows: Singles, start: _Start) -> tuple[Singles, bool]:
     """Return the wall's thickness along the normal at `fine_columns`, m, and whether an edge shows it."""
     expected_m = bridge(np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended)
     step_m = np.float32(NEAR_STEPS * start.step_rows) / along_rows
@@ -284,7 +284,7 @@ def _thickness(part: Part, row: Float, along_rows: Float, start: _Start) -> tupl
     near = jumps & (off_m <= grouped(step_m))
     unsure_m = np.maximum(start.inner_sd / along_rows, step_m)
     shown = jumps & (off_m <= SHOWN_SDS * grouped(unsure_m))
-    thickness_m: Float = grouping(len(row))[1] @ np.where(near, found_m, grouped(expected_m))
+    thickness_m: Singles = grouping(len(row))[1] @ np.where(near, found_m, grouped(expected_m))
     return thickness_m, bool(shown.mean() > SHOWN_SHARE)
 
 

@@ -13,10 +13,9 @@ from typing import cast
 import cv2
 import numpy as np
 
-from scleraforce.arrays import Places
+from scleraforce.arrays import Places, Singles
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.inner import stretch
 from scleraforce.segmentation.loops import best_path
 
@@ -82,7 +81,7 @@ def _cells(deepest_m: float) -> int:
     return max(CELLS, int(BEYOND * deepest_m / CELL_M) + 2 * WINDOW)
 
 
-def _surface(found: Segmentation, columns: Places, scale: PixelScale) -> tuple[Float, Float]:
+def _surface(found: Segmentation, columns: Places, scale: PixelScale) -> tuple[Singles, Singles]:
     """Return the first surface's rows at columns, and the rows along a column for 1 m along its normal, (column,)."""
     span = np.arange(columns[0], columns[-1] + 1)
     row = np.interp(span, columns, found.outer_row[columns]).astype(np.float32)  # across what is not seen, too
@@ -91,18 +90,18 @@ def _surface(found: Segmentation, columns: Places, scale: PixelScale) -> tuple[F
     return row[columns - columns[0]], along_rows[columns - columns[0]]
 
 
-def _unrolled(frame: Pixels, columns: Places, row: Float, along_rows: Float, cells: int) -> Float:
+def _unrolled(frame: Pixels, columns: Places, row: Singles, along_rows: Singles, cells: int) -> Singles:
     """Return the mean light below a surface, (group, cell), over its level there."""
     depth_m = (np.arange(cells, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
     map_row = row + depth_m[:, None] * along_rows
     map_column = np.broadcast_to(columns.astype(np.float32), map_row.shape).copy()
     sampled = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    light = cast(Float, cv2.resize(sampled.astype(np.float32), (GROUPS, cells), interpolation=cv2.INTER_AREA)).T
+    light = cast(Singles, cv2.resize(sampled.astype(np.float32), (GROUPS, cells), interpolation=cv2.INTER_AREA)).T
     level = cv2.blur(light[:, SURFACE_CELLS:].mean(axis=1, keepdims=True), (1, 3))
     return light / np.maximum(level, np.float32(1e-6))
 
 
-def _layer(light: Float, thickness_m: float, excess_m: float) -> Float | None:
+def _layer(light: Singles, thickness_m: float, excess_m: float) -> Singles | None:
     """Return the layer's thickness in each group, m; None if no step stands out.
 
     `light`: below the surface, (group, cell); `thickness_m`: of layer and wall together; `excess_m`: over the wall's
@@ -115,10 +114,10 @@ def _layer(light: Float, thickness_m: float, excess_m: float) -> Float | None:
     weight = np.maximum(size, np.float32(0.0)) + np.float32(1e-3)
     smooth = cv2.blur((path * weight)[None].astype(np.float32), (SMOOTHED, 1))[0]
     smooth /= cv2.blur(weight[None].astype(np.float32), (SMOOTHED, 1))[0]
-    return cast(Float, smooth * np.float32(CELL_M))
+    return cast(Singles, smooth * np.float32(CELL_M))
 
 
-def _climb(light: Float, thickness_m: float, least_m: float, most_m: float, sure_sds: float) -> tuple[Places, bool]:
+def _climb(light: Singles, thickness_m: float, least_m: float, most_m: float, sure_sds: float) -> tuple[Places, bool]:
     """Return the path of the largest steps up between two depths, (group,) cells, and whether it stands out."""
     end = min(light.shape[1], int(thickness_m / CELL_M)) - WINDOW
     first, last = max(int(least_m / CELL_M), SURFACE_CELLS + 1), min(int(most_m / CELL_M), end)
@@ -134,9 +133,9 @@ def _climb(light: Float, thickness_m: float, least_m: float, most_m: float, sure
     return path, bool(size >= max(sure_sds * sd, LEAST_STEP))
 
 
-def _steps(light: Float) -> Float:
+def _steps(light: Singles) -> Singles:
     """Return the rise of light at each edge between cells, (group, cell); neighbours are pooled."""
-    pooled = cast(Float, cv2.blur(light, (1, POOLED)))
+    pooled = cast(Singles, cv2.blur(light, (1, POOLED)))
     total = np.concatenate([np.zeros((len(light), 1), np.float32), pooled.cumsum(axis=1, dtype=np.float32)], axis=1)
     edge = np.arange(light.shape[1])  # between cells
     top, bottom = np.clip(edge - WINDOW, SURFACE_CELLS, None).clip(None, edge), np.minimum(edge + WINDOW, len(edge))

@@ -7,7 +7,7 @@ from scleraforce.errors import FrameError
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.walls import NOT_JUDGED, WALL, RecordedWalls
 from scleraforce.segmentation.found import Segmentation, surface_fault, without_wall
-from scleraforce.segmentation.grid import LEAST_SHAPE
+from scleraforce.segmentation.light import LEAST_SHAPE
 from scleraforce.segmentation.observations import stretch_of, surface
 
 GIVEN_SD_ROWS = 2.0

@@ -11,9 +11,8 @@ column, to where the light crosses the middle of the jump.
 
 import numpy as np
 
-from scleraforce.arrays import Counts, Flags, Indices
+from scleraforce.arrays import Counts, Flags, Indices, Singles
 from scleraforce.compiled import compiled
-from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.loops import best_path, mean_of_neighbours, mirrored, multiply_add, nth, sample_rows
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
@@ -61,7 +60,7 @@ _ONE, _ZERO, _THIRD = np.float32(1.0), np.float32(0.0), 1.0 / 3.0
 
 
 @compiled
-def stretch(row: Float, point_m: float, depth_m: float) -> Float:
+def stretch(row: Singles, point_m: float, depth_m: float) -> Singles:
     """Return the rows along a column for 1 m of thickness along the normal of a surface without NaN, (point,).
 
     `point_m`: between the points; `depth_m`: of a pixel in tissue.
@@ -81,9 +80,9 @@ def stretch(row: Float, point_m: float, depth_m: float) -> Float:
 
 @compiled
 def unroll(
-    frame: Counts, first: int, floor: int, columns: Indices, across: Float, row: Float, there: Flags,
-    along_rows: Float,
-) -> tuple[Float, Float]:  # fmt: skip
+    frame: Counts, first: int, floor: int, columns: Indices, across: Singles, row: Singles, there: Flags,
+    along_rows: Singles,
+) -> tuple[Singles, Singles]:  # fmt: skip
     """Return the wall as (group, cell), surface level 1 and floor 0, and where it is measured (1 or 0).
 
     The surface has rows `row` (point,), is there where `there`, and is stretched by `along_rows`; `floor` is the count
@@ -107,7 +106,7 @@ def unroll(
 
 
 @compiled
-def _measured(last_row: np.float32, row: Float, there: Flags, along_rows: Float) -> Float:
+def _measured(last_row: np.float32, row: Singles, there: Flags, along_rows: Singles) -> Singles:
     """Return 1 in the cells above the deepest thickness at the outer points of a group, else 0, (group, cell)."""
     seen = np.empty((len(row) // GROUP, CELLS), np.float32)
     for group in range(len(seen)):
@@ -122,7 +121,7 @@ def _measured(last_row: np.float32, row: Float, there: Flags, along_rows: Float)
 
 
 @compiled
-def _level_out(wall: Float, seen: Float) -> None:
+def _level_out(wall: Singles, seen: Singles) -> None:
     """Divide each group by its own level near the surface; where that is dark, nothing is measured."""
     groups, largest = len(wall), _ZERO
     own, smooth = np.empty(groups, np.float32), np.empty(groups, np.float32)
@@ -145,7 +144,7 @@ def _level_out(wall: Float, seen: Float) -> None:
 
 
 @compiled
-def find_thickness(wall: Float, seen: Float, prior: Float) -> tuple[Float, Flags, float]:
+def find_thickness(wall: Singles, seen: Singles, prior: Singles) -> tuple[Singles, Flags, float]:
     """Return the thickness along the normal at each group, m, which groups show the boundary, and their share.
 
     `wall` (group, cell) is unrolled and measured where `seen`; `prior`: gain of each edge by prior knowledge (group,
@@ -173,7 +172,7 @@ def find_thickness(wall: Float, seen: Float, prior: Float) -> tuple[Float, Flags
 
 
 @compiled
-def _find_jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float, Float]:
+def _find_jumps(wall: Singles, seen: Singles) -> tuple[Singles, Singles, Singles, Singles]:
     """Return straight lines through the cells, and the jump at each edge between cells; neighbours are pooled.
 
     First the means over neighbouring groups, then of the lines that start at each cell, their fall from their
@@ -209,7 +208,7 @@ def _find_jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float, Float]:
 
 
 @compiled
-def _score_jumps(jump: Float, least: Float, prior: Float) -> Float:
+def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
     """Return a path's gain at each edge, (group, edge), where jumps over `least` (edge,) stand out."""
     groups, edges = jump.shape
     own, upper, score = np.empty(edges, np.float32), np.empty(edges, np.float32), np.empty(jump.shape, np.float32)
@@ -227,7 +226,7 @@ def _score_jumps(jump: Float, least: Float, prior: Float) -> Float:
 
 
 @compiled
-def _standing_out(jump: Float) -> Float:
+def _standing_out(jump: Singles) -> Singles:
     """Return the jump that stands out of speckle and texture, (edge,).
 
     These are estimated from the median size of jumps (the wall's end is rare), and from how much jumps at one depth
@@ -254,7 +253,7 @@ def _standing_out(jump: Float) -> Float:
 
 
 @compiled
-def _cross(near: Float, path: int, mean: np.float32, bend: np.float32, jump: np.float32) -> np.float32:
+def _cross(near: Singles, path: int, mean: np.float32, bend: np.float32, jump: np.float32) -> np.float32:
     """Return the edge near a path, in cells, that best parts light above and below a jump's middle."""
     path = min(max(path, REFINE_CELLS), CELLS - REFINE_CELLS)
     limit, middle = max(jump, _SEEN), mean - jump / np.float32(2.0)

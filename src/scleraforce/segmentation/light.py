@@ -1,6 +1,8 @@
 """The light of a frame: its imaged columns, its grid, and linear displays made like logarithmic ones.
 
-The wall is looked for in frames of a logarithmic display.
+The wall is looked for in frames of a logarithmic display. Scanners sample a reflection with a few pixels, whatever
+their scale: a line is thin in pixels, tissue is thick in pixels and in metres. So lengths are pixels with a bound in
+metres.
 
 Two intensities of fully developed speckle, of the same mean and far enough apart, are exponential and independent
 (Goodman, Speckle Phenomena in Optics, ch. 3): the share of one in their sum is uniform, whatever the mean and the sum.
@@ -9,19 +11,21 @@ So the median of |a - b| / (a + b), over the brightest pairs of counts, is 1/2 w
 dB over the level of bright tissue above black, 0.04 to 0.12 on drawn ones.
 """
 
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from scleraforce.arrays import Counts, Flags, Integers
 from scleraforce.compiled import compiled
-from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.grid import LEAST_SHAPE, MAX_COLUMNS, MAX_ROWS, counts_of
+from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.loops import nth, nth_count
-from scleraforce.segmentation.needle import STANDS_OUT
 
 Lit = tuple[int, int, int, int, Flags, float]
 
+MAX_COLUMNS = 192  # of the grid: the frame is halved until it has fewer
+MAX_ROWS = 384
+LEAST_SHAPE = 16  # rows and columns of a frame
 BLACK_PART = 1000  # th part of the brightest cell: less is black
 FLOOR_SHARE = 0.2  # of the pixels that are not black, this share lies at or below the noise floor
 LIT_ROWS = 4  # every fourth row tells whether a column is imaged
@@ -31,7 +35,38 @@ NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the int
 PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it
 DIMMER = 0.9  # of the pairs are left out: noise about the tissue
 LEAST_PAIRS = 200
-_STANDS_OUT, _LEAST_SPREAD = np.float32(STANDS_OUT), np.float32(1e-3)
+STANDS_OUT = np.float32(5.0)  # times the spread of the columns' means in the uppermost rows: a needle may begin
+_LEAST_SPREAD = np.float32(1e-3)
+
+
+@dataclass(frozen=True)
+class GridSize:
+    """Cells of a grid, and the frame's pixels in each; `scale` is the size of a cell."""
+
+    rows: int
+    columns: int
+    step_rows: int
+    step_columns: int
+    scale: PixelScale
+
+
+def grid_size(rows: int, columns: int, scale: PixelScale) -> GridSize:
+    """Return the size of the grid of a frame: it is halved until it has at most 191 columns and 383 rows."""
+    step_rows = step_columns = 1
+    while rows >= MAX_ROWS:
+        rows, step_rows = rows // 2, 2 * step_rows
+    while columns >= MAX_COLUMNS:
+        columns, step_columns = columns // 2, 2 * step_columns
+    lateral_m, depth_m = scale.lateral_m * step_columns, scale.depth_m * step_rows
+    cell = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=scale.refractive_index)
+    return GridSize(rows, columns, step_rows, step_columns, cell)
+
+
+def counts_of(frame: Pixels) -> Counts:
+    """Return a frame as the loops take it: one type for all, compiled once."""
+    counts = np.ascontiguousarray(frame, np.uint16).view()
+    counts.flags.writeable = False
+    return counts
 
 
 def without_page(frame: Pixels) -> Pixels:
@@ -56,10 +91,7 @@ def as_logarithmic(frame: Pixels) -> Pixels:
 
 
 def pair_contrast(frame: Pixels) -> float:
-    """Return how much the brightest pairs of a frame differ, as a share of their sums (median): 0 where few are lit.
-
-    Pairs as bright as the dimmest of the brightest tenth count as well.
-    """
+    """Return how much the brightest tenth of pairs differ, as a share of their sums (median): 0 where few are lit."""
     return find_lit(counts_of(frame))[-1]
 
 
@@ -108,10 +140,9 @@ def imaged_columns(frame: Pixels) -> tuple[int, int] | None:
 
 @compiled
 def find_lit(frame: Counts) -> Lit:
-    """Return the imaged columns of a frame, which are black, and the contrast of pairs.
+    """Return the first column that is not black, the one after the last, the number of such columns, the largest count.
 
-    First the first column that is not black, the one after the last, the number of such columns, and the largest count;
-    then the black ones, (column,), and what `pair_contrast` returns.
+    Then which columns are black, (column,), and the contrast of pairs: see `pair_contrast`.
     """
     columns = frame.shape[1]
     brightest, dark = frame[0].copy(), np.empty(columns, np.bool_)
@@ -130,10 +161,7 @@ def find_lit(frame: Counts) -> Lit:
 
 @compiled
 def grid_cells(frame: Counts, left: int, width: int, eight_bits: bool) -> Counts:
-    """Return a frame's columns, averaged into cells.
-
-    `eight_bits`: the counts came as bytes, which OpenCV rounds half up, not to the even number.
-    """
+    """Return a frame's columns as means in cells; `eight_bits`: of bytes, rounded half up as by OpenCV, not to even."""
     cells = _halved(frame, left, width, eight_bits)
     while cells.shape[0] >= MAX_ROWS or cells.shape[1] >= MAX_COLUMNS:
         cells = _halved(cells, 0, cells.shape[1], eight_bits)
@@ -199,4 +227,4 @@ def brighter_columns(cells: Counts, rows: int) -> Integers:
             total[column] += np.float32(cells[row, column])
     ordered = total.copy()
     middle, low = nth(ordered, columns, columns // 2), nth(ordered, columns, columns // 6)
-    return np.flatnonzero(total > middle + _STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle))
+    return np.flatnonzero(total > middle + STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle))

@@ -11,9 +11,8 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Counts, Flags, Indices, Integers
+from scleraforce.arrays import Counts, Flags, Indices, Integers, Singles
 from scleraforce.compiled import compiled
-from scleraforce.segmentation.grid import Float
 
 Numbers = NDArray[np.number]
 
@@ -78,7 +77,7 @@ def nth(values: NDArray[np.floating[Any]], number: int, place: int) -> Any:
 
 
 @compiled
-def sample_rows(frame: Counts, first: int, columns: Indices, across: Float, row: Float) -> Float:
+def sample_rows(frame: Counts, first: int, columns: Indices, across: Singles, row: Singles) -> Singles:
     """Return the counts at points, interpolated and rounded; the frame's edges continue beyond it.
 
     `first`: column that the points' ones count from; `columns`: those before and after each point, (2, point);
@@ -114,7 +113,7 @@ def mirrored(place: int, length: int) -> int:
 
 
 @compiled
-def mean_of_neighbours(values: Float, reach: int) -> Float:
+def mean_of_neighbours(values: Singles, reach: int) -> Singles:
     """Return the mean over `reach` values on each side, mirrored at the ends, as `cv2.blur` does."""
     length, share, means = len(values), 1.0 / (2 * reach + 1), np.empty_like(values)
     total = 0.0
@@ -169,7 +168,7 @@ def _larger_or_smaller(one: Numbers, other: Numbers, larger: bool, to: Numbers) 
 
 
 @compiled
-def bridge(row: Float, there: Flags) -> Float:
+def bridge(row: Singles, there: Flags) -> Singles:
     """Return a curve with straight lines over its missing points; not all are missing."""
     last, bridged = -1, np.empty_like(row)
     for at in range(len(row)):
@@ -185,7 +184,7 @@ def bridge(row: Float, there: Flags) -> Float:
 
 
 @compiled
-def at_every_column(column: Float, row: Float, there: Flags, nearest: Integers, to: NDArray[np.float64]) -> None:
+def at_every_column(column: Singles, row: Singles, there: Flags, nearest: Integers, to: NDArray[np.float64]) -> None:
     """Write a curve at every column of a frame's imaged part; NaN where the nearest point is not there.
 
     `column` (point,) goes from the first column to the last; `nearest` is the point of each column. If all of these are
@@ -214,7 +213,7 @@ def straight_line(at: float, left: float, right: float, first: np.floating, last
 
 
 @compiled
-def best_rows(score_cr: Float) -> Integers:
+def best_rows(score_cr: Singles) -> Integers:
     """Return the best row of each column; the first one of several."""
     path = np.empty(len(score_cr), np.int64)
     for column in range(len(score_cr)):
@@ -232,7 +231,7 @@ def is_path(path: Integers, reach: int) -> bool:
 
 
 @compiled
-def best_path(score_cr: Float, reach: int) -> Integers:
+def best_path(score_cr: Singles, reach: int) -> Integers:
     """Return the rows (column,) of the path with the largest sum of scores whose steps are at most `reach` rows.
 
     Mostly the best rows of the columns make such a path already. If not, the part from the first step that is too large
@@ -258,7 +257,7 @@ def best_path(score_cr: Float, reach: int) -> Integers:
 
 
 @compiled
-def _search(score_cr: Float, reach: int, path: Integers) -> None:
+def _search(score_cr: Singles, reach: int, path: Integers) -> None:
     """Write the rows with the largest sum of scores of all paths through them, by dynamic programming.
 
     The sum comes from both sides (max-marginals of a Markov chain: Bishop, Pattern Recognition and Machine Learning,
@@ -282,7 +281,7 @@ def _search(score_cr: Float, reach: int, path: Integers) -> None:
 
 
 @compiled
-def _add_best(sums: Float, score: Float, reach: int, to: Float) -> None:
+def _add_best(sums: Singles, score: Singles, reach: int, to: Singles) -> None:
     """Write a column's scores plus the largest of the sums within reach."""
     rows = len(score)
     to[:] = sums

@@ -7,16 +7,15 @@ flare, and a shadow without a line is a vessel's.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from math import atan, hypot
 from typing import Any, cast
 
 import cv2
 import numpy as np
 
-from scleraforce.arrays import Flags, Floats, Places, Reals
+from scleraforce.arrays import Counts, Flags, Floats, Places, Singles
 from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.grid import Float, Grid, GridSize
+from scleraforce.segmentation.light import GridSize
 from scleraforce.units import from_si
 
 MARGIN_M = 0.1e-3  # beside a shadow light is not yet whole
@@ -34,7 +33,7 @@ STREAK = 0.06  # of the spread of a frame's light: a flare is brighter by so muc
 NEAREST = 6  # columns of the grid with tissue on each side, which tell where its surface is
 BEVELLED = 0.6  # of the width: an edge that is so much longer than the other one is the point of a bevel
 TOP_M, TOP_ROWS = 0.19e-3, 4  # and at least 4 rows: the shaft comes in through the top edge
-STANDS_OUT = 5.0  # times the spread of the columns' means there
+
 POOLED_M = 62e-6  # of depth taken as one, for the coarse search
 WIDEST_M = 1.3e-3  # between the edges of a shaft, along the columns
 LINE_M, LINE_COLUMNS = 0.4e-3, 5  # a line is narrower along the columns, or narrower than 5 pixels
@@ -67,19 +66,13 @@ class ShaftEdge:
 
 @dataclass(frozen=True)
 class SeenNeedle:
-    """A needle seen in a frame.
+    """A needle seen in a frame."""
 
-    `angle_rad` lies between its shaft and the depth; above 0 it leans to growing columns on its way up. `tip_m`:
-    lateral place from the frame's middle and depth from its top edge, None where the shaft leaves below the frame. In
-    pixels, `tip` and `top`: column and row of its tip, or of the last that is seen of it, and of where its axis meets
-    the top edge; `hidden`: the first column that shaft or shadow cover, and the first one after.
-    """
-
-    angle_rad: float
-    tip_m: tuple[float, float] | None
-    tip: tuple[float, float]
-    top: tuple[float, float]
-    hidden: tuple[int, int]
+    angle_rad: float  # between its shaft and the depth; above 0 it leans to growing columns on its way up
+    tip_m: tuple[float, float] | None  # from the frame's middle and top edge; None: the shaft leaves below the frame
+    tip: tuple[float, float]  # column and row, or of the last that is seen of it
+    top: tuple[float, float]  # column and row where its axis meets the top edge
+    hidden: tuple[int, int]  # the first column that shaft or shadow cover, and the first one after
 
 
 def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
@@ -98,21 +91,22 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
     }
 
 
-def find_needle(frame: Pixels, grid: Grid, begin: Places, left: int, columns: int) -> SeenNeedle | None:
+def find_needle(
+    frame: Pixels, cells: Counts, size: GridSize, begin: Places, left: int, columns: int
+) -> SeenNeedle | None:
     """Return the needle in the imaged part of a frame of `columns`, whose first imaged one is `left`, or None.
 
-    It begins in one of the columns `begin` of the grid: see `light.brighter_columns`.
+    It begins in one of the columns `begin` of the grid, `cells` of a size: see `light.brighter_columns`.
     """
-    edges = _find_edges(frame, grid, begin)
-    shaded = _shaded(grid, edges) if edges else None
+    edges = _find_edges(frame, cells, size, begin)
+    shaded = _shaded(cells, size, edges) if edges else None
     if shaded is None:
         return None
     (column, row), (first, after) = shaded
-    size = grid.size
     lateral_m, depth_m = size.scale.lateral_m / size.step_columns, size.scale.depth_m / size.step_rows
     tip = left + column, (row + 1.0) * size.step_rows - 0.5
     slope = edges[0].slope / size.step_rows
-    ends = row < len(grid.cells) - 1.0
+    ends = row < len(cells) - 1.0
     return SeenNeedle(
         angle_rad=-atan(slope * lateral_m / depth_m),
         tip_m=((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m) if ends else None,
@@ -122,20 +116,21 @@ def find_needle(frame: Pixels, grid: Grid, begin: Places, left: int, columns: in
     )
 
 
-def _shaded(grid: Grid, edges: list[ShaftEdge]) -> tuple[tuple[float, float], tuple[int, int]] | None:
-    """Return the tip of the shaft between edges, and the columns that it hides, if tissue below is in its shadow.
+def _shaded(
+    cells: Counts, size: GridSize, edges: list[ShaftEdge]
+) -> tuple[tuple[float, float], tuple[int, int]] | None:
+    """Return the tip between edges (column of the imaged part, row of the grid), and the span hidden by both.
 
-    The tip is a column of the imaged part and a row of its grid, the columns are the first one that the shaft or its
-    shadow covers, and the first one after.
+    None: the tissue below the edges is in no shadow of theirs.
     """
-    step, columns = grid.size.step_columns, grid.cells.shape[1]
+    step, columns = size.step_columns, cells.shape[1]
     reached = [place for edge in edges for place in (edge.top, edge.end)]
     first, after = max(0, round(min(reached) / step - 0.5)), min(columns, round(max(reached) / step + 0.5))
     if first >= after:
         return None
-    tissue = _tissue(grid, edges)
-    level: Float = tissue.max(axis=0)
-    reach = max(2, round(BESIDE_M / grid.size.scale.lateral_m))
+    tissue = _tissue(cells, size, edges)
+    level: Singles = tissue.max(axis=0)
+    reach = max(2, round(BESIDE_M / size.scale.lateral_m))
     beside = _beside(level, first, after, reach)
     usual = float(np.sort(level)[3 * columns // 4])
     lit = beside[beside > LIT_SHARE * usual]
@@ -147,119 +142,110 @@ def _shaded(grid: Grid, edges: list[ShaftEdge]) -> tuple[tuple[float, float], tu
     while after < columns and dark[after]:
         after += 1
     shown = tissue > LIT_SHARE * usual
-    tip = _tip(grid, edges, (first * step, after * step))
-    if _goes_through(grid, edges, shown, first, after) or _shines_below(grid, edges):
+    tip = _tip(size, edges, (first * step, after * step))
+    if _goes_through(size, edges, shown, first, after) or _shines_below(cells, size, edges):
         return None
-    if not _touches(grid, shown, (first, after), tip[1]):
+    if not _touches(size, shown, (first, after), tip[1]):
         return None
-    margin = max(1, round(MARGIN_M / grid.size.scale.lateral_m))
+    margin = max(1, round(MARGIN_M / size.scale.lateral_m))
     return tip, (max(0, first - margin) * step, min(columns, after + margin) * step)
 
 
-def _touches(grid: Grid, lit: Flags, shadow: tuple[int, int], tip_row: float) -> bool:
-    """Return whether tissue is seen on both sides of a shadow, and a shaft's tip lies no higher than over it.
-
-    A line that ends far above the tissue is a reflex; one at the end of the tissue may be that end.
-    """
-    (first, after), reach = shadow, max(2, round(BESIDE_M / grid.size.scale.lateral_m))
+def _touches(size: GridSize, lit: Flags, shadow: tuple[int, int], tip_row: float) -> bool:
+    """Return whether tissue is seen on both sides of a shadow, and a tip is not far above it (a reflex)."""
+    (first, after), reach = shadow, max(2, round(BESIDE_M / size.scale.lateral_m))
     surfaces = []
     for side in (lit[:, max(0, first - reach) : first][:, ::-1], lit[:, after : after + reach]):
         seen = np.flatnonzero(side.any(axis=0))[:NEAREST]
         if not len(seen):
             return False
         surfaces.append(float(np.median(side[:, seen].argmax(axis=0))))
-    return (min(surfaces) - tip_row) * grid.size.scale.depth_m <= HOVERING_M
+    return (min(surfaces) - tip_row) * size.scale.depth_m <= HOVERING_M
 
 
-def _goes_through(grid: Grid, edges: list[ShaftEdge], lit: Flags, first: int, after: int) -> bool:
+def _goes_through(size: GridSize, edges: list[ShaftEdge], lit: Flags, first: int, after: int) -> bool:
     """Return whether edges end far below the tissue's surface beside them: a flare's do."""
-    around = max(1, round(MARGIN_M / grid.size.scale.lateral_m)) + 1
+    around = max(1, round(MARGIN_M / size.scale.lateral_m)) + 1
     sides = lit[:, max(0, first - around) : first], lit[:, after : after + around]
     surfaces = [int(side.argmax(axis=0).max()) for side in sides if side.any()]
     below = max(edge.row for edge in edges) - max(surfaces, default=len(lit))
-    return below * grid.size.scale.depth_m > WIDEST_M
+    return below * size.scale.depth_m > WIDEST_M
 
 
-def _shines_below(grid: Grid, edges: list[ShaftEdge]) -> bool:
+def _shines_below(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> bool:
     """Return whether columns in which edges end are brighter than those beside down to the frame's end, as in a flare.
 
     A steep reflection floods its A-scans with light, which remains at all depths; below a needle it is dark.
     """
-    begin = round(max(edge.row for edge in edges) + BELOW_M / grid.size.scale.depth_m)
-    deep: Float = grid.cells[begin:].astype(np.float32)
-    if len(deep) * grid.size.scale.depth_m < DEEP_M or len(deep) < PARTS:
+    begin = round(max(edge.row for edge in edges) + BELOW_M / size.scale.depth_m)
+    deep: Singles = cells[begin:].astype(np.float32)
+    if len(deep) * size.scale.depth_m < DEEP_M or len(deep) < PARTS:
         return False
-    ends = [round(edge.end / grid.size.step_columns - 0.5) for edge in edges]
+    ends = [round(edge.end / size.step_columns - 0.5) for edge in edges]
     first, after = max(0, min(ends)), max(0, max(ends) + 1)
-    reach = max(2, round(NEAR_M / grid.size.scale.lateral_m)) + 1
-    least = STREAK * float(grid.cells.std())
-    for part in np.array_split(deep, PARTS):
-        level: Float = part.mean(axis=0)
-        within, beside = level[first:after], _beside(level, first, after, reach)
-        if not len(within) or not len(beside) or float(within.mean() - beside.mean()) <= least:
-            return False
-    return True
+    reach = max(2, round(NEAR_M / size.scale.lateral_m)) + 1
+    levels: list[Singles] = [part.mean(axis=0) for part in np.array_split(deep, PARTS)]
+    pairs = [(level[first:after], _beside(level, first, after, reach)) for level in levels]
+    least = STREAK * float(cells.std())
+    return all(len(one) and len(other) and float(one.mean() - other.mean()) > least for one, other in pairs)
 
 
-def _beside(level: Float, first: int, after: int, reach: int) -> Float:
+def _beside(level: Singles, first: int, after: int, reach: int) -> Singles:
     """Return the levels of columns on both sides of others, without those right beside them."""
     return np.concatenate([level[max(0, first - reach) : max(0, first - 1)], level[after + 1 : after + reach]])
 
 
-def _tissue(grid: Grid, edges: list[ShaftEdge]) -> Float:
+def _tissue(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> Singles:
     """Return how bright the tissue in each cell of the grid is, over the background, the shaft left out."""
-    light = grid.cells.astype(np.float32)
+    light = cells.astype(np.float32)
     some = np.sort(light[::4, ::2].ravel())
     light -= some[: len(some) // 2].mean()
     rows = np.arange(min(max(edge.row for edge in edges) + 3, len(light)))[:, None]
-    at = (np.arange(light.shape[1]) + 0.5) * grid.size.step_columns - 0.5
+    at = (np.arange(light.shape[1]) + 0.5) * size.step_columns - 0.5
     lines = np.stack([edge.top + edge.slope * (rows + 0.5) for edge in edges])
-    around = 2.0 * grid.size.step_columns
+    around = 2.0 * size.step_columns
     inside = (at >= lines.min(axis=0) - around) & (at <= lines.max(axis=0) + around)
     light[: len(rows)][inside] = 0.0
-    light[: top_rows(grid.size)] = 0.0  # where a shaft comes in it may shine all across
-    light = cast(Float, cv2.blur(light, (1, 3)))
-    deep = np.ones((max(3, round(TISSUE_M / grid.size.scale.depth_m)), 1), np.uint8)  # what is thinner is a line
-    return cast(Float, cv2.erode(light, deep))
+    light[: top_rows(size)] = 0.0  # where a shaft comes in it may shine all across
+    light = cast(Singles, cv2.blur(light, (1, 3)))
+    deep = np.ones((max(3, round(TISSUE_M / size.scale.depth_m)), 1), np.uint8)  # what is thinner is a line
+    return cast(Singles, cv2.erode(light, deep))
 
 
-def _tip(grid: Grid, edges: list[ShaftEdge], dark: tuple[int, int]) -> tuple[float, float]:
-    """Return column and row (of the grid) where the shaft ends.
+def _tip(size: GridSize, edges: list[ShaftEdge], dark: tuple[int, int]) -> tuple[float, float]:
+    """Return column and row (of the grid) where the shaft ends: between its edges' ends, or at the point of a bevel.
 
-    That is in the middle between its edges' ends, or at the longer one's where that is the point of a bevel. Where one
-    edge alone is seen, the other one's end is the end of the shadow, on the side away from the shaft.
+    Where one edge alone is seen, the other one's end is the end of the shadow, on the side away from the shaft.
     """
-    size = np.array([grid.size.scale.lateral_m / grid.size.step_columns, grid.size.scale.depth_m])
+    pixel_m = np.array([size.scale.lateral_m / size.step_columns, size.scale.depth_m])
     ends = np.array([(edge.end, edge.row) for edge in edges])
     if len(ends) == 1:
         column, row = ends[0].tolist()
         other = dark[1] - 1 if edges[0].slope >= 0 else dark[0]
-        return (0.5 * (column + other) if abs(other - column) * size[0] < WIDEST_M else column), row
-    along = np.array([edges[0].slope * size[0], size[1]])
+        return (0.5 * (column + other) if abs(other - column) * pixel_m[0] < WIDEST_M else column), row
+    along = np.array([edges[0].slope * pixel_m[0], pixel_m[1]])
     along /= hypot(*along)
-    apart = (ends[1] - ends[0]) * size
+    apart = (ends[1] - ends[0]) * pixel_m
     longer, width = float(apart @ along), abs(float(apart[0] * along[1] - apart[1] * along[0]))
     tip = ends[int(longer > 0)] if abs(longer) > BEVELLED * width else ends.mean(axis=0)
     return float(tip[0]), float(tip[1])
 
 
-def _find_edges(frame: Pixels, grid: Grid, begin: Places) -> list[ShaftEdge]:
+def _find_edges(frame: Pixels, cells: Counts, size: GridSize, begin: Places) -> list[ShaftEdge]:
     """Return the longest bright line of a frame's imaged part, and the one beside it if seen, the shaft's own first."""
-    thin = _thin(grid.cells, grid.size.scale.lateral_m)
+    thin = _thin(cells, size.scale.lateral_m)
     start = np.unique(np.clip(np.concatenate([begin - 1, begin, begin + 1]), 0, thin.shape[1] - 1))
-    slopes = _slopes(grid.size.scale.depth_m / grid.size.scale.lateral_m)
-    coarse = _best(thin, start.astype(np.float64), slopes, _pooled_rows(grid))
-    if coarse.length * grid.size.scale.depth_m < LEAST_LENGTH_M:
+    coarse = _best(thin, start.astype(np.float64), _slopes(size), _pooled_rows(size))
+    if coarse.length * size.scale.depth_m < LEAST_LENGTH_M:
         return []
-    if grid.size.step_rows > 1:  # in the grid's rows, with the frame's own columns
-        rows, columns = len(grid.cells), frame.shape[1]
-        averaged = cv2.resize(frame[: rows * grid.size.step_rows], (columns, rows), interpolation=cv2.INTER_AREA)
-        frame = cast(Pixels, averaged)
-    fine = _thin(frame, grid.size.scale.lateral_m / grid.size.step_columns)
-    return _edges(thin, fine, coarse, grid)
+    if size.step_rows > 1:  # in the grid's rows, with the frame's own columns
+        shape, frame = (frame.shape[1], len(cells)), frame[: len(cells) * size.step_rows]
+        frame = cast(Pixels, cv2.resize(frame, shape, interpolation=cv2.INTER_AREA))
+    fine = _thin(frame, size.scale.lateral_m / size.step_columns)
+    return _edges(thin, fine, coarse, size)
 
 
-def _thin(light: Pixels, lateral_m: float) -> Float:
+def _thin(light: Pixels, lateral_m: float) -> Singles:
     """Return the light of structures that are thin along the columns, over the spread of the background, at most 1."""
     width = max(LINE_COLUMNS, round(LINE_M / lateral_m)) | 1
     opened = cv2.morphologyEx(light, cv2.MORPH_OPEN, np.ones((1, width), np.uint8))
@@ -279,58 +265,43 @@ def top_rows(size: GridSize) -> int:
     return max(TOP_ROWS, round(TOP_M / size.scale.depth_m))
 
 
-def _pooled_rows(grid: Grid) -> int:
-    return max(1, round(POOLED_M / grid.size.scale.depth_m))
+def _pooled_rows(size: GridSize) -> int:
+    return max(1, round(POOLED_M / size.scale.depth_m))
 
 
-@lru_cache(maxsize=8)
-def _slopes(ratio: float) -> Floats:
-    """Return the slopes to try, columns a row; `ratio` is a pixel's depth over its width."""
-    return np.linspace(-STEEPEST, STEEPEST, SLOPES) * ratio
+def _slopes(size: GridSize) -> Floats:
+    """Return the slopes to try, columns a row."""
+    return np.linspace(-STEEPEST, STEEPEST, SLOPES) * (size.scale.depth_m / size.scale.lateral_m)
 
 
-def _lengths(thin: Float, start: Reals, slopes: Floats) -> tuple[Float, Places]:
-    """Return the length of lines and their last rows, (slope, start) each.
-
-    A line's length is the largest sum, down to any row, of the light over LEAST_BRIGHT.
-    """
-    rows = np.arange(len(thin))[:, None]
-    place = np.rint(start + slopes[:, None, None] * (rows + 0.5)).astype(np.intp)
-    inside = (place >= 0) & (place < thin.shape[1])
-    shine = np.where(inside, thin[rows, place.clip(0, thin.shape[1] - 1)], np.float32(-0.5))
-    sums = np.cumsum(shine - np.float32(LEAST_BRIGHT), axis=1)
-    return sums.max(axis=1), sums.argmax(axis=1)
-
-
-def _edges(thin: Float, fine: Float, coarse: ShaftEdge, grid: Grid) -> list[ShaftEdge]:
+def _edges(thin: Singles, fine: Singles, coarse: ShaftEdge, size: GridSize) -> list[ShaftEdge]:
     """Return the shaft's edge near a coarse line, and the other edge if it is seen, the shaft's own one first.
 
     `thin` are the thin structures in the grid, `fine` structures in the frame's own columns.
     """
-    first = _refined(fine, coarse, grid)
-    widest = max(2, round(WIDEST_M / grid.size.scale.lateral_m))
-    deepest = coarse.row + round(WIDEST_M / grid.size.scale.depth_m)
+    first = _refined(fine, coarse, size)
+    widest = max(2, round(WIDEST_M / size.scale.lateral_m))
+    deepest = coarse.row + round(WIDEST_M / size.scale.depth_m)
     others = np.setdiff1d(np.arange(-widest, widest + 1), [-1, 0, 1]) + coarse.top
-    slopes = _slopes(grid.size.scale.depth_m / grid.size.scale.lateral_m)[::2]
-    other = _best(_without(thin[:deepest], coarse, 1.0), others, slopes, _pooled_rows(grid))
-    meets = abs(other.end - coarse.end) <= widest and abs(other.row - coarse.row) * grid.size.scale.depth_m <= WIDEST_M
+    other = _best(_without(thin[:deepest], coarse, 1.0), others, _slopes(size)[::2], _pooled_rows(size))
+    meets = abs(other.end - coarse.end) <= widest and abs(other.row - coarse.row) * size.scale.depth_m <= WIDEST_M
     if not meets or other.length < OTHER_SHARE * coarse.length:
         return [first]
-    second = _refined(_without(fine, first, NEAR_COLUMNS + 1.0), other, grid)
-    return _lower_first([first, second], widest * grid.size.step_columns / 4)
+    second = _refined(_without(fine, first, NEAR_COLUMNS + 1.0), other, size)
+    return _lower_first([first, second], widest * size.step_columns / 4)
 
 
-def _refined(fine: Float, coarse: ShaftEdge, grid: Grid) -> ShaftEdge:
+def _refined(fine: Singles, coarse: ShaftEdge, size: GridSize) -> ShaftEdge:
     """Return the line of the frame's own columns near one of the grid."""
-    step = grid.size.step_columns
+    step = size.step_columns
     near = (coarse.top + 0.5) * step - 0.5 + np.arange(-1.5 * step, 1.5 * step + 1)
-    spread = NEAR_SLOPES * 2.0 * STEEPEST / (SLOPES - 1) * grid.size.scale.depth_m / grid.size.scale.lateral_m * step
+    spread = NEAR_SLOPES * 2.0 * STEEPEST / (SLOPES - 1) * size.scale.depth_m / size.scale.lateral_m * step
     slopes = coarse.slope * step + np.linspace(-spread, spread, 2 * NEAR_SLOPES + 1)
-    deepest = coarse.row + round(MORE_M / grid.size.scale.depth_m)
+    deepest = coarse.row + round(MORE_M / size.scale.depth_m)
     return _straightened(fine, _best(fine[:deepest], near, slopes))
 
 
-def _without(thin: Float, edge: ShaftEdge, columns: float) -> Float:
+def _without(thin: Singles, edge: ShaftEdge, columns: float) -> Singles:
     """Return a picture without the light within some columns of an edge."""
     rows = np.arange(len(thin))[:, None]
     near = np.abs(np.arange(thin.shape[1]) - (edge.top + edge.slope * (rows + 0.5))) <= columns
@@ -338,30 +309,35 @@ def _without(thin: Float, edge: ShaftEdge, columns: float) -> Float:
 
 
 def _lower_first(edges: list[ShaftEdge], widest: float) -> list[ShaftEdge]:
-    """Put the edge first that is the shaft's: the longer one, of a bevel the lower one (it is held with its cut up).
-
-    The edges of a bevel lie farther apart at the top than at the end.
-    """
+    """Put the edge first that is the shaft's: the longer one, of a bevel the lower one (it is held with its cut up)."""
     left, right = sorted(edges, key=lambda edge: edge.top)
-    converging = right.top - left.top - abs(right.end - left.end) > widest
+    converging = right.top - left.top - abs(right.end - left.end) > widest  # as a bevel's edges do
     if converging and left.slope * right.slope > 0.0:
         return [right, left] if left.slope < 0.0 else [left, right]
     return sorted(edges, key=lambda edge: -edge.length)
 
 
-def _best(thin: Float, start: Floats, slopes: Floats, pooled_rows: int = 1) -> ShaftEdge:
-    """Return the longest bright line in a picture, with `pooled_rows` rows averaged."""
+def _best(thin: Singles, start: Floats, slopes: Floats, pooled_rows: int = 1) -> ShaftEdge:
+    """Return the longest bright line in a picture, with `pooled_rows` rows averaged.
+
+    A line's length is the largest sum, down to any row, of the light over LEAST_BRIGHT.
+    """
     if pooled_rows > 1:
-        size = thin.shape[1], max(1, len(thin) // pooled_rows)
-        thin = cast(Float, cv2.resize(thin, size, interpolation=cv2.INTER_AREA))
-    lengths, rows = _lengths(thin, start, slopes * pooled_rows)
-    best = int(lengths.argmax())
-    which, column = np.unravel_index(best, lengths.shape)
-    row, length = pooled_rows * (int(rows.flat[best]) + 1) - 1, pooled_rows * float(lengths.flat[best])
+        shape = thin.shape[1], max(1, len(thin) // pooled_rows)
+        thin = cast(Singles, cv2.resize(thin, shape, interpolation=cv2.INTER_AREA))
+    rows = np.arange(len(thin))[:, None]
+    place = np.rint(start + slopes[:, None, None] * pooled_rows * (rows + 0.5)).astype(np.intp)
+    inside = (place >= 0) & (place < thin.shape[1])
+    shine = np.where(inside, thin[rows, place.clip(0, thin.shape[1] - 1)], np.float32(-0.5))
+    sums = np.cumsum(shine - np.float32(LEAST_BRIGHT), axis=1)  # (slope, row, start)
+    lengths = sums.max(axis=1)
+    which, column = np.unravel_index(int(lengths.argmax()), lengths.shape)
+    row, length = int(sums[which, :, column].argmax()), float(lengths[which, column])
+    row, length = pooled_rows * (row + 1) - 1, pooled_rows * length
     return ShaftEdge(top=float(start[column]), slope=float(slopes[which]), row=row, length=length)
 
 
-def _straightened(fine: Float, edge: ShaftEdge) -> ShaftEdge:
+def _straightened(fine: Singles, edge: ShaftEdge) -> ShaftEdge:
     """Return the straight line through the light near an edge (weighted least squares)."""
     at = np.arange(fine.shape[1], dtype=np.float32)
     rows = np.arange(edge.row + 1)

@@ -12,9 +12,8 @@ Three rules, none of which knows the scale of the image:
 
 import numpy as np
 
-from scleraforce.arrays import Counts, Flags, Indices, Integers
+from scleraforce.arrays import Counts, Flags, Indices, Integers, Singles
 from scleraforce.compiled import compiled
-from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.loops import (
     best_path,
     best_rows,
@@ -85,7 +84,7 @@ def _extend_upwards(cells: Counts, black: float, pairs: Indices, margin: int, op
 
 
 @compiled
-def surface_score(tissue: Counts, depth: int, downwards: Float) -> Float:
+def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
     """Return the gain of a surface at the upper edge of each cell, (pair, row).
 
     `tissue` is of `opened_pairs`, `depth` the number of rows that a step is judged by, `downwards` the bonus of each
@@ -109,7 +108,7 @@ def surface_score(tissue: Counts, depth: int, downwards: Float) -> Float:
 
 
 @compiled
-def _scaled_level(tissue: Counts) -> Float:
+def _scaled_level(tissue: Counts) -> Singles:
     """Return the tissue over that of the bright one."""
     rows, pairs = tissue.shape
     sample, number = np.empty(tissue.size, np.uint16), 0
@@ -126,7 +125,7 @@ def _scaled_level(tissue: Counts) -> Float:
 
 
 @compiled
-def _depth_means(level: Float, depth: int) -> Float:
+def _depth_means(level: Singles, depth: int) -> Singles:
     """Return the mean of the `depth` rows above each row, from the first one to `depth` rows below the last."""
     rows, pairs = level.shape
     share, total, means = 1.0 / depth, np.empty(pairs), np.empty((rows + depth, pairs), np.float32)
@@ -141,7 +140,7 @@ def _depth_means(level: Float, depth: int) -> Float:
 
 
 @compiled
-def coarse_rows(score_cr: Float, reach: int) -> Integers:
+def coarse_rows(score_cr: Singles, reach: int) -> Integers:
     """Return the best path; if the best rows do not make one, it is found on the best of each four: quicker."""
     path = best_rows(score_cr)
     if is_path(path, reach):
@@ -165,7 +164,7 @@ def coarse_rows(score_cr: Float, reach: int) -> Integers:
 
 
 @compiled
-def start_rows(path: Integers, step_rows: int, place: Integers, weight: Float, rows: int) -> Float:
+def start_rows(path: Integers, step_rows: int, place: Integers, weight: Singles, rows: int) -> Singles:
     """Return a path at the fine columns, in rows of a frame, from its two neighbours' places and weights."""
     coarse, start, last = np.empty(len(path), np.float32), np.empty(len(place), np.float32), np.float32(rows - 1.0)
     for pair in range(len(path)):
@@ -179,8 +178,8 @@ def start_rows(path: Integers, step_rows: int, place: Integers, weight: Float, r
 
 @compiled
 def sample_strip(
-    frame: Counts, first: int, columns: Indices, across: Float, start: Float, half: int
-) -> tuple[Float, float]:
+    frame: Counts, first: int, columns: Indices, across: Singles, start: Singles, half: int
+) -> tuple[Singles, float]:
     """Return the light in a strip about a curve, (row, column), and the noise of a pixel above it.
 
     `start`: rows of the strip's middle, (column,); `half` of the strip's height. `frame` to `across` are as of
@@ -203,7 +202,7 @@ def sample_strip(
 
 
 @compiled
-def fit_edges(raw: Float, thin: int, start: Float) -> tuple[Float, Float]:
+def fit_edges(raw: Singles, thin: int, start: Singles) -> tuple[Singles, Singles]:
     """Return the rows of the best two-level fit along each column of a strip, and by how much it is brighter below.
 
     `raw`: light in the strip, (row, column); structures thinner than `thin` rows are removed.
@@ -235,7 +234,7 @@ def fit_edges(raw: Float, thin: int, start: Float) -> tuple[Float, Float]:
 
 
 @compiled
-def _smoothed_and_opened(raw: Float, thin: int) -> Float:
+def _smoothed_and_opened(raw: Singles, thin: int) -> Singles:
     """Return the mean of 3 x 3 neighbours, opened along the columns."""
     rows, columns = raw.shape
     strip, three = np.empty(raw.shape, np.float32), np.empty(columns, np.float32)
@@ -255,7 +254,7 @@ def _smoothed_and_opened(raw: Float, thin: int) -> Float:
 
 
 @compiled
-def smooth_surface(found: Float) -> None:
+def smooth_surface(found: Singles) -> None:
     """Take a median and a mean over five points of a surface, extrapolated along its slope."""
     number = len(found)
     if number < SMOOTHED:
@@ -275,7 +274,7 @@ def smooth_surface(found: Float) -> None:
 
 
 @compiled
-def _median_of_five(values: Float) -> np.float32:
+def _median_of_five(values: Singles) -> np.float32:
     """Return the median of five: of the lower of the larger ones and the larger of the lower ones, and the fifth."""
     a, b, c, d, e = values[0], values[1], values[2], values[3], values[4]
     low = max(min(a, b), min(c, d))  # the smallest of the four is not it
@@ -284,7 +283,7 @@ def _median_of_five(values: Float) -> np.float32:
 
 
 @compiled
-def show_points(row: Float, contrast: Float, missing: Flags, column: Float, deepest: float, widest: int) -> Flags:
+def show_points(row: Singles, contrast: Singles, missing: Flags, column: Singles, deepest: float, widest: int) -> Flags:
     """Return which points show a surface, or lie in a gap that it bridges.
 
     `missing`: columns of the frame's imaged part, `column`: columns of the points in it. A surface below row `deepest`
@@ -312,7 +311,7 @@ def show_points(row: Float, contrast: Float, missing: Flags, column: Float, deep
 
 
 @compiled
-def quantile_of_chosen(of: Float, chosen: Flags, share: float) -> np.float32:
+def quantile_of_chosen(of: Singles, chosen: Flags, share: float) -> np.float32:
     """Return the value that `share` of the chosen ones lie below, NaN of none."""
     values, number = np.empty_like(of), 0
     for at in range(len(of)):

@@ -15,8 +15,16 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.boundaries import FINE_COLUMNS, Workplace, fine_columns, look, workplace_for
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.found import LEAST_COVER, Segmentation, blank_fault, surface_fault, without_wall
-from scleraforce.segmentation.grid import LEAST_SHAPE, Grid, counts_of, grid_size, imaged_part
-from scleraforce.segmentation.light import NOT_LOGARITHMIC, Lit, as_logarithmic, find_lit, without_page
+from scleraforce.segmentation.light import (
+    LEAST_SHAPE,
+    NOT_LOGARITHMIC,
+    Lit,
+    as_logarithmic,
+    counts_of,
+    find_lit,
+    grid_size,
+    without_page,
+)
 from scleraforce.segmentation.needle import find_needle
 
 if TYPE_CHECKING:
@@ -73,9 +81,8 @@ def _first_wall(frame: Counts, is_bytes: bool, scale: PixelScale, lit: Lit) -> S
         return without_wall(frame.shape, fault)
     if not len(begin):
         return found
-    grid = Grid(cells, float(floor), grid_size(len(frame), len(part.missing), scale))
     shown = part.frame[:, part.first : part.first + len(part.missing)]
-    needle = find_needle(shown, grid, begin, left, part.columns)
+    needle = find_needle(shown, cells, grid_size(len(frame), len(part.missing), scale), begin, left, part.columns)
     if needle is None:
         return part.look(0)[1]
     beside = _beside(frame, part, (needle.hidden[0] - left, needle.hidden[1] - left))
@@ -88,27 +95,20 @@ def _first_wall(frame: Counts, is_bytes: bool, scale: PixelScale, lit: Lit) -> S
 
 
 class Part(NamedTuple):
-    """The imaged part of a frame: `frame` from its column `first` on, as many as `missing` has.
-
-    `left` is that column in the whole frame, of `columns`; what is `missing` has been filled from beside. `hidden`: the
-    span of the part's columns that a needle hides. `workplace` is the one for its size.
-    """
+    """The imaged part of a frame: `frame` from its column `first` on, as many as `missing` has."""
 
     frame: Counts
     first: int
-    left: int
-    columns: int
-    missing: Flags
+    left: int  # that column in the whole frame
+    columns: int  # of the whole frame
+    missing: Flags  # which have been filled from beside
     scale: PixelScale
     workplace: Workplace
     is_bytes: bool
-    hidden: tuple[int, int] | None
+    hidden: tuple[int, int] | None  # the span of the part's columns that a needle hides
 
     def look(self, brightest: int) -> tuple[tuple[Counts, int, bool, Integers], Segmentation]:
-        """Return the cells, their noise floor, whether they are saturated and where a needle may begin, and the wall.
-
-        It is not looked for where these need a closer look, unless `brightest` is 0.
-        """
+        """Return cells, their floor, whether they are saturated, where a needle may begin; and the wall: see `look`."""
         width, shape = len(self.missing), (len(self.frame), self.columns)
         behind = 0, 0
         if self.hidden is not None:
@@ -146,20 +146,24 @@ def lit_part(frame: Pixels, scale: PixelScale) -> Part | None:
 def _part(
     frame: Counts, is_bytes: bool, scale: PixelScale, left: int, missing: Flags, hidden: tuple[int, int] | None = None
 ) -> Part:
-    """Return the part of a frame from a column on, without its missing columns; neither end is missing."""
+    """Return the part of a frame from a column on, missing ones as the nearest that are not; neither end is missing."""
     size = scale.lateral_m, scale.depth_m, scale.refractive_index
-    workplace, columns = workplace_for(len(frame), len(missing), *size), frame.shape[1]
-    if not np.count_nonzero(missing):
-        return Part(frame, left, left, columns, missing, scale, workplace, is_bytes, hidden)
-    imaged = counts_of(imaged_part(frame, left, missing))
-    return Part(imaged, 0, left, columns, missing, scale, workplace, is_bytes, hidden)
+    workplace, (columns, first) = workplace_for(len(frame), len(missing), *size), (frame.shape[1], left)
+    if np.count_nonzero(missing):
+        filled, first = frame[:, left : left + len(missing)].copy(), 0
+        change = np.flatnonzero(missing[1:] != missing[:-1]) + 1
+        for start, end in zip(change[::2], change[1::2], strict=True):
+            middle = (start + end + 1) // 2
+            filled[:, start:middle] = filled[:, start - 1 : start]
+            filled[:, middle:end] = filled[:, end : end + 1]
+        frame = counts_of(filled)
+    return Part(frame, first, left, columns, missing, scale, workplace, is_bytes, hidden)
 
 
 def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
     """Return what a frame shows beside a needle that hides a span of its imaged part; None: hardly anything.
 
-    What it hides is filled from both sides, so that the paths that are looked for lead on behind it. A side that is
-    narrower than the smoothing of the surface is left out.
+    What it hides is filled from both sides, so that paths lead on behind it; too narrow a side is left out.
     """
     (first, after), missing = hidden, part.missing
     least = max(LEAST_SHAPE, round(LEAST_SIDE * len(missing)))

@@ -15,10 +15,10 @@ import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Flags, Floats, Places, Reals
+from scleraforce.arrays import Flags, Floats, Places, Reals, Singles
 from scleraforce.models import check_interface, run_network
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.grid import LEAST_SHAPE, Float
+from scleraforce.segmentation.light import LEAST_SHAPE
 from scleraforce.segmentation.loops import best_path
 from scleraforce.study import RawReaderStudy, WallFinderStudy
 
@@ -28,7 +28,7 @@ LEAST_LEVEL, LARGEST_LEVEL = -0.5, 1.5
 LEAST_CONTRAST = 1e-6  # of the counts of bright tissue
 
 
-def reduced_frame(frame: Pixels, rows: int, columns: int) -> Float:
+def reduced_frame(frame: Pixels, rows: int, columns: int) -> Singles:
     """Reduce a frame and scale its counts, shape (rows, columns); a frame without contrast is 0."""
     small = _resized(frame, rows, columns)
     lit = small[small > float(small.max()) * np.float32(BLACK_SHARE)]
@@ -42,7 +42,7 @@ def reduced_frame(frame: Pixels, rows: int, columns: int) -> Float:
     return np.clip((small - np.float32(low)) / np.float32(high - low), LEAST_LEVEL, LARGEST_LEVEL)
 
 
-def _resized(frame: Pixels, rows: int, columns: int) -> Float:
+def _resized(frame: Pixels, rows: int, columns: int) -> Singles:
     """Return the means of a frame in `rows` and `columns`; halves first, which is many times quicker."""
     while frame.shape[0] >= 2 * rows and frame.shape[1] >= columns and not frame.shape[0] % 2:
         frame = cast(Pixels, cv2.resize(frame, (frame.shape[1], frame.shape[0] // 2), interpolation=cv2.INTER_LINEAR))
@@ -81,7 +81,7 @@ class FrameWindow:
         """Centres of the columns, m from the middle, (column,)."""
         return np.asarray((np.arange(self.columns) + 0.5 - 0.5 * self.columns) * self.column_m)
 
-    def means(self, frame: Pixels, scale: PixelScale) -> Float:
+    def means(self, frame: Pixels, scale: PixelScale) -> Singles:
         """Return the mean count of each cell, (row, column); 0 where the frame does not reach.
 
         >>> window = FrameWindow(rows=2, columns=2, row_m=2e-6, column_m=1e-6)
@@ -96,16 +96,16 @@ class FrameWindow:
         )
         return _means_between(columns_at, _means_between(rows_at, frame).T).T
 
-    def reduced(self, frame: Pixels, scale: PixelScale) -> Float:
+    def reduced(self, frame: Pixels, scale: PixelScale) -> Singles:
         """Return the cells of a frame as a network sees them, (row, column); see `levels`."""
         return self.levels(self.means(frame, scale))
 
-    def levels(self, means: Float) -> Float:
+    def levels(self, means: Singles) -> Singles:
         """Return mean counts of cells with the noise at 0 and bright tissue at 1 (`reduced_frame`)."""
         return reduced_frame(means, self.rows, self.columns)  # type: ignore[arg-type]  # means of counts
 
 
-def _means_between(edges: Reals, values: NDArray[Any]) -> Float:
+def _means_between(edges: Reals, values: NDArray[Any]) -> Singles:
     """Return the means (cell, column) of rows (row, column) between increasing edges (cell + 1,), 0 beyond the rows."""
     inside = np.clip(edges, 0.0, len(values))
     whole = inside.astype(np.intp)
@@ -234,7 +234,7 @@ def _confirms(first: SeenWall, second: SeenWall) -> bool:
     return bool(np.median(off) < MOVED_THICKNESS * np.median((first.inner_row - first.outer_row)[both]))
 
 
-def _paths(probability: Float, wall: Float) -> tuple[Places, Places]:
+def _paths(probability: Singles, wall: Singles) -> tuple[Places, Places]:
     """Return the paths of both boundaries, (column,), from their rows' probabilities (2, row, column).
 
     Columns without wall do not constrain them. Thicknesses that end below the frame are alike, and where the upper
@@ -251,7 +251,7 @@ def _paths(probability: Float, wall: Float) -> tuple[Places, Places]:
     return outer, np.minimum(outer + thickness, score.shape[2] - 1)
 
 
-def _moved(probability: Float, path: Places) -> tuple[Floats, Floats]:
+def _moved(probability: Singles, path: Places) -> tuple[Floats, Floats]:
     """Return a boundary's rows near a path and their standard deviations, (column,), of probabilities (row, column)."""
     off = np.arange(-NEAR_ROWS, NEAR_ROWS + 1)[:, None]
     mean: Floats = path.astype(np.float64)
@@ -275,7 +275,7 @@ def _without_spikes(row: Floats, there: Flags) -> Floats:
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, SPIKE), axis=1)
 
 
-def smooth_path(score_cr: Float, cost: Float) -> Places:
+def smooth_path(score_cr: Singles, cost: Singles) -> Places:
     """Return the rows (column,) of the path with the largest sum of scores (column, row) less the cost of its steps.
 
     `cost` (column - 1,), not negative, is of a row's step between neighbouring columns. Both directions are run at
@@ -295,6 +295,6 @@ def smooth_path(score_cr: Float, cost: Float) -> Places:
         from_below = np.maximum.accumulate((before - down)[:, ::-1], axis=1)[:, ::-1]
         from_below += down
         after += np.maximum(from_above, from_below)  # a view of `total`
-    through: Float = total[:, 0] + total[::-1, 1] - score_cr
+    through: Singles = total[:, 0] + total[::-1, 1] - score_cr
     path: Places = through.argmax(axis=1)
     return path

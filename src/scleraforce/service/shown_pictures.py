@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scleraforce.arrays import Bytes, Counts, Flags, Integers
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.grid import counts_of
+from scleraforce.segmentation.light import counts_of
 
 GRID = 8  # rows and columns of blocks
 PAIRS = 32  # of neighbouring pixels in a row, in each block: one bit each
