@@ -27,7 +27,6 @@ from scleraforce.library.sealed import iop_ratio_under_force, pressures_at_dents
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
 from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.mechanics.locate import MANY
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.models import SHIPPED_READER
 from scleraforce.processes import available_cores
@@ -153,7 +152,7 @@ def tried(name: str) -> Finding:
 def compile_loops() -> None:
     """Compile all loops for all later processes."""
     _path()
-    build_mesh(12e-3, THICKNESS_M, divisions=2).locator.locate(np.tile([0.0, 0.1, 1.0], (MANY, 1)))
+    build_mesh(12e-3, THICKNESS_M, divisions=2).locator.locate(np.tile([0.0, 0.1, 1.0], (2, 1)))
     globe = sealed_globe(to_si(0.02, "mmhg13_per_ul")).over(MODULUS_PA)
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
     library = _reader().library

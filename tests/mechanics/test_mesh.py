@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError, StudyError
-from scleraforce.mechanics import locate as locate_module
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
 from scleraforce.mechanics.graded import graded_mesh, study_mesh, supported_mesh
@@ -397,17 +396,3 @@ def test_a_direction_that_misses_the_half_sphere_is_an_input_error(ray: list[flo
     mesh = build_mesh(R, T, divisions=2, level=0)
     with pytest.raises(InputError, match="direction"):
         mesh.locator.locate(np.array([[0.0, 0.0, 1.0], ray]))
-
-
-@pytest.mark.parametrize("kind", QUAD_KINDS)
-def test_compiled_loops_find_the_same_to_the_last_bit(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Few directions and many give the same recordings and data sets."""
-    rays = upward(20_000)
-    rays[:50, 2] = 0.0
-    found = []
-    for many in (10**9, 1):
-        monkeypatch.setattr(locate_module, "MANY", many)
-        found.append(build_mesh(R, T, divisions=4, level=1, **QUAD_KINDS[kind]).locator.locate(rays))
-    (quads, local), (quads_compiled, local_compiled) = found
-    np.testing.assert_array_equal(quads_compiled, quads)
-    np.testing.assert_array_equal(local_compiled, local)

@@ -12,9 +12,7 @@ OUTSIDE = 1e-9  # how far a local coordinate may exceed 1
 SEEDS_PER_QUAD = 4.0  # cells of the seed table along a quad
 NEWTON_STEPS = 12
 CONVERGED = 1e-7  # the next step is below 1e-14
-MANY = 10_000  # directions after which it pays to import the compiled loops; they find the same, to the last bit
 FEW = 400  # quads: comparing all of them is quicker than to import a tree
-LOST = "locate: a direction was not found on the surface"
 CROSSINGS = 12
 
 
@@ -37,7 +35,6 @@ class SurfaceLocator:
         side = np.sqrt(2.0 * np.pi / len(quad_qn))
         self._table_cells = int(np.ceil(2.0 * SEEDS_PER_QUAD / side))
         self._seeds = self._seed_table(self._frames_qkc[:, 2])
-        self._located = 0
 
     def locate(self, directions_dc: Floats) -> tuple[Integers, Floats]:
         """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction, 2) of every direction."""
@@ -54,45 +51,12 @@ class SurfaceLocator:
 
     def _locate_batch(self, directions_dc: Floats) -> tuple[Integers, Floats]:
         quads = self._seeds[self._cell(directions_dc)]
-        self._located += len(quads)
-        if self._located >= MANY:
-            # Imported here: Numba takes longer than a few directions do.
-            from scleraforce.mechanics.loops import cross_quads
+        from scleraforce.mechanics.loops import cross_quads  # not before something is solved: Numba takes 0.2 s
 
-            local, found = cross_quads(self._polynomials, self._frames_qkc, self._neighbours_qe, quads, directions_dc)
-            if not found:
-                raise SolverError(LOST)
-            return quads, np.clip(local, -1.0, 1.0)
-        local = self._newton(quads, directions_dc)
-        for _ in range(CROSSINGS):
-            x, y = local.T
-            beyond = np.stack([-y, x, y, -x], axis=1) - 1.0  # of the quad's edges: y = -1, x = 1, ...
-            beyond[self._neighbours_qe[quads] < 0] = -np.inf  # at the base only rounding leads outside
-            side = np.argmax(beyond, axis=1)
-            outside = np.flatnonzero(beyond[np.arange(len(quads)), side] > OUTSIDE)
-            if not len(outside):
-                return quads, np.clip(local, -1.0, 1.0)
-            quads[outside] = self._neighbours_qe[quads[outside], side[outside]]
-            local[outside] = self._newton(quads[outside], directions_dc[outside])
-        raise SolverError(LOST)
-
-    def _newton(self, quads: Integers, directions_dc: Floats) -> Floats:
-        """Return local coordinates in the (unbounded) plane of each given quad, shape (direction, 2)."""
-        along = np.einsum("pkc,pc->kp", self._frames_qkc[quads], directions_dc)
-        table = self._polynomials[..., quads]  # (power of x, power of y, axis, direction)
-        u = table[:, :, 0] - along[0] / along[2] * table[:, :, 2]
-        v = table[:, :, 1] - along[1] / along[2] * table[:, :, 2]
-        x, y = np.zeros(len(quads)), np.zeros(len(quads))
-        for _ in range(NEWTON_STEPS):
-            f, f_x, f_y = _biquadratic(u, x, y)
-            g, g_x, g_y = _biquadratic(v, x, y)
-            determinant = f_x * g_y - f_y * g_x
-            dx = (f_y * g - g_y * f) / determinant
-            dy = (g_x * f - f_x * g) / determinant
-            x, y = np.clip(x + dx, -2.0, 2.0), np.clip(y + dy, -2.0, 2.0)
-            if max(np.abs(dx).max(initial=0.0), np.abs(dy).max(initial=0.0)) < CONVERGED:
-                return np.stack([x, y], axis=1)
-        return np.stack([x, y], axis=1)
+        local, found = cross_quads(self._polynomials, self._frames_qkc, self._neighbours_qe, quads, directions_dc)
+        if not found:
+            raise SolverError("locate: a direction was not found on the surface")
+        return quads, np.clip(local, -1.0, 1.0)
 
     def _seed_table(self, middles_qc: Floats) -> Integers:
         """Quad with the nearest middle for every cell of the square around the stereographic disc, flat.
@@ -143,11 +107,3 @@ def _neighbours(quad_qn: Integers) -> Integers:
     neighbours = np.full(len(sides), -1)
     neighbours[order[pair]], neighbours[order[pair + 1]] = order[pair + 1] // 4, order[pair] // 4
     return neighbours.reshape(-1, 4)
-
-
-def _biquadratic(coefficients: Floats, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-    """Value and two derivatives of sum_ij c[i, j] x^i y^j, where c is (3, 3, point)."""
-    rows = [c[0] + y * (c[1] + y * c[2]) for c in coefficients]
-    slopes = [c[1] + 2.0 * y * c[2] for c in coefficients]
-    value = rows[0] + x * (rows[1] + x * rows[2])
-    return value, rows[1] + 2.0 * x * rows[2], slopes[0] + x * (slopes[1] + x * slopes[2])

@@ -1,4 +1,4 @@
-"""The loops of `locate`, compiled for many directions, with the same roundings."""
+"""The compiled loops of `locate`."""
 
 import numpy as np
 
@@ -18,8 +18,9 @@ def _local_coordinates(polynomials: Floats, frames_qkc: Floats, quads: Integers,
         quad = quads[n]
         for axis in range(3):
             frame = frames_qkc[quad, axis]
-            outer = frame[0] * directions_dc[n, 0] + frame[2] * directions_dc[n, 2]  # as einsum adds, to the last bit
-            along[axis] = outer + frame[1] * directions_dc[n, 1]
+            along[axis] = (
+                frame[0] * directions_dc[n, 0] + frame[2] * directions_dc[n, 2] + frame[1] * directions_dc[n, 1]
+            )
         a, b = along[0] / along[2], along[1] / along[2]
         for i in range(3):
             for j in range(3):
