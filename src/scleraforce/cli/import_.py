@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +24,7 @@ OPEN = "-"  # leaves an optional question open
 UNITS = {"_mm": "mm", "_um": "µm"}
 
 
-def _given(key: str) -> Quantity:
-    return Quantity(key, in_si=False)
-
-
+_given = partial(Quantity, in_si=False)
 OPTIONS = (
     click.option("--axes", metavar="NAME,NAME,...", help="Order of the axes frame, depth and lateral in an array or "
                  "volume; of pictures frame,lateral,depth where A-scans lie along the rows."),
@@ -193,6 +191,6 @@ def _answer(name: str, question: "Question", kind: "click.ParamType[Any]") -> An
     unit = next((f", in {printed}" for ending, printed in UNITS.items() if name.endswith(ending)), "")
     words = f"{question.words}{unit}{f' ({OPEN}: not known)' if question.optional else ''}"
     default = OPEN if question.optional else None
-    if (offered := question.offered()) is not None:
-        words, default = f"{words}; the first frames show {offered:g}", f"{offered:g}"
+    if question.offered is not None:
+        words, default = f"{words}; the first frames show {question.offered:g}", f"{question.offered:g}"
     return click.prompt(words, default=default, value_proc=checked, err=True)

@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
-from functools import cache, partial
 from hashlib import file_digest
 from pathlib import Path
 from typing import Any
@@ -58,7 +57,7 @@ class Question:
     options: str
     fault: Callable[[Any], str | None] = lambda _: None  # returns why an answer is wrong
     optional: bool = False  # may stay open (None)
-    offered: Callable[[], float | None] = lambda: None  # returns the sources' suggestion for an optional question
+    offered: float | None = None  # the sources' suggestion for an optional question
 
 
 # By the name of the option's value, in the order in which they are asked.
@@ -152,12 +151,12 @@ def complete(
             if asker is None or not questions:
                 raise
             asker.again(wrong)
-    name, value, offered = "thickness_um", answers.thickness_um, cache(partial(measured_um, done.info.oct))
+    name, value = "thickness_um", answers.thickness_um
     source = origins.get(name, ANSWER)
     if value is None and asker is not None:
-        value = asker.missing({name: replace(QUESTIONS[name], offered=offered)}).get(name)
-        if value is not None and offered.cache_info().currsize and value == offered():
-            source = "measured on the first frames"
+        shown_um = measured_um(done.info.oct)
+        value = asker.missing({name: replace(QUESTIONS[name], offered=shown_um)}).get(name)
+        source = "measured on the first frames" if value == shown_um else source
     if value is None:
         note = "the wall's thickness is not stated: `calibrate` needs it, and readings are less sure (--thickness-um)"
         return done.with_notes([note])
