@@ -225,7 +225,7 @@ def clocked(monkeypatch: pytest.MonkeyPatch):
         clients.append(ClockedClient(monitor, hear))
         return clients[-1]
 
-    monkeypatch.setattr(player_module, "ScannerClient", client)
+    monkeypatch.setattr("scleraforce.cli.replay.ScannerClient", client)
     return monitor, clients
 
 

@@ -9,29 +9,36 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import cv2
+import numpy as np
 
+import scleraforce as sf
 from scleraforce.cli.options import EYE, FRAME_SIZE, LEAN_DEFAULT, PATH, PLANE, options, parse_plane
 from scleraforce.cli.output import Command, Report, each_of, is_json, progress_bar, say
 from scleraforce.errors import InputError
+from scleraforce.known import NOTHING_KNOWN, Known, completed
 from scleraforce.plain_text import wrapped
+from scleraforce.recording import folder
+from scleraforce.recording.folder import Plane, ScaledFrame, Scanner
+from scleraforce.recording.pixels import Pixels
+from scleraforce.recording.sources import files_of
+from scleraforce.segmentation.found import Segmentation, draw_overlay
+from scleraforce.segmentation.needle import needle_entry
 from scleraforce.study import OctStudy
 from scleraforce.units import from_si
+from scleraforce.whole_files import KINDS, read_bytes, renamed_when_whole
 
-if TYPE_CHECKING:
-    from scleraforce.known import Known
+if TYPE_CHECKING:  # with ONNX Runtime and Numba
     from scleraforce.notebook.frames import Reading
     from scleraforce.reader.answer import Answer
-    from scleraforce.recording.folder import Plane, ScaledFrame
-    from scleraforce.recording.pixels import Pixels
-    from scleraforce.segmentation.found import Segmentation
 
-    Moment = tuple[tuple[Path, Plane | None], ...]
-    Look = Callable[[Path], tuple[ScaledFrame, Segmentation]]
-
+Moment = tuple[tuple[Path, Plane | None], ...]
+Look = Callable[[Path], tuple[ScaledFrame, Segmentation]]
+Value = float | str | None
 # Places of the needle that `read` prints, with their units.
 PLACES = {"contact_mm": " mm", "dent_mm": " mm", "gap_mm": " mm", "lean_deg": "°"}
 # The known inputs that `read` prints: their names and units for people, and the value of an eye in the unit of the key.
-KNOWN: "Mapping[str, tuple[str, str, Callable[[Known], Value]]]" = {
+KNOWN: Mapping[str, tuple[str, str, Callable[[Known], Value]]] = {
     "youngs_modulus_mpa": ("modulus", " MPa", lambda eye: from_si(eye.modulus.mean_pa if eye.modulus else None, "mpa")),
     "iop_mmhg": ("IOP", " mmHg", lambda eye: from_si(eye.iop_pa, "mmhg")),
     "thickness_um": ("thickness", " µm", lambda eye: from_si(eye.thickness_m, "um")),
@@ -49,7 +56,6 @@ ONLY_IF_KNOWN = ("lean_deg", "stiffening", "rigidity_mmhg13_per_ul")
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".dcm")  # of a folder that is not a recording
 GUESS, OVERLAY = ".guess.png", ".overlay.png"
 ENDINGS = (".png", GUESS, OVERLAY, ".guess.overlay.png")  # of the pictures that `segment` may write for a frame
-Value = float | str | None
 
 
 @click.command(cls=Command)
@@ -90,7 +96,6 @@ def segment(
     scleraforce segment my-scans --sheet sheet.png
     """
     import scleraforce.notebook.frames as notebook
-    from scleraforce.recording.folder import Scanner
 
     if out is None and (overlay or sheet is None):
         raise click.UsageError("--out is missing: the folder for masks and overlays; only a --sheet needs none")
@@ -145,26 +150,20 @@ def _masks(given: Sequence[Path], out: Path | None, sheet: Path | None) -> dict[
 
 def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
     """Return the frames of a recording, of a folder of images, or the one at a path, with their recording."""
-    from scleraforce.recording.folder import read_recording, recording_of
-    from scleraforce.recording.sources import files_of
-
     if not os.path.isdir(path):
-        return [(path, recording_of(path))]
+        return [(path, folder.recording_of(path))]
     if (path / "recording.toml").exists():
-        recording = read_recording(path)
+        recording = folder.read_recording(path)
         return [(recording.frame_path(entry), path) for entry in recording.frames]
     images = [file for file in files_of([path]) if file.suffix.lower() in IMAGES]
     if not images:
         raise InputError(f"{path}: neither a recording.toml nor images ({', '.join(IMAGES)}) in this folder")
-    return [(file, recording_of(file)) for file in images]
+    return [(file, folder.recording_of(file)) for file in images]
 
 
 def _segment_frame(
-    path: Path, mask: Path | None, look: "Look", transpose: bool, overlay: bool, force: bool
+    path: Path, mask: Path | None, look: Look, transpose: bool, overlay: bool, force: bool
 ) -> dict[str, Any]:
-    from scleraforce.segmentation.found import draw_overlay
-    from scleraforce.segmentation.needle import needle_entry
-
     frame, found = look(path)
     if mask is not None:
         mask, other = (mask, mask.with_suffix(GUESS)) if found.usable else (mask.with_suffix(GUESS), mask)
@@ -187,13 +186,8 @@ def _segment_frame(
     }
 
 
-def _write(path: Path, others: Sequence[Path], picture: "Pixels", force: bool) -> None:
+def _write(path: Path, others: Sequence[Path], picture: Pixels, force: bool) -> None:
     """Write a picture under the name for its verdict; `others`, of the other verdict, never exist at the same time."""
-    import cv2
-    import numpy as np
-
-    from scleraforce.whole_files import KINDS, read_bytes, renamed_when_whole
-
     data = cv2.imencode(".png", np.ascontiguousarray(picture))[1].tobytes()
     for one in (path, *others):
         if not force and one.exists() and read_bytes(one, KINDS["frame"]) != data:
@@ -205,7 +199,7 @@ def _write(path: Path, others: Sequence[Path], picture: "Pixels", force: bool) -
             other.unlink(missing_ok=True)
 
 
-def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: "Look") -> None:
+def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: Look) -> None:
     """Draw frames with the walls of both methods, which are found again: all pictures need not be kept."""
     from scleraforce.report.files import write_figure
     from scleraforce.report.frame_figures import MOST, WORST, draw_sheet, sheet_frame, shown_on_sheet
@@ -314,11 +308,8 @@ def read(
     --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
     --globe open
     """
-    import scleraforce as sf
-    from scleraforce.known import NOTHING_KNOWN
     from scleraforce.notebook.frames import check_calibrated, given_eye, readings, summary_of_calibration
     from scleraforce.reader.answer import unusable
-    from scleraforce.recording.folder import Scanner
     from scleraforce.segmentation.given import GIVEN_SD_ROWS
 
     for path in filter(os.path.isdir, frames):
@@ -332,7 +323,7 @@ def read(
     loaded = cache(lambda: sf.load_model(model, wall_finder=wall_finder))
     summary = None if calibration is None else summary_of_calibration(calibration)
 
-    def answer(moment: "Moment") -> "list[Reading]":
+    def answer(moment: Moment) -> "list[Reading]":
         for path, _ in moment:
             os.stat(path)  # a missing frame is reported before the model is loaded
         paths, placed = [path for path, _ in moment], [plane for _, plane in moment if plane]
@@ -369,13 +360,12 @@ def read(
     return Report({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries}, lines, faults)
 
 
-def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list["Moment"]:
+def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[Moment]:
     """Return the frames that are read together, each with its plane: one for each, or one frame of each plane."""
-    from scleraforce.recording.folder import Plane, check_planes, stated_plane
 
     def stated(path: Path) -> "tuple[Path, float, Plane] | None":
         try:
-            return None if os.path.isdir(path) or not path.exists() else stated_plane(path)
+            return None if os.path.isdir(path) or not path.exists() else folder.stated_plane(path)
         except (InputError, OSError):  # reported with the frame
             return None
 
@@ -395,7 +385,7 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list["
             raise InputError(f"--plane: {plane.name!r} is given twice, at two places")
         of_plane.setdefault(plane.name, []).extend(frames[first - 1 : end - 1])
     try:
-        check_planes(tuple(planes.values()))
+        folder.check_planes(tuple(planes.values()))
     except InputError as fault:
         raise InputError(f"--plane: {str(fault).removeprefix('plane: ')}") from None
     counts = {name: len(paths) for name, paths in of_plane.items()}
@@ -449,7 +439,7 @@ def _input_words(key: str, value: Value, source: str) -> str:
     return f"{name} {value if isinstance(value, str) else f'{value:.4g}{unit}'} ({source})"
 
 
-def _scale_entry(frame: "ScaledFrame") -> dict[str, Any]:
+def _scale_entry(frame: ScaledFrame) -> dict[str, Any]:
     width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
     return {
         "width_mm": {"value": from_si(width.value, "mm"), "source": width.source},
@@ -458,7 +448,7 @@ def _scale_entry(frame: "ScaledFrame") -> dict[str, Any]:
     }
 
 
-def _size_words(frame: "ScaledFrame") -> str:
+def _size_words(frame: ScaledFrame) -> str:
     """Return the scale for people, equal sources once: "15 x 4 mm (recording.toml), refractive index 1 (option)"."""
     width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
     mm = [f"{from_si(extent.value, 'mm'):.4g}" for extent in (width, depth)]
@@ -470,8 +460,6 @@ def _size_words(frame: "ScaledFrame") -> str:
 
 def _known(one: "Reading") -> dict[str, dict[str, Any]]:
     """Return value and source of each known input; of stiffening, k and lean only if they are known."""
-    from scleraforce.known import completed
-
     sources = {"option": one.given, "recording.toml": completed(one.given, one.stated), "calibration": one.known}
     found = {}
     for key, (_, _, value_of) in KNOWN.items():

@@ -5,20 +5,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
 from scleraforce.cli.options import GLOBE, PATH, Quantity, added
 from scleraforce.cli.output import Command, Report, count_bar, is_json
+from scleraforce.models import SHIPPED_READER
 from scleraforce.plain_text import wrapped
+from scleraforce.recording.importing import Asker, Import, Question, answers_like, provenance
+from scleraforce.recording.pixels import TOP, UnansweredError
+from scleraforce.recording.sources import OPTION, ImportOptions
 from scleraforce.units import from_si
-
-if TYPE_CHECKING:
-    from scleraforce.recording.importing import Asker, Import, Question
-    from scleraforce.recording.pixels import UnansweredError
-    from scleraforce.recording.sources import ImportOptions
 
 OPEN = "-"  # leaves an optional question open
 UNITS = {"_mm": "mm", "_um": "µm"}
@@ -62,8 +61,6 @@ OPTIONS = (
 
 def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path | None:
     if folder is not None:
-        from scleraforce.recording.importing import answers_like
-
         ctx.default_map = answers_like(folder)
     return folder
 
@@ -92,10 +89,7 @@ def import_(
 
     Example: scleraforce import scan.dcm forces.csv --out eye-3 --like eye-2
     """
-    from scleraforce.models import SHIPPED_READER
-    from scleraforce.notebook.importing import PREVIEW, write_imported
-    from scleraforce.recording.importing import provenance
-    from scleraforce.recording.sources import OPTION, ImportOptions
+    from scleraforce.notebook.importing import PREVIEW, write_imported  # with ONNX Runtime and Numba
 
     words = {ParameterSource.COMMANDLINE: OPTION, ParameterSource.DEFAULT_MAP: f"like {like}"}
     origins = {name: words[origin] for name in ctx.params if (origin := ctx.get_parameter_source(name)) in words}
@@ -118,9 +112,7 @@ def import_(
     )
 
 
-def _lines(done: "Import") -> list[str]:
-    from scleraforce.recording.pixels import TOP
-
+def _lines(done: Import) -> list[str]:
     scan, scanner, source, greys, log = done.gathered.scan, done.info.oct, done.sources, done.greys, done.log
     count = "1 frame" if len(scan.names) == 1 else f"{len(scan.names)} frames"
     first_s, last_s = done.times.time_s[0], done.times.time_s[-1]
@@ -146,13 +138,11 @@ def _lines(done: "Import") -> list[str]:
     return [*found, *(f"note: {note}" for note in done.gathered.notes)]
 
 
-def _asker(kinds: "Mapping[str, click.ParamType[Any]]") -> "Asker | None":
-    from scleraforce.recording.importing import Asker
-
+def _asker(kinds: Mapping[str, click.ParamType[Any]]) -> Asker | None:
     if is_json() or not _can_ask():
         return None
 
-    def ask(questions: "Mapping[str, Question]") -> dict[str, Any]:
+    def ask(questions: Mapping[str, Question]) -> dict[str, Any]:
         return {name: _answer(name, question, kinds[name]) for name, question in questions.items()}
 
     return Asker(_settle, ask, lambda fault: click.echo(f"error: {fault}", err=True))
@@ -162,7 +152,7 @@ def _can_ask() -> bool:
     return sys.stdin.isatty() and sys.stderr.isatty()
 
 
-def _settle(answers: "ImportOptions", open_point: "UnansweredError") -> "ImportOptions":
+def _settle(answers: ImportOptions, open_point: UnansweredError) -> ImportOptions:
     click.echo(str(open_point), err=True)
     name = open_point.option.removeprefix("--").replace("-", "_")
     if name == "by_arrival":
@@ -179,7 +169,7 @@ def _column(short: str) -> str:
     return f"{short}={answer.strip().removeprefix(f'{short}=')}"
 
 
-def _answer(name: str, question: "Question", kind: "click.ParamType[Any]") -> Any:
+def _answer(name: str, question: Question, kind: click.ParamType[Any]) -> Any:
     def checked(text: str) -> Any:
         if question.optional and text.strip() == OPEN:
             return None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import scleraforce as sf
 from scleraforce.cli.options import PATH, options
 from scleraforce.cli.output import Command, Report, count_bar, is_json, say
 from scleraforce.plain_text import wrapped
@@ -92,7 +93,6 @@ def calibrate(
         )
         result = {"model": str(out), "from": str(model), "stretches": list(map(asdict, found)), "notes": notes}
         return Report(result, [*_stretches(found), f"wrote {out}"])
-    import scleraforce as sf
     from scleraforce.calibration.result import calibration_as_json, calibration_lines
 
     calibration = sf.calibrate(
@@ -139,8 +139,6 @@ def evaluate(
     model of kind "reader" uses an eye's own modulus if the calibration has it,
     otherwise the population's; a classifier knows one modulus only.
     """
-    import scleraforce as sf
-
     reader = sf.load_model(model, wall_finder=wall_finder)
     evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
     if html is not None:

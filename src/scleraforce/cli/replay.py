@@ -5,27 +5,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+import numpy as np
 
 from scleraforce.cli.options import PATH, options
 from scleraforce.cli.output import Command, is_json, is_quiet, print_json, say
 from scleraforce.errors import InputError, LinkError
+from scleraforce.recording.folder import Recording, read_recording, true_forces
+from scleraforce.recording.labels import label_frames
+from scleraforce.recording.tables import FrameEntry
+from scleraforce.replay.faults import FAULTS, FaultReport, draw_fault_time, inject, prepare
+from scleraforce.replay.player import AHEAD, AnswerLog, Change, Player, ScannerClient
+from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
-
-if TYPE_CHECKING:
-    from scleraforce.recording.folder import Recording
-    from scleraforce.recording.tables import FrameEntry
-    from scleraforce.replay.faults import FaultReport
-    from scleraforce.replay.player import AnswerLog, Change, Player
 
 LIVE_S = 0.1  # between two renewals of the live line
 
 
 def _fault(context: click.Context, _: click.Parameter, value: str | None) -> str | None:
-    from scleraforce.replay.faults import FAULTS
-
     if value == "list":
         for name, fault in FAULTS.items():
             click.echo(f"{name:17}{fault.line}")
@@ -71,12 +70,6 @@ def replay(
 
     Example: scleraforce replay moving-eye --fault frozen
     """
-    import numpy as np
-
-    from scleraforce.recording.folder import read_recording
-    from scleraforce.replay.faults import draw_fault_time, inject, prepare
-    from scleraforce.replay.player import AHEAD, AnswerLog, Player, ScannerClient
-
     if step and (fault or speed):
         raise click.UsageError("--step goes with neither --speed nor --fault")
     if fault_at_s is not None and not fault:
@@ -110,21 +103,14 @@ def replay(
         raise LinkError(f"{client.address}: no withdrawal after the fault {fault}")
 
 
-def _true_frame_forces(recording: "Recording") -> list[float] | None:
+def _true_frame_forces(recording: Recording) -> list[float] | None:
     """Return the force at each frame from truth.json, N; None if it lacks one, or does not exist."""
-    from scleraforce.recording.folder import true_forces
-
     true = true_forces(recording.path)
     return [true[entry.file] for entry in recording.frames] if {e.file for e in recording.frames} <= set(true) else None
 
 
-def _logged_frame_forces(recording: "Recording") -> list[float] | None:
+def _logged_frame_forces(recording: Recording) -> list[float] | None:
     """Return the force at each frame from the force log, N, interpolated between labels; None without a log."""
-    import numpy as np
-
-    from scleraforce.recording.labels import label_frames
-    from scleraforce.study import ClassesStudy
-
     trials = label_frames(recording, ClassesStudy())
     labels = [(trial.time_s, trial.measured_force_n) for trial in trials if trial.measured_force_n is not None]
     if not labels:
@@ -135,7 +121,7 @@ def _logged_frame_forces(recording: "Recording") -> list[float] | None:
 
 
 class _Show:
-    def __init__(self, recording: "Recording", log: "AnswerLog", forces_n: Sequence[float] | None, quiet: bool) -> None:
+    def __init__(self, recording: Recording, log: AnswerLog, forces_n: Sequence[float] | None, quiet: bool) -> None:
         self._recording, self._log, self._forces_n, self._quiet = recording, log, forces_n, quiet
         self._live = not quiet and sys.stderr.isatty()
         self._shown, self._renewed_s = 0, monotonic()
@@ -153,14 +139,14 @@ class _Show:
             self._renewed_s = monotonic()
             click.echo(f"\r\x1b[K{self._answer_line()}", err=True, nl=False)
 
-    def wait_for_enter(self, entry: "FrameEntry") -> bool:
+    def wait_for_enter(self, entry: FrameEntry) -> bool:
         """Print the last answer and wait for Enter; return False at the end of the input."""
         if self._log.frames_sent and not self._quiet:
             say(self._answer_line())
         click.echo(f"Enter sends {entry.file} ", err=True, nl=False)
         return bool(sys.stdin.readline())
 
-    def end(self, player: "Player", report: "FaultReport | None") -> None:
+    def end(self, player: Player, report: FaultReport | None) -> None:
         result = self._summary(player, report)
         if is_json():
             print_json(result)
@@ -187,9 +173,7 @@ class _Show:
         words += [f"{from_si(self._log.answers[-1].took_s, 'ms'):.2f} ms"] if self._log.answers else []
         return ", ".join([*words, status.message])
 
-    def _summary(self, player: "Player", report: "FaultReport | None") -> dict[str, Any]:
-        import numpy as np
-
+    def _summary(self, player: Player, report: FaultReport | None) -> dict[str, Any]:
         log = self._log
         took_ms = from_si(np.array([answer.took_s for answer in log.answers]), "ms")
         latency_ms = np.percentile(took_ms, (50, 99, 100)).tolist() if len(took_ms) else None
@@ -211,7 +195,7 @@ class _Show:
             "fault": None if report is None else self._fault_record(report),
         }
 
-    def _change_record(self, change: "Change") -> dict[str, Any]:
+    def _change_record(self, change: Change) -> dict[str, Any]:
         known = change.frame is not None and 0 < change.frame <= len(self._recording.frames)
         index = (change.frame or 1) - 1
         record = asdict(change) | {
@@ -223,7 +207,7 @@ class _Show:
         record |= {"answers_frame": record.pop("answers"), "after_ms": from_si(record.pop("after_s"), "ms")}
         return record
 
-    def _fault_record(self, report: "FaultReport") -> dict[str, Any]:
+    def _fault_record(self, report: FaultReport) -> dict[str, Any]:
         delay = {"withdraws": report.delay_s is not None, "delay_ms": from_si(report.delay_s, "ms")}
         words = {"code": report.code, "cause": report.cause, "message": report.message}
         words |= {"cause_is_of_the_fault": report.expected}

@@ -2,6 +2,7 @@
 
 import json
 import os
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from textwrap import fill
@@ -12,10 +13,23 @@ import click
 from scleraforce.cli.options import PATH, options
 from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
+from scleraforce.plain_json import finite
 from scleraforce.plain_text import wrapped
+from scleraforce.recording.export import (
+    Row,
+    csv_text,
+    frame_rows,
+    read_answers,
+    with_answers,
+    write_mcap,
+    write_sequence,
+)
+from scleraforce.recording.folder import read_recording
+from scleraforce.recording.importing import clock_origin_s
+from scleraforce.study import ClassesStudy, format_record
+from scleraforce.whole_files import write_whole
 
 if TYPE_CHECKING:
-    from scleraforce.recording.export import Row
     from scleraforce.report.shown import Thing
 
 TABLES = (".csv", ".json")
@@ -82,8 +96,6 @@ def export(thing: Path, out: Path, answers: Path | None, force: bool) -> Report:
 
 
 def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
-    from scleraforce.recording.export import read_answers
-
     if answers is not None:
         raise InputError(f"--answers: {thing} is a file of answers already; give a recording folder for THING")
     rows = read_answers(thing)
@@ -95,13 +107,6 @@ def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
 
 
 def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
-    import tomllib
-
-    from scleraforce.recording.export import frame_rows, read_answers, with_answers, write_mcap, write_sequence
-    from scleraforce.recording.folder import read_recording
-    from scleraforce.recording.importing import clock_origin_s
-    from scleraforce.study import ClassesStudy, format_record
-
     recording, kind = read_recording(thing), out.suffix.lower()
     if kind == ".nrrd":
         if answers is not None:
@@ -118,11 +123,7 @@ def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
     return len(rows)
 
 
-def _write_table(stated: Mapping[str, Any], rows: "list[Row]", out: Path) -> None:
-    from scleraforce.plain_json import finite
-    from scleraforce.recording.export import csv_text
-    from scleraforce.whole_files import write_whole
-
+def _write_table(stated: Mapping[str, Any], rows: list[Row], out: Path) -> None:
     if out.suffix.lower() == ".csv":
         write_whole(csv_text(rows), out)
     else:

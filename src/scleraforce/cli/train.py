@@ -8,9 +8,13 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+import scleraforce as sf
 from scleraforce.cli.options import PATH, chosen_workers, options
 from scleraforce.cli.output import Command, Report, count_bar, resumable_bar, say
+from scleraforce.known.calibration_file import read_calibration
+from scleraforce.models import read_folder
 from scleraforce.study import Study
+from scleraforce.study.unused import refuse_unused
 
 
 @click.command(cls=Command)
@@ -28,7 +32,6 @@ def library(study: Study, out: Path, scheduler: str | None, workers: int | None)
     """
     from scleraforce.library.build import build_library
     from scleraforce.library.plan import plan_library
-    from scleraforce.study.unused import refuse_unused
 
     refuse_unused(study, "library")
     with resumable_bar(out, "load paths", "library", plan_library(study).units) as advance:
@@ -53,10 +56,8 @@ def generate(
     it is computed once (a minute). The same command resumes an interrupted run.
     The data set does not depend on the number of workers.
     """
-    from scleraforce.known.calibration_file import read_calibration
     from scleraforce.learning.generate import generate_dataset
     from scleraforce.notebook.calibrating import library_for
-    from scleraforce.study.unused import refuse_unused
 
     kind = mechanics or study.mechanics.kind
     refuse_unused(study, "generate", kind)
@@ -131,9 +132,6 @@ def train(
     if search and kind != "classifier":
         raise click.UsageError(f"--search is for --kind classifier: a {kind} has the sizes of [{section}]")
     start = time.perf_counter()
-    import scleraforce as sf
-    from scleraforce.models import read_folder
-    from scleraforce.study.unused import refuse_unused
 
     if dataset_path is None:
         from scleraforce.learning.train import train_wall_finder

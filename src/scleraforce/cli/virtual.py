@@ -8,13 +8,16 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 from click.core import ParameterSource
 
+import scleraforce as sf
 from scleraforce import __version__
 from scleraforce.cli.options import FRAME_SIZE, PATH, PLANE, Quantity, in_si, new_file, options, parse_plane
 from scleraforce.cli.output import Command, Report, count_bar, progress_bar, share_bar
 from scleraforce.errors import FrameError, InputError
 from scleraforce.plain_text import wrapped
+from scleraforce.recording.folder import ScaledFrame, Scanner
 from scleraforce.study import PhantomStudy, Study
 from scleraforce.study.fields import field_key, field_unit
 from scleraforce.units import from_si, to_si
@@ -24,7 +27,6 @@ if TYPE_CHECKING:
     from scleraforce.laboratory.scanner import MeasuredScanner
     from scleraforce.laboratory.scanner_display import ImagedEye
     from scleraforce.laboratory.virtual_eye import SimulatedEye
-    from scleraforce.recording.folder import ScaledFrame, Scanner
     from scleraforce.segmentation.wall_finder import WallFinder
 
 STUDYS = "the study's"
@@ -53,7 +55,6 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
     """
     if (given["force_n"] is None) is (given["displacement_m"] is None):
         raise click.UsageError("give either --force-mn or --displacement-mm")
-    import scleraforce as sf
     from scleraforce.laboratory.virtual_eye import write_vtu
     from scleraforce.notebook.virtual import declared
 
@@ -155,7 +156,6 @@ def phantom(
     A needle that a robot moves, at 100 frames a second:
     scleraforce phantom --out moving --rate-hz 100 --forces-mn 20,5,35 --ramp-mn-per-s 15
     """
-    import scleraforce as sf
     from scleraforce.notebook.virtual import declared, given
 
     study = declared(study, *(values.pop(key) for key in ("mechanics", "globe", "rigidity_pa13_per_m3")))
@@ -221,7 +221,6 @@ def scanner(
     --out study.toml
     """
     from scleraforce.laboratory.scanner import measure_scanner
-    from scleraforce.recording.folder import Scanner
 
     measured = measure_scanner(_imaged(frames, Scanner(**size), transpose, bits, wall_finder))
     picture = out.with_suffix(".png")
@@ -232,10 +231,9 @@ def scanner(
 
 
 def _imaged(
-    frames: Sequence[Path], size: "Scanner", transpose: bool, bits: int | None, finder: Path | None
+    frames: Sequence[Path], size: Scanner, transpose: bool, bits: int | None, finder: Path | None
 ) -> "Iterator[ImagedEye]":
     from scleraforce.notebook.frames import finder_of, scaled
-    from scleraforce.recording.folder import Scanner
 
     network = finder_of(finder)
     first: tuple[Any, ...] = ()
@@ -248,7 +246,7 @@ def _imaged(
         yield eye
 
 
-def _eye(path: Path, frame: "ScaledFrame", given: int | None, finder: "WallFinder | None") -> "ImagedEye":
+def _eye(path: Path, frame: ScaledFrame, given: int | None, finder: "WallFinder | None") -> "ImagedEye":
     from scleraforce.laboratory.scanner_display import ImagedEye
     from scleraforce.segmentation.wall import find_wall
 
@@ -269,8 +267,6 @@ def _eye(path: Path, frame: "ScaledFrame", given: int | None, finder: "WallFinde
 
 
 def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, picture: Path) -> float:
-    import numpy as np
-
     from scleraforce.laboratory.scanner import drawn_alike, histogram_overlap, oct_of, study_text
     from scleraforce.report.files import write_figure
     from scleraforce.report.frame_figures import draw_scanner
