@@ -17,16 +17,8 @@ from scleraforce.calibration.known_forces import Finite, KnownForce, NotNegative
 from scleraforce.calibration.registration import NUISANCES, PoseBelief
 from scleraforce.calibration.roukf import Posterior
 from scleraforce.errors import CalibrationError
-from scleraforce.known import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy, KnownGlobe
-from scleraforce.known.calibration_file import (
-    CALIBRATION_FORMAT,
-    WRITER,
-    CalibrationFile,
-    Line,
-    converted,
-    globe_entry,
-    summary_of_eye,
-)
+from scleraforce.known import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy, KnownGlobe, calibration_file
+from scleraforce.known.calibration_file import WRITER, CalibrationFile, Line, converted
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.plain_text import wrapped
 from scleraforce.units import HumanUnit, from_si
@@ -236,7 +228,7 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
     """Return the JSON of a calibration's file and of `calibrate --json`."""
     mean_pa, sd_pa = calibration.population
     return {
-        "format": CALIBRATION_FORMAT,
+        "format": calibration_file.CALIBRATION_FORMAT,
         "scleraforce": __version__,
         "mechanics": calibration.mechanics,
         "study_sha256": calibration.study_sha256,
@@ -256,7 +248,7 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "mean_mpa": from_si(eye.mean_pa, "mpa"),
         "sd_mpa": from_si(eye.sd_pa, "mpa"),
         "thickness_um": from_si(eye.thickness_m, "um"),
-        "globe": globe_entry(eye.globe),
+        "globe": calibration_file.globe_entry(eye.globe),
         "stiffening": eye.stiffening,
         "relaxation": eye.relaxation and vars(eye.relaxation),
         "lean_deg": from_si(eye.lean_rad, "deg"),
@@ -341,7 +333,7 @@ class _Saved(msgspec.Struct):
 
 
 def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
-    summary, saved = summary_of_eye(entry, place), converted(entry, _Saved, place)
+    summary, saved = calibration_file.summary_of_eye(entry, place), converted(entry, _Saved, place)
     if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
         raise CalibrationError(f"{place}.parameters: expected youngs_modulus_pa, and others of {known}; {WRITER}")

@@ -19,19 +19,11 @@ from scleraforce.known import Known
 from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
 from scleraforce.laboratory.reduced_bscans import draw_reduced
-from scleraforce.learning import samples
+from scleraforce.learning import samples, virtual_eyes
 from scleraforce.learning.descent import Fitted, Losses, Progress, drawn_ahead, tensor, torch, trained
 from scleraforce.learning.reader import ReaderNetwork, compared, fit_reader, reader_loss, targets
 from scleraforce.learning.samples import RawSamples, Source, concatenated
-from scleraforce.learning.virtual_eyes import (
-    FRAMES,
-    EyeScores,
-    VirtualEye,
-    eye_scores,
-    network_score,
-    of_population,
-    wall_depths,
-)
+from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
 from scleraforce.library.slices import column_laterals
@@ -226,7 +218,7 @@ def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Stud
     return compared(read, concatenated(parts), study)
 
 
-def measuring_raw(study: Study, library: Library, network: bytes) -> EyeScores:
+def measuring_raw(study: Study, library: Library, network: bytes) -> virtual_eyes.EyeScores:
     """Return the function that scores an eye, for a process; `network`: of the frames, as ONNX."""
     reads_frames = networks.ForceNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE, raw=True)
 
@@ -234,12 +226,12 @@ def measuring_raw(study: Study, library: Library, network: bytes) -> EyeScores:
         forces_n = rng.uniform(0.0, eye.largest_n, FRAMES)
         frames = _frames(eye, forces_n, study, rng)
         return [
-            network_score(reads_frames.read(frame[None], given), given, str(number), float(force_n))
-            for given in (known, of_population(eye, study, rng))
+            virtual_eyes.network_score(reads_frames.read(frame[None], given), given, str(number), float(force_n))
+            for given in (known, virtual_eyes.of_population(eye, study, rng))
             for frame, force_n in zip(frames, forces_n, strict=True)
         ]
 
-    return partial(eye_scores, study, library, study.raw_reader.seed, scores)
+    return partial(virtual_eyes.eye_scores, study, library, study.raw_reader.seed, scores)
 
 
 def _frames(eye: VirtualEye, forces_n: Floats, study: Study, rng: np.random.Generator) -> Float:
@@ -247,6 +239,6 @@ def _frames(eye: VirtualEye, forces_n: Floats, study: Study, rng: np.random.Gene
     reader, window = study.reader, FrameWindow.of(study.raw_reader)
     framing = reader.lateral_m, reader.surface_depth_m, reader.rotation_rad
     poses = (np.array([*(draw(values, rng) for values in framing), 0.0, 0.0]) for _ in forces_n)
-    depth_sbc = wall_depths(eye, forces_n, poses, window.laterals_m)
+    depth_sbc = virtual_eyes.wall_depths(eye, forces_n, poses, window.laterals_m)
     optics = [draw_optics(study, None, rng) for _ in forces_n]
     return draw_reduced(depth_sbc, optics, study.oct, window, rng)[0]

@@ -19,17 +19,9 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack
 
 from scleraforce.arrays import Bytes, Floats
+from scleraforce.calibration import forces as labels
 from scleraforce.calibration.assimilation import Skipped, begin, known_after, step
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
-from scleraforce.calibration.forces import (
-    LABEL_SD_N,
-    PUSH_N,
-    REST_SD_N,
-    ZERO_PRIOR,
-    FrameForces,
-    frame_order,
-    zero_line,
-)
 from scleraforce.calibration.known_forces import TissueTrial, search, settled
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.registration import PoseBelief, place_section
@@ -193,7 +185,7 @@ def calibrated(
     forces_n = labelled.force_n
     least_n, wanted = study.calibration.min_force_n, CALIBRATED if chosen is None else len(chosen)
     if chosen is None:
-        order = frame_order(forces_n, [True] * len(frames), least_n, wanted, rising=True)
+        order = labels.frame_order(forces_n, [True] * len(frames), least_n, wanted, rising=True)
     else:
         order = sorted(chosen, key=lambda place: float(forces_n[place]))
     poses = dict[Boundaries, PoseBelief]()
@@ -228,16 +220,16 @@ def calibrated(
     return replace(known, stiffening=stiffening), left
 
 
-def label_forces(forces_n: Floats, rng: np.random.Generator) -> FrameForces:
+def label_forces(forces_n: Floats, rng: np.random.Generator) -> labels.FrameForces:
     """Return true forces (frame,), in the order of the pushes, with a log's noise and the rest of its sensor's zero."""
     time_s = FRAME_EVERY_S * np.arange(1, len(forces_n) + 1, dtype=np.float64)
-    offset_n, drift_n_per_s = np.sqrt(np.diag(ZERO_PRIOR)) * rng.standard_normal(2)
-    rests_s = 0.5 * (time_s[:-1] + time_s[1:])[np.minimum(forces_n[:-1], forces_n[1:]) > PUSH_N]
-    rests_n = offset_n + drift_n_per_s * rests_s + REST_SD_N * rng.standard_normal(len(rests_s))
-    zero, covariance = zero_line(rests_s, rests_n)
+    offset_n, drift_n_per_s = np.sqrt(np.diag(labels.ZERO_PRIOR)) * rng.standard_normal(2)
+    rests_s = 0.5 * (time_s[:-1] + time_s[1:])[np.minimum(forces_n[:-1], forces_n[1:]) > labels.PUSH_N]
+    rests_n = offset_n + drift_n_per_s * rests_s + labels.REST_SD_N * rng.standard_normal(len(rests_s))
+    zero, covariance = labels.zero_line(rests_s, rests_n)
     left_n = offset_n - zero[0] + (drift_n_per_s - zero[1]) * time_s
-    labels_n = forces_n + left_n + LABEL_SD_N * rng.standard_normal(len(forces_n))
-    return FrameForces(labels_n, time_s, zero, covariance)
+    labels_n = forces_n + left_n + labels.LABEL_SD_N * rng.standard_normal(len(forces_n))
+    return labels.FrameForces(labels_n, time_s, zero, covariance)
 
 
 def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:

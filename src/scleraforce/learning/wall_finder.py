@@ -16,17 +16,7 @@ from scleraforce.arrays import Flags, Floats
 from scleraforce.laboratory.scenes import Scene, draw_scene
 from scleraforce.learning.descent import Fitted, Losses, Progress, drawn_ahead, onnx_bytes, tensor, torch, trained
 from scleraforce.reader.metrics import dice
-from scleraforce.segmentation.wall_finder import (
-    BEYOND_SHARE,
-    FINDER_FRAMES,
-    FINDER_ROWS,
-    FINDER_WALL,
-    SeenWall,
-    WallFinder,
-    reduced_columns,
-    reduced_frame,
-    rows_about,
-)
+from scleraforce.segmentation import wall_finder as finders
 from scleraforce.study import Study, WallFinderStudy
 
 Float = NDArray[np.float32]
@@ -103,7 +93,9 @@ class _Reads(torch.nn.Module):
 def finder_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> bytes:
     """Return the network as an ONNX model; `segmentation.wall_finder` describes its inputs and outputs."""
     frames = torch.zeros(2, network.rows, network.columns)
-    return onnx_bytes(_Reads(network).eval(), {FINDER_FRAMES: frames}, [FINDER_ROWS, FINDER_WALL], provenance)
+    return onnx_bytes(
+        _Reads(network).eval(), {finders.FINDER_FRAMES: frames}, [finders.FINDER_ROWS, finders.FINDER_WALL], provenance
+    )
 
 
 @dataclass(frozen=True)
@@ -129,19 +121,23 @@ def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
     """Draw a scene, and return its part of a `SceneBatch`."""
     scene, finder = draw_scene(study.scenes, number), study.wall_finder
     top, bottom = _shown_rows(scene, np.random.default_rng([study.scenes.seed, number, LOOK]))
-    own = np.rint(reduced_columns(scene.frame.shape[1], finder.columns // 2)).astype(np.intp)
+    own = np.rint(finders.reduced_columns(scene.frame.shape[1], finder.columns // 2)).astype(np.intp)
     truth = np.stack([scene.outer_row[own], scene.inner_row[own]])
     reduced = (truth - top + 0.5) * finder.rows / (bottom - top) - 0.5
     boundaries = np.clip(reduced, 0.0, finder.rows - 1.0).astype(np.float32)  # kept inside of the reduced frame
     weight = scene.judged[own] + np.float32(COVERED_WEIGHT) * scene.covered[own]
-    return reduced_frame(scene.frame[top:bottom], finder.rows, finder.columns), boundaries, weight
+    return finders.reduced_frame(scene.frame[top:bottom], finder.rows, finder.columns), boundaries, weight
 
 
 def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
     """Return the rows of a scene that are learned from: all of them or, in some, the rows of a second look."""
     there, rows = np.isfinite(scene.outer_row), len(scene.frame)
-    share, chosen = BEYOND_SHARE * rng.uniform(0.5, 2.0), rng.random() < SECOND_LOOKS
-    close = rows_about(scene.outer_row[there], scene.inner_row[there], rows, share) if chosen and there.any() else None
+    share, chosen = finders.BEYOND_SHARE * rng.uniform(0.5, 2.0), rng.random() < SECOND_LOOKS
+    close = (
+        finders.rows_about(scene.outer_row[there], scene.inner_row[there], rows, share)
+        if chosen and there.any()
+        else None
+    )
     return close or (0, rows)
 
 
@@ -187,7 +183,7 @@ def finder_loss(
     return entropy + RANKED_WEIGHT * below.square().sum(dim=1).mean() + WALL_WEIGHT * wall
 
 
-def measure_finder(finder: WallFinder, study: Study) -> dict[str, float]:
+def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]:
     """Return `metrics` of `model.json`, of `[wall_finder] validation_scenes` new scenes.
 
     Dice of the scenes that show wall, its 5th percentile too; median errors of the boundaries in reduced rows; coverage
@@ -214,7 +210,7 @@ def measure_finder(finder: WallFinder, study: Study) -> dict[str, float]:
     }
 
 
-def seen_mask(seen: SeenWall, shape: tuple[int, ...]) -> Flags:
+def seen_mask(seen: finders.SeenWall, shape: tuple[int, ...]) -> Flags:
     """Return the pixels of a frame that a network's wall covers, (row, column)."""
     column, row = np.arange(shape[1]), np.arange(shape[0])[:, None]
     outer, inner = (np.interp(column, seen.column, curve) for curve in (seen.outer_row, seen.inner_row))
@@ -226,7 +222,7 @@ def scene_dice(found: Flags, scene: Scene) -> float:
     return dice(found[:, scene.judged], scene.mask[:, scene.judged])
 
 
-def _errors(scene: Scene, seen: SeenWall, rows: int) -> Floats:
+def _errors(scene: Scene, seen: finders.SeenWall, rows: int) -> Floats:
     """Return the errors of both boundaries in reduced rows, and in their standard deviations, (4, column)."""
     at, last = seen.frame_column, len(scene.frame) - 1.0
     both = np.isfinite(scene.outer_row[at]) & seen.there
