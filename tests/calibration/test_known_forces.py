@@ -384,10 +384,10 @@ class Calibrating:
     tried: list[tuple[float, bool]] = field(default_factory=list)
     frames: list[int | None] = field(default_factory=list)
 
-    def __call__(self, recording: Any, way: Any, _frames: Any, earlier: Any, count: Callable[[int], None]) -> Any:
+    def __call__(self, recording: Any, way: Any, _frames: Any, earlier: Any) -> Any:
         self.frames.append(way.frames)
         self.tried.append((way.library.stiffening, earlier is not None))
-        count(len(recording.frames))
+        way.count(len(recording.frames))
         if self.fault is not None:
             raise CalibrationError(f"{self.fault} {len(self.tried)}")
         loss = self.loss(log1p(way.library.stiffening))

@@ -48,12 +48,15 @@ class _StepCount:
     """Counts down the steps of an eye's calibration and reports them."""
 
     left: int
-    progress: Callable[[int], object] | None
+    progress: Callable[[int], object]
 
     def __call__(self, steps: int) -> None:
         self.left -= steps
-        if self.progress is not None:
-            self.progress(steps)
+        self.progress(steps)
+
+
+def _silent(_: int) -> None:
+    """Count no steps."""
 
 
 class EyeFrames:
@@ -96,7 +99,7 @@ class EyeFrames:
 
 @dataclass(frozen=True)
 class Settings:
-    """The arguments of `calibrate_recordings`; `parameters` are the filter's."""
+    """The arguments of `calibrate_recordings`; `parameters` are the filter's; `count` is called with steps done."""
 
     study: Study
     library: Library | None
@@ -104,6 +107,7 @@ class Settings:
     stiffening_sought: bool
     frames: int | None
     finder: WallFinder | None
+    count: Callable[[int], object] = _silent
 
 
 def calibrate_recordings(
@@ -132,17 +136,16 @@ def calibrate_recordings(
         raise CalibrationError("parameters: linear mechanics knows no tissue that stiffens; leave out stiffening")
     mechanics = "linear" if library is None else "finite-strain"
     if earlier is not None and earlier.mechanics != mechanics:
-        raise CalibrationError(
-            f"the earlier calibration has {earlier.mechanics} mechanics, not {mechanics}; name the same"
-        )
+        wrong = f"the earlier calibration has {earlier.mechanics} mechanics, not {mechanics}"
+        raise CalibrationError(f"{wrong}; name the same")
     of_filter = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
     settings = Settings(study, library, of_filter, STIFFENING in parameters, frames, finder)
     eyes = {} if earlier is None else dict(earlier.eyes)
     for recording in recordings:
         eye_id = recording.info.eye.id
-        count = _StepCount(passes * len(recording.frames), progress)
-        eyes[eye_id] = _of_eye(recording, settings, eyes.get(eye_id), count)
+        count = _StepCount(passes * len(recording.frames), progress or _silent)
+        eyes[eye_id] = _of_eye(recording, replace(settings, count=count), eyes.get(eye_id))
         count(count.left)
     mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
     return Calibration(mine, study_sha256, study.classes.bounds_n, mechanics)
@@ -154,9 +157,7 @@ def calibration_passes(library: Library | None, parameters: tuple[str, ...] | No
     return most_trials(library) + 1 if sought and library is not None else 1
 
 
-def _of_eye(
-    recording: Recording, settings: Settings, before: EyeCalibration | None, count: _StepCount
-) -> EyeCalibration:
+def _of_eye(recording: Recording, settings: Settings, before: EyeCalibration | None) -> EyeCalibration:
     """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
     stated = recording.info.eye.globe
     if before is not None and before.state is None:
@@ -164,11 +165,11 @@ def _of_eye(
     used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
     frames = EyeFrames(recording, settings, used, _known_relaxation(recording, before))
     if before is not None and stated == before.globe.kind == "open" and before.globe.can_be_sealed:
-        return _as_open(_of_tissue(_without_globe(recording), settings, frames, before, count))
-    found = _of_tissue(recording, settings, frames, before, count)
+        return _as_open(_of_tissue(_without_globe(recording), settings, frames, before))
+    found = _of_tissue(recording, settings, frames, before)
     if found.status == "ok" or before is not None or settings.library is None or stated is None:
         return found
-    other = _of_tissue(_without_globe(recording), settings, frames, None, _StepCount(0, None))
+    other = _of_tissue(_without_globe(recording), replace(settings, count=_silent), frames, None)
     if other.status != "ok":
         return found
     if stated == "open" and other.globe.mean < max(SEALED.lowest, SURE_SEALED * other.globe.sd):
@@ -212,28 +213,26 @@ def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
 
 
 def _of_tissue(
-    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None, count: _StepCount
+    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None
 ) -> EyeCalibration:
     """Calibrate an eye with the walls of the tissue that explains its frames best, or of the known one."""
     library = settings.library
     frames.poses.clear()
     if library is not None and earlier is None and settings.stiffening_sought:
-        return _of_sought_tissue(recording, settings, library, frames, count)
+        return _of_sought_tissue(recording, settings, library, frames)
     if library is not None:
         stiffening = settings.study.tissue.stiffening if earlier is None else earlier.stiffening
         library = library.for_stiffening(stiffening)
-    return calibrate_eye(recording, replace(settings, library=library), frames, earlier, count).found
+    return calibrate_eye(recording, replace(settings, library=library), frames, earlier).found
 
 
-def _of_sought_tissue(
-    recording: Recording, settings: Settings, library: Library, frames: EyeFrames, count: _StepCount
-) -> EyeCalibration:
+def _of_sought_tissue(recording: Recording, settings: Settings, library: Library, frames: EyeFrames) -> EyeCalibration:
     faults = list[CalibrationError]()
     more = len(recording.frames) > SOUGHT_ON and (settings.frames is None or settings.frames > SOUGHT_ON)
 
     def calibrate(of_tissue: Library, wanted: int | None) -> TissueTrial[EyeCalibration]:
         with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
-            return calibrate_eye(recording, replace(settings, library=of_tissue, frames=wanted), frames, None, count)
+            return calibrate_eye(recording, replace(settings, library=of_tissue, frames=wanted), frames, None)
 
     def attempt(of_tissue: Library) -> TissueTrial[EyeCalibration] | None:
         try:
@@ -250,15 +249,15 @@ def _of_sought_tissue(
 
 
 def calibrate_eye(
-    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None, count: _StepCount
+    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue; of one that leaks, anew with the pressures that this gives."""
-    found, library = _calibrate_eye(recording, settings, frames, earlier, count, None), settings.library
+    found, library = _calibrate_eye(recording, settings, frames, earlier, None), settings.library
     for _ in range(LEAK_ROUNDS if recording.info.eye.leak_time_s else 0):
         if library is None or found.found.status != "ok":
             break
         rests_pa = _rests_pa(recording, settings.study, library, frames, found.found)
-        found = _calibrate_eye(recording, settings, frames, earlier, _StepCount(0, None), rests_pa)
+        found = _calibrate_eye(recording, replace(settings, count=_silent), frames, earlier, rests_pa)
     return found
 
 
@@ -284,12 +283,7 @@ def _rests_pa(recording: Recording, study: Study, library: Library, frames: EyeF
 
 
 def _calibrate_eye(
-    recording: Recording,
-    settings: Settings,
-    frames: EyeFrames,
-    earlier: EyeCalibration | None,
-    count: _StepCount,
-    rests_pa: Floats | None,
+    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None, rests_pa: Floats | None
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye, whose frames have resting pressures of their own if it leaks."""
     study, library = settings.study, settings.library
@@ -324,8 +318,8 @@ def _calibrate_eye(
             mean_pa, sd_pa = modulus.mean_pa, modulus.sd_pa
             frame = FrameRecord(recording=path, file=file, sha256=sha256, force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa)
             records.append(_recorded(frame, found))
-        count(1)
-    count(len(trials) - len(order))
+        settings.count(1)
+    settings.count(len(trials) - len(order))
     missed_n = [record.force_n for record in records if record.skipped is not None]
     used_n = [record.force_n for record in records if record.skipped is None]
     doubts = (
