@@ -9,7 +9,7 @@ from hypothesis import given, strategies as st
 
 from calibration_eyes import drawn_eye
 from scleraforce.calibration.assimilation import begin_with, eye_filter, moments, step
-from scleraforce.calibration.eye_model import Parameter, ParameterSpace, stated_wall
+from scleraforce.calibration.eye_model import ParameterSpace, stated_wall
 from scleraforce.calibration.registration import (
     BY_DEPTH,
     BY_LATERAL,
@@ -106,7 +106,8 @@ def test_the_true_modulus_lies_within_two_sd_for_at_least_90_percent_of_30_eyes(
 
 @given(mean=st.floats(1e-3, 1e6), ratio=st.floats(0.01, 3.0), positive=st.booleans())
 def test_prior_has_the_moments_that_were_asked_for(mean: float, ratio: float, positive: bool) -> None:
-    space = ParameterSpace((Parameter("x", mean=mean, sd=ratio * mean, positive=positive),))
+    numbers = np.array([mean]), np.array([ratio * mean]), np.array([positive]), np.array([False])
+    space = ParameterSpace(("x",), *numbers)
     (found_mean,), (found_sd,) = space.moments(*space.prior())
     assert found_mean == pytest.approx(mean)
     assert found_sd == pytest.approx(ratio * mean)

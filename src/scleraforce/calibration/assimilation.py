@@ -16,7 +16,7 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.calibration import registration, roukf
-from scleraforce.calibration.eye_model import EyeConstants, Parameter, ParameterSpace, known_of_constants, stated_wall
+from scleraforce.calibration.eye_model import EyeConstants, ParameterSpace, known_of_constants, stated_wall
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.library_eye import LibraryEye, library_eye, without_form
 from scleraforce.known import Known, KnownGlobe, Modulus, correlation_of, within_bounds
@@ -85,15 +85,14 @@ def eye_filter(
         "thickness": (model.constants.thickness_m, study.thickness_sd_m),
         "gap": (max(model.constants.gap_m, 1e-5), study.gap_sd_m),
     }
-    chosen = [(PARAMETERS[name], *priors[name]) for name in parameters]
-    unknown = [Parameter(name, mean=mean, sd=sd, positive=study.positive) for name, mean, sd in chosen]
+    unknown = [(PARAMETERS[name], *priors[name], study.positive, False) for name in parameters]
     globe = model.constants.globe
     if globe.can_be_sealed:
-        unknown.append(Parameter(RIGIDITY, mean=globe.mean, sd=globe.sd, positive=False, either_sign=True))
-    params = roukf.FilterParams(
-        roukf.sigma_points(study.sigma_points, len(unknown)), study.iterations, gate=study.gate_sd, inflate=True
-    )
-    return EyeFilter(model, ParameterSpace(tuple(unknown)), params, study)
+        unknown.append((RIGIDITY, globe.mean, globe.sd, False, True))
+    names, *columns = zip(*unknown, strict=True)
+    points = roukf.sigma_points(study.sigma_points, len(unknown))
+    params = roukf.FilterParams(points, study.iterations, gate=study.gate_sd, inflate=True)
+    return EyeFilter(model, ParameterSpace(names, *map(np.array, columns)), params, study)
 
 
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
@@ -212,7 +211,7 @@ def _start(eye: EyeFilter, state: EyeState, fit: registration.Registered) -> Flo
 def _with_modulus(eye: EyeFilter, coordinates: Floats, modulus_pa: float) -> Floats:
     """Return coordinates (p,) of the filter, changed to another modulus."""
     changed, place = coordinates.copy(), eye.space.names.index(PARAMETERS["e"])
-    ratio = modulus_pa / eye.space.parameters[place].mean
+    ratio = modulus_pa / eye.space.means[place]
     changed[place] = np.log(ratio) if eye.study.positive else ratio
     return changed
 

@@ -6,7 +6,7 @@ unit, the prior's mean, only keeps the coordinates of order one.
 """
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from math import log, prod, sqrt
 
 import numpy as np
@@ -17,77 +17,52 @@ from scleraforce.known import OPEN, Known, KnownGlobe, Modulus
 SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One uncertain parameter: its name, the mean and standard deviation of its prior (SI).
-
-    `positive`: it is lognormal. `either_sign`: it may be negative.
-    """
-
-    name: str
-    _: KW_ONLY
-    mean: float
-    sd: float
-    positive: bool = True
-    either_sign: bool = False
-
-    def __post_init__(self) -> None:
-        if not (self.sd > 0 and self.mean != 0 and (self.mean > 0 or not self.positive)):
-            raise ValueError(f"{self.name}: a prior needs a mean that is not zero and a positive standard deviation")
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ParameterSpace:
-    """The uncertain parameters of a filter, in their order.
+    """The uncertain parameters of a filter: their names, means and standard deviations of their priors (p,), SI.
 
-    >>> space = ParameterSpace((Parameter("youngs_modulus_pa", mean=0.49e6, sd=0.34e6),))
-    >>> mean, covariance = space.prior()
-    >>> [round(float(v[0])) for v in space.moments(mean, covariance)]
+    Some are `lognormal` (p,), some may be of `either_sign` (p,); of the others only positive values exist.
+
+    >>> yes, no = np.array([True]), np.array([False])
+    >>> space = ParameterSpace(("youngs_modulus_pa",), np.array([0.49e6]), np.array([0.34e6]), yes, no)
+    >>> [round(float(v[0])) for v in space.moments(*space.prior())]
     [490000, 340000]
     """
 
-    parameters: tuple[Parameter, ...]
+    names: tuple[str, ...]
+    means: Floats
+    sds: Floats
+    lognormal: Flags
+    either_sign: Flags
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return tuple(entry.name for entry in self.parameters)
+    def __post_init__(self) -> None:
+        if not ((self.sds > 0) & (self.means != 0) & ((self.means > 0) | ~self.lognormal)).all():
+            wanted = "means that are not zero and positive standard deviations"
+            raise ValueError(f"{', '.join(self.names)}: priors need {wanted}, not {self.means} and {self.sds}")
 
     def prior(self) -> tuple[Floats, Floats]:
         """Return mean (p,) and covariance (p, p) of the prior in the filter's coordinates."""
-        means, variances = [], []
-        for entry in self.parameters:
-            ratio = (entry.sd / entry.mean) ** 2
-            means.append(-log(1 + ratio) / 2 if entry.positive else 1.0)
-            variances.append(log(1 + ratio) if entry.positive else ratio)
-        return np.array(means), np.diag(variances)
+        ratios = [(sd / mean) ** 2 for sd, mean in zip(self.sds.tolist(), self.means.tolist(), strict=True)]
+        logs = np.array([log(1 + ratio) for ratio in ratios])
+        return np.where(self.lognormal, -logs / 2, 1.0), np.diag(np.where(self.lognormal, logs, ratios))
 
     def values(self, coordinates: Floats) -> Floats:
         """Return the parameters (..., p) in SI for coordinates (..., p)."""
-        scaled = np.where(self._positive, np.exp(np.where(self._positive, coordinates, 0.0)), coordinates)
-        return scaled * self._units
+        scaled = np.where(self.lognormal, np.exp(np.where(self.lognormal, coordinates, 0.0)), coordinates)
+        return scaled * self.means
 
     def exist(self, values: Floats) -> Flags:
         """Return True for each row of values (..., p), SI, that an eye can have."""
-        free = np.array([entry.either_sign for entry in self.parameters])
-        return np.asarray((np.isfinite(values) & ((values > 0) | free)).all(axis=-1))
+        return np.asarray((np.isfinite(values) & ((values > 0) | self.either_sign)).all(axis=-1))
 
     def moments(self, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Return means (p,) and standard deviations (p,) in SI of coordinates with the given Gaussian."""
         variance = np.diag(covariance)
-        lognormal_mean = np.exp(np.where(self._positive, mean + variance / 2, 0.0))
-        lognormal_sd = lognormal_mean * np.sqrt(np.expm1(np.where(self._positive, variance, 0.0)))
-        means = np.where(self._positive, lognormal_mean, mean)
-        sds = np.where(self._positive, lognormal_sd, np.sqrt(variance))
-        return means * self._units, sds * np.abs(self._units)
-
-    @property
-    def _positive(self) -> Flags:
-        return np.array([entry.positive for entry in self.parameters])
-
-    @property
-    def _units(self) -> Floats:
-        return np.array([entry.mean for entry in self.parameters])
+        lognormal_mean = np.exp(np.where(self.lognormal, mean + variance / 2, 0.0))
+        lognormal_sd = lognormal_mean * np.sqrt(np.expm1(np.where(self.lognormal, variance, 0.0)))
+        means = np.where(self.lognormal, lognormal_mean, mean)
+        sds = np.where(self.lognormal, lognormal_sd, np.sqrt(variance))
+        return means * self.means, sds * np.abs(self.means)
 
 
 def spread(values: Sequence[float]) -> tuple[float, float | None]:
