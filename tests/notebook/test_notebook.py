@@ -1,6 +1,7 @@
 """The functions of a notebook: frames, calibrations and imports as the commands do them."""
 
 import inspect
+import re
 from dataclasses import fields
 from math import radians
 from pathlib import Path
@@ -40,6 +41,17 @@ def test_an_array_is_read_as_the_reader_reads_it() -> None:
     answer = read(force_reader(), FRAME, youngs_modulus_pa=KNOWN.modulus.mean_pa, **given, **SIZE)
     assert answer.force_n == pytest.approx(expected.force_n, rel=0.01)
     assert answer.usable
+
+
+def test_a_result_prints_as_one_short_line() -> None:
+    reader, blank = force_reader(), np.zeros_like(FRAME)
+    answers = [reader.read(pixels, SCALE, KNOWN) for pixels in (FRAME, blank)]
+    walls = [segment(pixels, **SIZE) for pixels in (FRAME, blank)]
+    lines = [repr(one) for one in (*answers, *walls, reader, reader.study, reader.library)]
+    assert all("\n" not in line and len(line) < 120 for line in lines), lines
+    assert lines[0].startswith("<Answer: class 1, ")
+    assert "not usable: the frame is empty" in lines[1]
+    assert re.fullmatch(r"<Segmentation: wall of 6\d\d µm, usable>", lines[2])
 
 
 def test_a_declared_globe_decides_the_pressure_at_the_dent() -> None:

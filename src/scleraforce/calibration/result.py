@@ -146,6 +146,10 @@ class Calibration:
     bounds_n: tuple[float, ...]
     mechanics: str
 
+    def __repr__(self) -> str:
+        found = ", ".join(f"{eye.id} {from_si(eye.mean_pa, 'mpa'):.3f}" for eye in self.eyes.values())
+        return f"<Calibration, {self.mechanics}: E of {found} MPa>"
+
     @property
     def population(self) -> tuple[float, float | None]:
         """Mean and spread of the eyes' mean moduli, in Pa; one eye has no spread."""

@@ -24,7 +24,7 @@ from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.study import PhantomStudy, Study, draw
 from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
-from scleraforce.units import STANDARD_GRAVITY_M_S2
+from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 from scleraforce.whole_files import renamed_when_whole
 
 SACCADE_S = 1.0  # from one saccade to the next
@@ -374,6 +374,9 @@ class SimulatedEye:
     pressure_pa: float
     slice: Bytes
     window: SliceWindow
+
+    def __repr__(self) -> str:
+        return f"<SimulatedEye: {from_si(self.force_n, 'mn'):.1f} mN, dent of {from_si(self.dent_m, 'mm'):.2f} mm>"
 
 
 def simulate_eye(

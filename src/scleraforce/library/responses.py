@@ -178,6 +178,10 @@ class Library:
     stiffening: float = 0.0
     stiffened: StiffenedWalls | None = None
     weights: InitVar["SplineWeights | None"] = None  # of its walls, where another library has them already
+
+    def __repr__(self) -> str:
+        return f"<Library: {len(self.thickness_m) * len(self.tension)} load paths of {len(self.tip_m)} dents>"
+
     _weights: "SplineWeights" = field(init=False, repr=False, compare=False)
     _others: "OrderedDict[float, Library]" = field(default_factory=OrderedDict, init=False, repr=False, compare=False)
 

@@ -127,6 +127,14 @@ class Answer:
     place: SpatialPlace | None = None
     segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
 
+    def __repr__(self) -> str:
+        if not self.usable:
+            return f"<Answer: class {self.predicted} (withdraw), not usable: {self.reason}>"
+        if self.force_n is None or self.interval_n is None:
+            return f"<Answer: class {self.predicted}>"
+        force, low, high = (f"{from_si(value, 'mn'):.1f}" for value in (self.force_n, *self.interval_n))
+        return f"<Answer: class {self.predicted}, {force} mN (90 %: {low} to {high})>"
+
     @property
     def verdict(self) -> Verdict:
         """The part that the monitor decides on, sends and logs."""

@@ -120,6 +120,11 @@ class Evaluation:
     notes: tuple[str, ...] = ()
     kind: str = "classifier"
 
+    def __repr__(self) -> str:
+        error = f", mean error {from_si(self.mae_n, 'mn'):.2f} mN" if self.forces else ""
+        right = f"{self.accuracy.hits} of {self.accuracy.total} classes right"
+        return f"<Evaluation of {self.model}: {len(self.frames)} frames, {right}{error}>"
+
     @property
     def reads_force(self) -> bool:
         """True if the model reads forces, not classes alone."""

@@ -83,6 +83,9 @@ class Reader(ABC):
         self.provenance, self.finder = trained.provenance, trained.finder
         self.classes = len(self.study.classes.bounds_n) + 1
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.path}>"
+
     @property
     def fixed_modulus_pa(self) -> float | None:
         """Young's modulus that the model reads every eye with, a classifier's; None: it takes each eye's own."""

@@ -211,6 +211,10 @@ class Recording:
         """The frames in order, grouped by their time: one, or one of each plane."""
         return tuple(tuple(group) for _, group in groupby(self.frames, lambda entry: entry.time_s))
 
+    def __repr__(self) -> str:
+        forces = "no force log" if self.forces is None else f"{len(self.forces.time_s)} samples of force"
+        return f"<Recording {self.path}: eye {self.info.eye.id}, {len(self.frames)} frames, {forces}>"
+
     @cached_property
     def walls(self) -> RecordedWalls:
         """Its frames' walls that were given."""

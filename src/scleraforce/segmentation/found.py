@@ -10,6 +10,7 @@ import numpy as np
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.needle import SeenNeedle
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.segmentation.checked_wall import BothWalls
@@ -50,6 +51,10 @@ class Segmentation:
     methods: "BothWalls | None" = None
     source: str = "found"
     sd_rows: float = 0.0
+
+    def __repr__(self) -> str:
+        shown = "" if self.thickness_m != self.thickness_m else f"wall of {from_si(self.thickness_m, 'um'):.0f} µm, "
+        return f"<Segmentation: {shown}{'usable' if self.usable else f'not usable: {self.reason}'}>"
 
     @cached_property
     def mask(self) -> Bytes:

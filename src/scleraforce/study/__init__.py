@@ -217,6 +217,9 @@ class Study:
     wall_finder: WallFinderStudy = field(default_factory=WallFinderStudy)
     raw_reader: RawReaderStudy = field(default_factory=RawReaderStudy)
 
+    def __repr__(self) -> str:
+        return f"<Study {study_hash(self)[:12]}: its sections are its attributes>"
+
 
 Record = TypeVar("Record")
 # Of keys and tables, by their path and the number of the table of its name of a key, 0 outside of any.
