@@ -17,6 +17,8 @@ from scleraforce.library import Library, load_library
 from scleraforce.library.plan import plan_library
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.frames import Given, finder_of, opened, summary_of_calibration
+from scleraforce.reader.evaluate import recording_scores
+from scleraforce.reader.intervals import Stretch, intervals_record, stretched, stretches
 from scleraforce.reader.limits import CLASSIFIER, READER, limits
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Recording
@@ -26,7 +28,6 @@ from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
     from scleraforce.notebook.frames import GivenCalibration
-    from scleraforce.reader.intervals import Stretch
 
 MECHANICS = ("finite-strain", "linear")
 PARAMETERS = ("e", "stiffening", "iop", "thickness", "gap")
@@ -166,15 +167,12 @@ def recalibrate_intervals(
     frames: int,
     wall_finder: str | PathLike[str] | None,
     note: Callable[[str], object] = lambda _: None,
-) -> "tuple[Stretch, ...]":
+) -> tuple[Stretch, ...]:
     """Write a reader whose intervals hold on recordings with force logs: counts "calibration" and "reading".
 
     Each eye is calibrated on `frames` of each recording; the others are read, and their scores stretch the intervals.
     Few eyes only widen them (`reader.intervals.FEW_EYES`). `note` is as for `calibrate`.
     """
-    from scleraforce.reader.evaluate import recording_scores
-    from scleraforce.reader.intervals import intervals_record, stretched, stretches
-
     models.check_place(out)
     reader, folder = load_force_reader(model, finder=wall_finder), models.read_folder(Path(model))
     study, each = reader.study, opened(recordings)

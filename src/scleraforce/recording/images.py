@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
+from scleraforce.recording.dicom import read_dicom
 from scleraforce.recording.pixels import Pixels, Scan, Times, as_shown, check_size, named_faults, rising
+from scleraforce.recording.tiff import read_tiff
 from scleraforce.units import to_si
 from scleraforce.whole_files import KINDS, read_bytes
 
@@ -44,12 +46,8 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
     """Read one frame, and its file's metadata as a scan of one; signed values are shifted so that the smallest is 0."""
     data = read_bytes(path, KINDS["frame"])
     if data[128:132] == b"DICM":  # before TIFF: a preamble may be the head of one
-        from scleraforce.recording.dicom import read_dicom
-
         scan = read_dicom(path, data)
     elif data.startswith(TIFF_MARKS):
-        from scleraforce.recording.tiff import read_tiff
-
         scan = read_tiff(path, data)
     else:
         return _read_picture(path, data)
