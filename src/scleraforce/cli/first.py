@@ -21,7 +21,6 @@ from scleraforce.study import PRESETS, Study, preset_toml
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
-    from scleraforce.installation import Finding
     from scleraforce.reader.evaluate import Evaluation
     from scleraforce.reproduction.run import Progress
 
@@ -111,13 +110,11 @@ def doctor() -> Report:
         "findings": [asdict(finding) for finding in found],
         "seconds": time.perf_counter() - start,
     }
-    lines = [f"scleraforce {__version__}, Python {python}, {system}", *(line for one in found for line in _lines(one))]
+    lines = [f"scleraforce {__version__}, Python {python}, {system}"]
+    for one in found:
+        lines.append(wrapped(one.found, f"{one.state:<8} {one.name:<15} "))
+        lines += [wrapped(one.remedy, REMEDY)] if one.remedy else []
     return Report(result, lines, code=0 if ok else 1)
-
-
-def _lines(finding: "Finding") -> list[str]:
-    lines = [wrapped(finding.found, f"{finding.state:<8} {finding.name:<15} ")]
-    return [*lines, wrapped(finding.remedy, REMEDY)] if finding.remedy else lines
 
 
 @click.command(cls=Command)

@@ -91,23 +91,22 @@ def export(thing: Path, out: Path, answers: Path | None, force: bool) -> Report:
         raise InputError(f"--out: {out}: give a name that ends in {', '.join(ENDINGS)}")
     if out.exists() and not force:
         raise InputError(f"{out}: exists already; choose another name, or --force to replace it")
-    rows = (_export_recording if os.path.isdir(thing) else _export_answers)(thing, out, answers)
+    rows = _exported(thing, out, answers)
     return Report({"out": str(out), "rows": rows}, [f"wrote {out}: {rows} frames"])
 
 
-def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
-    if answers is not None:
-        raise InputError(f"--answers: {thing} is a file of answers already; give a recording folder for THING")
-    rows = read_answers(thing)
-    if out.suffix.lower() not in TABLES:
-        way = "give their recording, and them as --answers"
-        raise InputError(f"--out: {out}: answers alone become .csv or .json; {way}")
-    _write_table({}, rows, out)
-    return len(rows)
-
-
-def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
-    recording, kind = read_recording(thing), out.suffix.lower()
+def _exported(thing: Path, out: Path, answers: Path | None) -> int:
+    """Write a recording, or answers alone, in the format of the file's ending; return the number of frames."""
+    kind = out.suffix.lower()
+    if not os.path.isdir(thing):
+        if answers is not None:
+            raise InputError(f"--answers: {thing} is a file of answers already; give a recording folder for THING")
+        rows = read_answers(thing)
+        if kind not in TABLES:
+            way = "give their recording, and them as --answers"
+            raise InputError(f"--out: {out}: answers alone become .csv or .json; {way}")
+        return _write_table({}, rows, out)
+    recording = read_recording(thing)
     if kind == ".nrrd":
         if answers is not None:
             raise InputError(f"--answers: {out} has room for frames only; give a .csv, .json or .mcap")
@@ -116,15 +115,15 @@ def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
     rows = frame_rows(recording, ClassesStudy())
     if answers is not None:
         rows = with_answers(rows, read_answers(answers), thing)
-    if kind == ".mcap":
-        write_mcap(recording, rows, clock_origin_s(thing), out)
-    else:
-        _write_table(tomllib.loads(format_record(recording.info)), rows, out)
+    if kind != ".mcap":
+        return _write_table(tomllib.loads(format_record(recording.info)), rows, out)
+    write_mcap(recording, rows, clock_origin_s(thing), out)
     return len(rows)
 
 
-def _write_table(stated: Mapping[str, Any], rows: list[Row], out: Path) -> None:
+def _write_table(stated: Mapping[str, Any], rows: list[Row], out: Path) -> int:
     if out.suffix.lower() == ".csv":
         write_whole(csv_text(rows), out)
     else:
         write_whole(json.dumps(finite({**stated, "frames": rows}), indent=2, allow_nan=False) + "\n", out)
+    return len(rows)

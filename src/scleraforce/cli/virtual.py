@@ -101,25 +101,19 @@ def _lines(eye: "SimulatedEye", study: Study, resting_pa: float) -> Iterator[str
         yield f"that is {ratio:.1f} times the wall's thickness: more than linear mechanics describes"
 
 
-class _Forces(click.ParamType[tuple[float, ...]]):
-    name = "MN,MN,..."
-
-    def convert(
-        self, value: str | tuple[float, ...], param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, ...]:
-        if isinstance(value, tuple):
-            return value
-        try:
-            return tuple(Quantity("force_mn").convert(each, param, ctx) for each in map(float, value.split(",")))
-        except ValueError:
-            self.fail(f"{value!r} is not a list of forces in mN; give for example 2,10,40", param, ctx)
+def _forces_n(ctx: click.Context, param: click.Parameter, words: str) -> tuple[float, ...]:
+    try:
+        return tuple(Quantity("force_mn").convert(each, param, ctx) for each in map(float, words.split(",")))
+    except ValueError:
+        raise click.BadParameter(f"{words!r} is not a list of forces in mN; give for example 2,10,40") from None
 
 
 @click.command(cls=Command)
 @click.option("--out", type=PATH, required=True, help="Recording folder to write; must not exist.")
 @options("study")
 @click.option("--eye", "name", default="eye-1", show_default=True, help="Name of the eye.")
-@click.option("--forces-mn", "forces_n", type=_Forces(), default="2,8,14,20,26,34,40,48,56", show_default=True,
+@click.option("--forces-mn", "forces_n", metavar="MN,MN,...", callback=_forces_n, show_default=True,
+              default="2,8,14,20,26,34,40,48,56",
               help="True force at each frame, in mN: one step-and-hold push each.")  # fmt: skip
 @click.option("--rate-hz", type=click.FloatRange(0.1, 1000), help="Frames per second of a moving needle: --forces-mn "
               "are then the turning points of its force on an elastic wall, which begins at 0.")  # fmt: skip
