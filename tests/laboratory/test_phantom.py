@@ -247,10 +247,10 @@ def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(tmp
         assert said in capsys.readouterr().err
 
 
-def test_a_truth_that_is_missing_or_broken_is_one_clear_line(tmp_path):
-    for content in (None, "{", "[]", '{"frames": [{"file": "0001.png"}]}'):
-        if content is not None:
-            (tmp_path / "truth.json").write_text(content)
+def test_a_truth_that_is_broken_is_one_clear_line_and_a_real_recording_has_none(tmp_path):
+    assert true_forces(tmp_path) == {}
+    for content in ("{", "[]", '{"frames": [{"file": "0001.png"}]}'):
+        (tmp_path / "truth.json").write_text(content)
         with pytest.raises(RecordingError, match=r"truth\.json: "):
             true_forces(tmp_path)
 
