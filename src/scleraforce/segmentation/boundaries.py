@@ -61,13 +61,10 @@ def nearest_point(columns: int) -> Integers:
 
 @lru_cache(maxsize=CACHED)
 def continuation(columns: int, first: float, spacing: float, points: int) -> Singles:
-    """Return the matrix that takes a curve at evenly spaced points to `fine_columns`, shape (fine, point).
-
-    It interpolates, and extrapolates beyond the curve's ends along their slopes (over three points: less ragged).
-    """
+    """Return the matrix (fine, point) that takes a curve at even points to `fine_columns`, beyond its ends by slope."""
     at, column = fine_columns(columns), first + spacing * np.arange(points)
     matrix = np.array([np.interp(at, column, unit) for unit in np.eye(points)]).T
-    reach = min(3, points - 1)
+    reach = min(3, points - 1)  # of the slopes: less ragged
     for end, other, beyond in ((0, reach, at < column[0]), (points - 1, points - 1 - reach, at > column[-1])):
         away = (at[beyond] - column[end]) / (column[end] - column[other])
         matrix[beyond] = 0.0
@@ -124,10 +121,7 @@ class _WorkplaceType(types.StructRef):
 
 
 class Workplace(structref.StructRefProxy):
-    """Tables as one argument of a loop: passing each array would take 60 us a call.
-
-    Made by a compiled function only, whose code is cached.
-    """
+    """Tables as one argument of a loop (each array would take 60 us a call); made by cached compiled code only."""
 
     tables: Tables
 
@@ -202,13 +196,10 @@ def look(
     frame: Counts, first: int, eight_bits: bool, brightest: int, missing: Flags, behind: tuple[int, int],
     workplace: Workplace, left: int, rows: Floats,
 ) -> tuple[Counts, int, bool, Integers, int, float, float, float]:  # fmt: skip
-    """Look for the wall in a frame's columns from the first one on; write its boundaries (2, column).
+    """Look for the wall in a frame's columns from the first one on; write its boundaries from `left` on (2, column).
 
-    They are NaN without wall; the frame's first column is the `left` one there.
-
-    `eight_bits`: see `grid_cells`; `brightest`: largest count, 0 to look whatever the frame shows; `missing` are
-    columns that have been filled from beside, `behind` the first point of the surface that a needle hides, and the
-    first one after.
+    `eight_bits`: see `grid_cells`; `brightest`: largest count, 0 to look whatever the frame shows; `missing` columns
+    have been filled from beside; `behind`: the first point of the surface that a needle hides, and the first after.
 
     Returns:
         The columns as cells, their noise floor, whether the detector is saturated, and where a needle may begin; the

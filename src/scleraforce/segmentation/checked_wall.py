@@ -65,9 +65,7 @@ def checked_by(
 
     `first` is the wall in a frame of a logarithmic display from the first surface on, `found` the one below a
     conjunctiva, the same object if none is seen. Below a conjunctiva `found` is returned: the network does not know how
-    thick the wall is, and takes a conjunctiva from 140 um on for a part of it. Elsewhere the wall is the network's at
-    the edges near it, or, where the two methods agree, `found` with the network's inner boundary in stretches where
-    light falls more there.
+    thick the wall is, and takes a conjunctiva from 140 um on for a part of it.
     """
     part = lit_part(frame, scale)
     if part is None:
@@ -89,19 +87,15 @@ def checked_by(
 
 def _keep_gaps(found: Segmentation, shown: Segmentation) -> None:
     """Clear the columns of a usable wall in gaps of the first method's: there a dent may leave the frame."""
-    seen = np.isfinite(found.outer_row)
-    inside = np.flatnonzero(seen)
-    gaps = ~seen
+    gaps = np.isnan(found.outer_row)
+    inside = np.flatnonzero(~gaps)
     gaps[: inside[0]] = gaps[inside[-1] :] = False
     for boundary in (shown.outer_row, shown.inner_row):
         boundary[gaps] = np.nan
 
 
 def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
-    """Return whether a wall is the one that the network sees, as far as that can tell.
-
-    A network that may have taken the layer below for wall, of `layer_rows` at most, is as unsure as for a doubt.
-    """
+    """Return whether a wall is the one that the network sees, but for a layer below of at most `layer_rows`."""
     if not other.inner_found:
         return False
     both, either = _columns(other, seen)
@@ -178,10 +172,7 @@ def _distance(name: str, off: Floats, differs: Flags, both: Flags) -> tuple[floa
 
 
 def _columns(other: Segmentation, seen: SeenWall) -> tuple[Flags, Flags]:
-    """Return in which of the network's columns both methods see wall, and in which either does.
-
-    What a needle hides counts for neither: the other wall has no boundaries there, the network may guess them.
-    """
+    """Return in which of the network's columns both see wall, and in which either does; none behind a needle."""
     there = np.isfinite(other.outer_row[seen.frame_column])
     either = seen.there | there
     if other.needle is not None:
@@ -200,16 +191,13 @@ def _sentence(what: str, share: float) -> str:
 
 @dataclass(frozen=True)
 class _Start:
-    """The network's wall at `fine_columns` of the imaged part: rows and standard deviations, and where there is any.
-
-    `ended`: where it sees the wall's end inside of the frame.
-    """
+    """The network's wall at `fine_columns` of the imaged part, rows."""
 
     outer: Singles
     inner: Singles
     inner_sd: Singles
     there: Flags
-    ended: Flags
+    ended: Flags  # where it sees the wall's end inside of the frame
     step_rows: float
 
 
@@ -228,13 +216,12 @@ def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
 
 def _start(seen: SeenWall, left: int, width: int, rows: int) -> _Start:
     """Return the network's wall at `fine_columns` of the imaged part, which starts at a column and is so wide."""
-    at = fine_columns(width) + left
-    known = seen.there
-    curves = (seen.outer_row, seen.inner_row, seen.inner_sd)
-    outer, inner, inner_sd = (np.interp(at, seen.column[known], curve[known]).astype(np.float32) for curve in curves)
-    there, inside = seen.there_at(at), (seen.inner_row[known] < rows - 1).astype(np.float64)
-    ended = there & (np.interp(at, seen.column[known], inside) == 1.0)
-    return _Start(outer, inner, inner_sd, there, ended, seen.step_rows)
+    at, known = fine_columns(width) + left, seen.there
+    curves = seen.outer_row, seen.inner_row, seen.inner_sd, (seen.inner_row < rows - 1).astype(np.float64)
+    outer, inner, inner_sd, inside = (np.interp(at, seen.column[known], curve[known]) for curve in curves)
+    outer, inner, inner_sd = np.stack([outer, inner, inner_sd]).astype(np.float32)
+    there = seen.there_at(at)
+    return _Start(outer, inner, inner_sd, there, there & (inside == 1.0), seen.step_rows)
 
 
 def _surface(part: Part, start: _Start) -> Singles:
@@ -252,8 +239,7 @@ def _surface(part: Part, start: _Start) -> Singles:
 def _inner(part: Part, row: Singles, start: _Start) -> tuple[Singles, bool, float]:
     """Return the inner boundary's rows, whether an edge shows it, and the median thickness along the normal, m.
 
-    Where the network sees no end inside of the frame the wall continues, as thick as beside that. Where it sees
-    hardly any end, the wall is 1 mm thick, as that of the other method is, and the thickness NaN.
+    Where the wall does not end inside of the frame it is as thick as beside that; 1 mm, and NaN, if it hardly ends.
     """
     row = bridge(row, start.there)
     depth_m = part.scale.depth_m / part.scale.refractive_index
@@ -291,9 +277,8 @@ def _thickness(part: Part, row: Singles, along_rows: Singles, start: _Start) -> 
 def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
     """Return an inner boundary at the edge in the full frame near it, (column,).
 
-    The edge parts the rows about the boundary so that both parts spread least; it stays near where it was by a normal
-    distribution of a third of the rows that are looked at. Thickness changes too fast beside a needle for the wide
-    means of the first search.
+    The edge parts the rows about the boundary so that both parts spread least. Beside a needle thickness changes too
+    fast for the wide means of the first search.
     """
     seen = np.flatnonzero(np.isfinite(inner_row))
     reach = max(LEAST_SHARP_ROWS, round(SHARP_M * scale.refractive_index / scale.depth_m))
@@ -318,10 +303,9 @@ def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
 
 
 def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: Floats) -> Segmentation:
-    """Return the finer wall, with the other one's inner boundary in stretches where light falls more there.
+    """Return the finer wall, with the other's inner boundary in stretches where it is `apart_rows` off and light falls.
 
-    The inner boundaries have to part by more than `apart_rows` (column,). Columns that only the other wall has are
-    taken from it, except where a needle hides them.
+    Columns that only the other wall has are taken from it, except where a needle hides them.
     """
     seen, added = np.isfinite(finer.outer_row), np.isfinite(other.outer_row)
     both, only = seen & added, added & ~seen
@@ -340,18 +324,13 @@ def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_
 
 
 def _falls(frame: Pixels, wall: Segmentation, against: Segmentation, at: Places) -> Floats:
-    """Return by how many counts the light falls at a wall's inner boundary, at some columns; 0 beyond the frame.
-
-    As many rows are looked at as against the other wall, so that both are seen alike.
-    """
+    """Return by how many counts the light falls at a wall's inner boundary, in as many rows as at the other one's."""
     inner = wall.inner_row[at]
     thickness = np.maximum(inner - wall.outer_row[at], against.inner_row[at] - against.outer_row[at])
     side = np.maximum(SIDE_SHARE * thickness, LEAST_SIDE_ROWS)
     off = (np.arange(SAMPLES)[:, None] + 0.5) / SAMPLES * side
     inside = (inner - side > -0.5) & (inner + side < len(frame) - 0.5)
-    above, below = (
-        frame[np.clip(np.rint(inner + sign * off).astype(np.intp), 0, len(frame) - 1), at].mean(axis=0)
-        for sign in (-1.0, 1.0)
-    )
-    falls: Floats = np.where(inside, above - below, 0.0)
+    rows = (np.clip(np.rint(inner + sign * off).astype(np.intp), 0, len(frame) - 1) for sign in (-1.0, 1.0))
+    above, below = (frame[row, at].mean(axis=0) for row in rows)
+    falls: Floats = np.where(inside, above - below, 0.0)  # 0 beyond the frame
     return falls

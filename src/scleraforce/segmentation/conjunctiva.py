@@ -40,11 +40,7 @@ FITS = 0.5  # of the excess may be left below the step
 
 
 def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thickness_m: float | None) -> Segmentation:
-    """Return a segmentation whose outer boundary is the sclera's, if the frame shows it below another layer.
-
-    `found` is of `find_wall` in that frame; it is returned if no layer is seen, or if the thickness of the wall is not
-    known.
-    """
+    """Return the wall that was found, its outer boundary the sclera's where a layer is seen over a known thickness."""
     if thickness_m is None or not found.usable or not found.inner_found:
         return found
     excess_m = found.thickness_m - thickness_m
@@ -52,10 +48,14 @@ def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thi
         return found
     columns = np.flatnonzero(np.isfinite(found.outer_row))
     row, along_rows = _surface(found, columns, scale)
-    layer_m = _layer(_unrolled(frame, columns, row, along_rows, _cells(excess_m)), found.thickness_m, excess_m)
-    if layer_m is None or abs(excess_m - float(np.median(layer_m))) > FITS * excess_m:
+    light = _unrolled(frame, columns, row, along_rows, _cells(excess_m))
+    path, sure = _climb(light, found.thickness_m, EXPECTED[0] * excess_m, EXPECTED[1] * excess_m, SURE_SDS)
+    if not sure:
         return found
+    layer_m = _layer(light, path)
     median_m = float(np.median(layer_m))
+    if abs(excess_m - median_m) > FITS * excess_m:
+        return found
     outer_row = found.outer_row.copy()
     middles = (np.arange(GROUPS) + 0.5) / GROUPS * (len(columns) - 1)
     outer_row[columns] += along_rows * np.interp(np.arange(len(columns)), middles, layer_m)
@@ -64,10 +64,7 @@ def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thi
 
 
 def second_surface_m(frame: Pixels, scale: PixelScale, found: Segmentation) -> float | None:
-    """Return how deep a second surface lies below the first, m; None if none stands out.
-
-    Where the wall's thickness is not known, this tells that the first may be a layer's: `frame` as in `find_wall`.
-    """
+    """Return how deep a second surface lies below the first, then maybe a layer's, m; None if none stands out."""
     if not found.usable or not found.inner_found:
         return None
     columns = np.flatnonzero(np.isfinite(found.outer_row))
@@ -101,15 +98,8 @@ def _unrolled(frame: Pixels, columns: Places, row: Singles, along_rows: Singles,
     return light / np.maximum(level, np.float32(1e-6))
 
 
-def _layer(light: Singles, thickness_m: float, excess_m: float) -> Singles | None:
-    """Return the layer's thickness in each group, m; None if no step stands out.
-
-    `light`: below the surface, (group, cell); `thickness_m`: of layer and wall together; `excess_m`: over the wall's
-    known thickness.
-    """
-    path, sure = _climb(light, thickness_m, EXPECTED[0] * excess_m, EXPECTED[1] * excess_m, SURE_SDS)
-    if not sure:
-        return None
+def _layer(light: Singles, path: Places) -> Singles:
+    """Return the layer's thickness in each group, m, from the path of its lower edge."""
     size = _steps(light)[np.arange(len(path)), path]
     weight = np.maximum(size, np.float32(0.0)) + np.float32(1e-3)
     smooth = cv2.blur((path * weight)[None].astype(np.float32), (SMOOTHED, 1))[0]

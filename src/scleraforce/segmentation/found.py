@@ -25,32 +25,24 @@ UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner b
 
 @dataclass(frozen=True)
 class Segmentation:
-    """The wall in one frame.
+    """The wall in one frame: boundaries (column,) in rows of pixel centres, NaN without wall or behind a needle.
 
-    `outer_row`, `inner_row` (column,): boundaries in rows of pixel centres (the wall covers rows r with outer_row <= r
-    < inner_row), NaN where there is no wall; they may lie beyond the last of the frame's `rows`. `usable`: a wall was
-    found that can be judged; otherwise `reason` says why not. `inner_found`: if False, the inner boundary cannot be
-    seen and the mask ends 1 mm below the surface. `thickness_m`: median thickness along the surface's normal, NaN if
-    the inner boundary was not found. `needle`: the needle that crosses the frame, or None; the columns that it hides
-    have no boundaries. `conjunctiva_m`: median thickness of a layer over the wall, along its normal, None if none is
-    looked for or seen. `methods`: the wall by each method, and their `disagreement`, if a network looked as well.
-    `source`: "found" in the frame, or given: a "mask", or "corrected" in the recording; then the boundaries have a
-    standard deviation of `sd_rows`.
+    It covers rows r with outer_row <= r < inner_row; boundaries may lie beyond the last of the frame's `rows`.
     """
 
     outer_row: Floats
     inner_row: Floats
     rows: int
-    usable: bool
-    reason: str
-    inner_found: bool
+    usable: bool  # a wall was found that can be judged
+    reason: str  # why it is not usable
+    inner_found: bool  # if not, the inner boundary cannot be seen, and the mask ends 1 mm below the surface
     _: KW_ONLY
-    thickness_m: float
-    needle: SeenNeedle | None = None
-    conjunctiva_m: float | None = None
-    methods: "BothWalls | None" = None
-    source: str = "found"
-    sd_rows: float = 0.0
+    thickness_m: float  # median along the surface's normal, NaN if the inner boundary was not found
+    needle: SeenNeedle | None = None  # that crosses the frame
+    conjunctiva_m: float | None = None  # median thickness of a layer over the wall, along its normal, if one is seen
+    methods: "BothWalls | None" = None  # the wall by each, if a network looked as well
+    source: str = "found"  # in the frame, or given: a "mask", or "corrected" in the recording
+    sd_rows: float = 0.0  # standard deviation of given boundaries
 
     def __repr__(self) -> str:
         shown = "" if self.thickness_m != self.thickness_m else f"wall of {from_si(self.thickness_m, 'um'):.0f} µm, "
@@ -66,17 +58,12 @@ class Segmentation:
 
 def without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None = None) -> Segmentation:
     """Return the result for a frame that shows no wall."""
-    nowhere = np.full(shape[1], np.nan)
-    return Segmentation(
-        nowhere, nowhere.copy(), shape[0], False, reason, False, thickness_m=float("nan"), needle=needle
-    )
+    outer, inner = np.full((2, shape[1]), np.nan)
+    return Segmentation(outer, inner, shape[0], False, reason, False, thickness_m=float("nan"), needle=needle)
 
 
-def blank_fault(floor: float, brightest: int, saturated: bool) -> str:
-    """Return why a frame cannot be searched, or ''.
-
-    `floor`: count of the noise; `saturated`: more than SATURATED_SHARE of the cells have (nearly) the largest count.
-    """
+def blank_fault(floor: int, brightest: int, saturated: bool) -> str:
+    """Return why a frame of a noise floor and a largest count cannot be searched, or ''."""
     if brightest - floor < EMPTY_SHARE * max(brightest, 1):
         return "the frame is empty: all pixels are alike"
     if saturated:
@@ -85,10 +72,7 @@ def blank_fault(floor: float, brightest: int, saturated: bool) -> str:
 
 
 def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
-    """Return why a surface cannot be judged, or ''.
-
-    `seen` of `points` points show it, with this median contrast; `noise` is of a pixel.
-    """
+    """Return why a surface that `seen` of `points` points show cannot be judged, or ''; `noise` is of a pixel."""
     if not seen:
         return "no wall was found"
     if contrast < LEAST_CONTRAST * noise:
@@ -111,8 +95,7 @@ SHAFT = (0, 255, 255)  # yellow
 def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None) -> Bytes:
     """Return a frame in colour with its boundaries: surface red, inner green or blue (not seen), needle yellow.
 
-    The picture is (row, column, 3), blue, green, red, as OpenCV writes it; `size` are its rows and columns, by default
-    the frame's.
+    The picture, of `size` or the frame's, is (row, column, 3), blue, green, red, as OpenCV writes it.
     """
     rows, columns = size or pixels.shape
     lit = pixels[pixels > 0]

@@ -25,20 +25,20 @@ POOLED = 3  # points whose mean makes a jump stand out of the speckle
 LINE_CELLS = 6  # for the straight line above a jump
 LOW_CELLS = 3  # for the mean below it
 SKIP_EDGE = 1  # on each side of a jump: transition
-HALF_JUMP = 0.08  # of the level at the surface: a jump of this size earns half of the largest gain
-UPPER_COST = 1.2  # share of an upper jump's gain that a jump below it loses
-LAYER_CELLS = (4, 16)  # distance between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
+HALF_JUMP = np.float32(0.08)  # of the level at the surface: a jump of this size earns half of the largest gain
+UPPER_COST = np.float32(1.2)  # share of an upper jump's gain that a jump below it loses
+NEAR_CELLS, FAR_CELLS = 4, 16  # between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
 REACH_CELLS = 5
 REFINE_CELLS = 6
 LEAST_JUMP = 0.06  # of the level at the surface: a smaller jump does not show the boundary
 SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
 SLOPE_M = 0.15e-3  # on each side: over which a surface's slope is taken
-STEEPEST = 3.0  # slope of a surface: beyond it a wall is no longer along a column
+STEEPEST = np.float32(3.0**2)  # square of a surface's slope: beyond it a wall is no longer along a column
 LEAST_LEVEL_SHARE = 1e-3  # of the brightest level: a group with less is not measured
-BRIGHTEST = 1.5  # times a group's own level: what is brighter counts as that
-SURE_SPREAD, SPREAD_CELLS = 1.3, 21  # ... nor this many standard deviations of jumps at about that depth
+BRIGHTEST = np.float32(1.5)  # times a group's own level: what is brighter counts as that
+SURE_SPREAD, SPREAD_REACH = np.float32(1.3), 10  # ... nor this many standard deviations of jumps within some cells
 
-EDGES = slice(LEAST_CELLS, CELLS - LOW_CELLS - SKIP_EDGE + 1)  # between cells, where a jump is looked for
+FIRST_EDGE, AFTER_EDGE = LEAST_CELLS, CELLS - LOW_CELLS - SKIP_EDGE + 1  # between cells, where a jump is looked for
 # Makes the path unique where nothing is seen.
 ROW_COST = np.linspace(0.0, 1e-3, CELLS + 1, dtype=np.float32)
 THICKNESS_M = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
@@ -49,22 +49,14 @@ _RAMP = np.arange(LINE_CELLS) - (LINE_CELLS - 1) / 2
 BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)  # of a straight line, least squares, over _REACH
 # `BEND` goes from a line's middle to the jump; this many times that, it continues to the middle of the cells below.
 BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
-_FIRST_EDGE, _AFTER_EDGE = EDGES.start, EDGES.stop
 _LINE_SHARE, _LOW_SHARE = np.float32(1.0 / LINE_CELLS), np.float32(1.0 / LOW_CELLS)
-_SURE_SPREAD, _SPREAD_REACH = np.float32(SURE_SPREAD), SPREAD_CELLS // 2
-_HALF_JUMP, _UPPER_COST = np.float32(HALF_JUMP), np.float32(UPPER_COST)
-_NEAR, _FAR = LAYER_CELLS
-_CELL_M, _MEASURED, _SEEN = np.float32(CELL_M), np.float32(0.3), np.float32(1e-3)
-_STEEPEST, _BRIGHTEST, _LEAST_LEVEL = np.float32(STEEPEST**2), np.float32(BRIGHTEST), np.float32(1e-6)
+_CELL_M, _MEASURED, _SEEN, _LEAST_LEVEL = np.float32(CELL_M), np.float32(0.3), np.float32(1e-3), np.float32(1e-6)
 _ONE, _ZERO, _THIRD = np.float32(1.0), np.float32(0.0), 1.0 / 3.0
 
 
 @compiled
 def stretch(row: Singles, point_m: float, depth_m: float) -> Singles:
-    """Return the rows along a column for 1 m of thickness along the normal of a surface without NaN, (point,).
-
-    `point_m`: between the points; `depth_m`: of a pixel in tissue.
-    """
+    """Return the rows (`depth_m` in tissue) along a column for 1 m along the normal of a surface at every `point_m`."""
     points, along_rows = len(row), np.empty_like(row)
     reach = min(max(1, round(SLOPE_M / point_m)), (points - 1) // 2)
     rise = np.float32(depth_m / (2 * reach * point_m))  # slope, metres over metres, of one row
@@ -74,7 +66,7 @@ def stretch(row: Singles, point_m: float, depth_m: float) -> Singles:
         before = row[first] if first >= 0 else np.float32(2 * row[0] - row[-first])
         after = row[last] if last < points else np.float32(2 * row[points - 1] - row[2 * (points - 1) - last])
         slope = (after - before) * rise
-        along_rows[at] = np.sqrt(min(slope * slope, _STEEPEST) + _ONE) / np.float32(depth_m)
+        along_rows[at] = np.sqrt(min(slope * slope, STEEPEST) + _ONE) / np.float32(depth_m)
     return along_rows
 
 
@@ -83,10 +75,9 @@ def unroll(
     frame: Counts, first: int, floor: int, columns: Indices, across: Singles, row: Singles, there: Flags,
     along_rows: Singles,
 ) -> tuple[Singles, Singles]:  # fmt: skip
-    """Return the wall as (group, cell), surface level 1 and floor 0, and where it is measured (1 or 0).
+    """Return the wall as (group, cell), surface level 1 and noise floor 0, and where it is measured (1 or 0).
 
-    The surface has rows `row` (point,), is there where `there`, and is stretched by `along_rows`; `floor` is the count
-    of the noise. `frame` to `across` are as of `sample_rows`.
+    The surface has rows `row` (point,), and is stretched by `along_rows`. For `frame` to `across` see `sample_rows`.
     """
     points = len(row)
     places, wall = np.empty((CELLS, points), np.float32), np.empty((points // GROUP, CELLS), np.float32)
@@ -140,15 +131,14 @@ def _level_out(wall: Singles, seen: Singles) -> None:
         for cell in range(CELLS):
             seen[group, cell] *= np.float32(smooth[group] > least)
             share = seen[group, cell] / max(smooth[group], _LEAST_LEVEL)
-            wall[group, cell] = min(wall[group, cell] * share, _BRIGHTEST)
+            wall[group, cell] = min(wall[group, cell] * share, BRIGHTEST)
 
 
 @compiled
 def find_thickness(wall: Singles, seen: Singles, prior: Singles) -> tuple[Singles, Flags, float]:
     """Return the thickness along the normal at each group, m, which groups show the boundary, and their share.
 
-    `wall` (group, cell) is unrolled and measured where `seen`; `prior`: gain of each edge by prior knowledge (group,
-    edge); a jump gains at most 1.
+    `prior` (group, edge): gain by prior knowledge; a jump gains at most 1.
     """
     near, mean, bend, jump = _find_jumps(wall, seen)
     least = _standing_out(jump)
@@ -173,10 +163,9 @@ def find_thickness(wall: Singles, seen: Singles, prior: Singles) -> tuple[Single
 
 @compiled
 def _find_jumps(wall: Singles, seen: Singles) -> tuple[Singles, Singles, Singles, Singles]:
-    """Return straight lines through the cells, and the jump at each edge between cells; neighbours are pooled.
+    """Return means of neighbouring groups, the lines that start at each cell, and the jump at each edge between cells.
 
-    First the means over neighbouring groups, then of the lines that start at each cell, their fall from their
-    middle to the jump, (group, cell) each, and the jump, (group, CELLS + 1).
+    Of the lines, mean and fall from their middle to the jump; (group, cell), the jump (group, CELLS + 1).
     """
     groups, shape = len(wall), wall.shape
     near, pooled = np.empty(shape, np.float32), np.empty(shape, np.float32)
@@ -195,7 +184,7 @@ def _find_jumps(wall: Singles, seen: Singles) -> tuple[Singles, Singles, Singles
                 middle = multiply_add(_LINE_SHARE, pooled[group, cell + step], middle)
                 fall = multiply_add(BEND[step], pooled[group, cell + step], fall)
             mean[group, cell], bend[group, cell] = middle, min(fall, _ZERO)
-        for edge in range(_FIRST_EDGE, _AFTER_EDGE):
+        for edge in range(FIRST_EDGE, AFTER_EDGE):
             line, low = edge - SKIP_EDGE - LINE_CELLS, _ZERO
             for step in range(LOW_CELLS):
                 low = multiply_add(_LOW_SHARE, pooled[group, edge + SKIP_EDGE + step], low)
@@ -215,13 +204,13 @@ def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
     for group in range(groups):
         for edge in range(edges):
             over = max(jump[group, edge] - least[edge], _ZERO)
-            own[edge] = over / (over + _HALF_JUMP)
+            own[edge] = over / (over + HALF_JUMP)
         upper[:] = _ZERO
-        for above in range(_NEAR, _FAR + 1):
+        for above in range(NEAR_CELLS, FAR_CELLS + 1):
             for edge in range(edges - above):
                 upper[edge + above] = max(upper[edge + above], own[edge])
         for edge in range(edges):
-            score[group, edge] = own[edge] - ROW_COST[edge] - upper[edge] * _UPPER_COST + prior[group, edge]
+            score[group, edge] = own[edge] - ROW_COST[edge] - upper[edge] * UPPER_COST + prior[group, edge]
     return score
 
 
@@ -229,13 +218,12 @@ def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
 def _standing_out(jump: Singles) -> Singles:
     """Return the jump that stands out of speckle and texture, (edge,).
 
-    These are estimated from the median size of jumps (the wall's end is rare), and from how much jumps at one depth
-    differ from place to place (the wall's end does not).
+    The wall's end is rare: less than the median; and its jumps at one depth hardly differ from place to place.
     """
     groups, edges = jump.shape
     sizes, number, spread = np.empty(jump.size, np.float32), 0, np.empty(edges, np.float32)
     for group in range(groups):
-        for edge in range(_FIRST_EDGE, _AFTER_EDGE, 2):
+        for edge in range(FIRST_EDGE, AFTER_EDGE, 2):
             sizes[number] = abs(jump[group, edge])
             number += sizes[number] > 0
     typical = np.float64(nth(sizes, number, number // 2)) if number else 0.0
@@ -246,9 +234,9 @@ def _standing_out(jump: Singles) -> Singles:
             change = jump[group + POOLED, edge] - jump[group, edge]
             total += half_share * np.float64(change * change)
         spread[edge] = np.sqrt(np.float32(total))
-    least, smallest = mean_of_neighbours(spread, _SPREAD_REACH), np.float32(max(LEAST_JUMP, SURE_JUMP * typical))
+    least, smallest = mean_of_neighbours(spread, SPREAD_REACH), np.float32(max(LEAST_JUMP, SURE_JUMP * typical))
     for edge in range(edges):
-        least[edge] = max(least[edge] * _SURE_SPREAD, smallest)
+        least[edge] = max(least[edge] * SURE_SPREAD, smallest)
     return least
 
 

@@ -80,8 +80,8 @@ def nth(values: NDArray[np.floating[Any]], number: int, place: int) -> Any:
 def sample_rows(frame: Counts, first: int, columns: Indices, across: Singles, row: Singles) -> Singles:
     """Return the counts at points, interpolated and rounded; the frame's edges continue beyond it.
 
-    `first`: column that the points' ones count from; `columns`: those before and after each point, (2, point);
-    `across`: distance beyond the one before; `row`: of the points, (line, point).
+    `columns`: those before and after each point, from `first` on, (2, point); `across`: distance beyond the one before;
+    `row`: of the points, (line, point).
     """
     last, origin, points = frame.shape[0] - 1, np.uintp(first), len(across)
     near, far, light = columns[0], columns[1], np.empty(row.shape, np.float32)
@@ -130,7 +130,7 @@ def open_rows(values: Numbers, window: int) -> None:
     """Take the largest of the smallest of `window` rows about each row; an even window has one row more above.
 
     Windows of 1, 2, 4 ... rows are made of two shorter ones, the last of two that overlap. The first row stands for
-    those above it: each window that begins there contains it.
+    those above it.
     """
     (rows, columns), above = values.shape, window // 2
     flat, size = values.reshape(values.size), (rows + above) * columns
@@ -185,10 +185,9 @@ def bridge(row: Singles, there: Flags) -> Singles:
 
 @compiled
 def at_every_column(column: Singles, row: Singles, there: Flags, nearest: Integers, to: NDArray[np.float64]) -> None:
-    """Write a curve at every column of a frame's imaged part; NaN where the nearest point is not there.
+    """Write a curve at every column, by its points' columns; NaN where the `nearest` point to a column is not there.
 
-    `column` (point,) goes from the first column to the last; `nearest` is the point of each column. If all of these are
-    there, the other points count, too.
+    If all of these are there, the other points count, too.
     """
     everywhere, after, points, last = there[nearest].all(), 0, len(column), -1
     for at in range(len(to)):
@@ -234,10 +233,9 @@ def is_path(path: Integers, reach: int) -> bool:
 def best_path(score_cr: Singles, reach: int) -> Integers:
     """Return the rows (column,) of the path with the largest sum of scores whose steps are at most `reach` rows.
 
-    Mostly the best rows of the columns make such a path already. If not, the part from the first step that is too large
-    to the last one is searched; if its ends fit to the rest, no path can be better, as each part is at its largest sum.
-    Otherwise all of it is searched. Give each row of the scores (column, row) its own small bonus: the path is unique
-    only if no two paths have the same sum.
+    Mostly the best rows of the columns make such a path. If not, the part with steps that are too large is searched; if
+    its ends fit to the rest, no path is better, as each part has its largest sum. Otherwise all of it is searched. Give
+    each row of the scores (column, row) its own small bonus, so that no two paths have the same sum.
 
     >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
     array([1, 1, 1])

@@ -33,16 +33,12 @@ SLOPE_M = 0.3e-3  # over which the surface's slope is taken
 
 @dataclass(frozen=True, eq=False)
 class Boundaries:
-    """Outer and inner boundary of the wall in a frame: geometric depth, free of refraction.
+    """Outer and inner boundary of the wall in a frame: geometric depth, free of refraction."""
 
-    `lateral_m` (column,) from the frame's middle, increasing; `depth_m` (2, column) from its top edge, NaN where
-    unseen. `pixel_m`: depth of a pixel. `sd_m`: standard deviation of boundaries that were given, 0 of those found.
-    """
-
-    lateral_m: Floats
-    depth_m: Floats
-    pixel_m: float
-    sd_m: float = 0.0
+    lateral_m: Floats  # (column,), from the frame's middle, increasing
+    depth_m: Floats  # (2, column), from its top edge, NaN where unseen
+    pixel_m: float  # depth of a pixel
+    sd_m: float = 0.0  # standard deviation of boundaries that were given, 0 of those found
 
 
 def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Boundaries:
@@ -125,10 +121,7 @@ class Roughness:
 
 
 def observe_points(boundaries: Boundaries, count: int, centre_m: float, span_m: float) -> Observation:
-    """Take at most `count` points from a frame: half (rounded up) on the outer boundary, the rest on the inner.
-
-    Points lie within `span_m` of the needle, at `centre_m` in the frame.
-    """
+    """Take at most `count` points about the needle, at `centre_m`: half (rounded up) outer ones, the rest inner."""
     parts: list[tuple[float, float, int, float]] = []
     for boundary, wanted in enumerate((ceil(count / 2), count // 2)):
         columns = _columns(boundaries, boundary, wanted, centre_m, span_m)
@@ -201,10 +194,8 @@ def _parabola_weights(offsets: tuple[int, ...]) -> Floats:
 def boundary_slice(segmentation: Segmentation, scale: PixelScale, slice_study: SliceStudy) -> Bytes:
     """Draw the wall of a frame into the slice's window, (rows, columns): 255 where a pixel's centre lies in the wall.
 
-    The window is centred on the frame laterally and starts at its top edge. At the centre of each of its columns the
-    two boundaries are interpolated between the frame's columns, so the picture is the same as that of `fill_section`
-    for the same curves. Optical depth below the surface is divided by the refractive index. Columns outside the frame
-    or without a wall are 0.
+    The window is centred on the frame laterally and starts at its top edge. Boundaries are interpolated between the
+    frame's columns, as in `fill_section`, and free of refraction. Columns outside the frame or without a wall are 0.
     """
     wall: Bytes = boundary_slices(segmentation, scale, slice_study, (0.0,))[0][0]
     return wall
@@ -215,8 +206,7 @@ def boundary_slices(
 ) -> tuple[Bytes, bool, float]:
     """Draw the wall as `boundary_slice`, in windows that start lower by shares of a row (shift, rows, columns).
 
-    Then follow what `dent_leaves` says of the first one, and how far it is between the ends of the surface that is
-    seen in the window's columns, m (as `observations.surface` sees it).
+    Then follow what `dent_leaves` says of the first, and the distance between the ends of the surface in it, m.
     """
     size = slice_study.rows, slice_study.columns
     return _draw_slices(
@@ -229,8 +219,7 @@ def boundary_slices(
 def dent_leaves(cut: Bytes) -> bool:
     """Return True if the wall of a slice (row, column) leaves through the bottom and comes in again.
 
-    Most columns between two that reach into the lowest quarter of the window then have no wall; the others hold
-    fragments that a network takes for wall. The depth of such a dent cannot be seen.
+    Most columns between two that reach into the lowest quarter then have no wall, the others fragments.
 
     >>> dent = np.array([[255, 0, 255], [255, 0, 255], [255, 0, 255], [255, 0, 255]], dtype=np.uint8)
     >>> shadow = np.array([[255, 0, 255], [255, 0, 0], [255, 0, 0], [255, 0, 0]], dtype=np.uint8)

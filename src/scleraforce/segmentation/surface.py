@@ -27,19 +27,17 @@ from scleraforce.segmentation.loops import (
 
 ROWS = 2  # ... and rows of the grid taken as one
 BRIGHT_SHARE = 0.985  # of the cells are darker than bright tissue
-LEAST_STEP = 0.06  # of the bright tissue's level: less is texture
-LARGEST_LEVEL = 1.2  # times that: what is brighter counts as that
-HALF_STEP = 0.25  # a step of this size (over LEAST_STEP) earns half of the largest gain
-LEAST_EXCESS = 0.15  # of the bright tissue's level: less is haze, not tissue
+LEAST_STEP = np.float32(0.06)  # of the bright tissue's level: less is texture
+LARGEST_LEVEL = np.float32(1.2)  # times that: what is brighter counts as that
+HALF_STEP = np.float32(0.25)  # a step of this size (over LEAST_STEP) earns half of the largest gain
+LEAST_EXCESS = np.float32(0.15)  # of the bright tissue's level: less is haze, not tissue
 EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of full depth
 SMOOTHED = 5  # points
 BLACK_SHARE = 0.25  # of the noise floor: darker cells are not measured
 ABSENT_SHARE = 0.3  # of the frame's own typical contrast: a column with less shows no surface
 TYPICAL = 0.75  # of the columns have less than the typical contrast
 FOUR = 4  # rows of the score of which the best one is searched first
-_SINGLE_LEVEL = np.float32(LARGEST_LEVEL)
-_SINGLE_STEP, _HALF_STEP = np.float32(LEAST_STEP), np.float32(HALF_STEP)
-_LEAST_EXCESS, _LARGEST_COST = np.float32(LEAST_EXCESS), np.float32(EXCESS_COST * EXCESS_CAP)
+_LARGEST_COST = np.float32(EXCESS_COST * EXCESS_CAP)
 _ZERO, _ONE_HALF, _NINTH = np.float32(0.0), np.float32(0.5), 1.0 / 9.0
 
 
@@ -85,10 +83,9 @@ def _extend_upwards(cells: Counts, black: float, pairs: Indices, margin: int, op
 
 @compiled
 def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
-    """Return the gain of a surface at the upper edge of each cell, (pair, row).
+    """Return the gain of a surface at the upper edge of each cell, (pair, row), by the `depth` rows above and below.
 
-    `tissue` is of `opened_pairs`, `depth` the number of rows that a step is judged by, `downwards` the bonus of each
-    row.
+    `tissue` is of `opened_pairs`; `downwards` is the bonus of each row.
     """
     rows, pairs = tissue.shape
     level = _scaled_level(tissue)
@@ -98,12 +95,12 @@ def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
     for row in range(rows):
         for pair in range(pairs):
             cost = min(np.float32(total[pair]), _LARGEST_COST)
-            step = max(means[row + depth, pair] - means[row, pair] - _SINGLE_STEP, _ZERO)
-            score_cr[pair, row] = step / (step + _HALF_STEP) - cost + downwards[row]
+            step = max(means[row + depth, pair] - means[row, pair] - LEAST_STEP, _ZERO)
+            score_cr[pair, row] = step / (step + HALF_STEP) - cost + downwards[row]
         if row % 2 == 1:  # the tissue above every other cell will do: it changes slowly
             for pair in range(pairs):
                 lowest[pair] = min(lowest[pair], level[row - 1, pair])
-                total[pair] += max(level[row - 1, pair] - lowest[pair] - _LEAST_EXCESS, _ZERO) * cost_factor
+                total[pair] += max(level[row - 1, pair] - lowest[pair] - LEAST_EXCESS, _ZERO) * cost_factor
     return score_cr
 
 
@@ -120,7 +117,7 @@ def _scaled_level(tissue: Counts) -> Singles:
     scale, level = np.float32(1.0 / max(float(bright), 1e-6)), np.empty(tissue.shape, np.float32)
     for row in range(rows):
         for pair in range(pairs):
-            level[row, pair] = min(np.float32(tissue[row, pair]) * scale, _SINGLE_LEVEL)
+            level[row, pair] = min(np.float32(tissue[row, pair]) * scale, LARGEST_LEVEL)
     return level
 
 
@@ -182,8 +179,7 @@ def sample_strip(
 ) -> tuple[Singles, float]:
     """Return the light in a strip about a curve, (row, column), and the noise of a pixel above it.
 
-    `start`: rows of the strip's middle, (column,); `half` of the strip's height. `frame` to `across` are as of
-    `sample_rows`.
+    `start`: rows of the strip's middle, (column,); `half` of its height. For `frame` to `across` see `sample_rows`.
     """
     rows = np.empty((2 * half, len(start)), np.float32)
     for step in range(2 * half):
@@ -203,10 +199,7 @@ def sample_strip(
 
 @compiled
 def fit_edges(raw: Singles, thin: int, start: Singles) -> tuple[Singles, Singles]:
-    """Return the rows of the best two-level fit along each column of a strip, and by how much it is brighter below.
-
-    `raw`: light in the strip, (row, column); structures thinner than `thin` rows are removed.
-    """
+    """Return the rows of the best two-level fit along each column of a strip, and by how much it is brighter below."""
     strip = _smoothed_and_opened(raw, thin)
     rows, columns = strip.shape
     half, end = rows // 2, rows // 2 - 2
@@ -284,11 +277,9 @@ def _median_of_five(values: Singles) -> np.float32:
 
 @compiled
 def show_points(row: Singles, contrast: Singles, missing: Flags, column: Singles, deepest: float, widest: int) -> Flags:
-    """Return which points show a surface, or lie in a gap that it bridges.
+    """Return which points, in their columns of a frame's imaged part, show a surface, or a gap of at most `widest`.
 
-    `missing`: columns of the frame's imaged part, `column`: columns of the points in it. A surface below row `deepest`
-    has left the window; a point with less than ABSENT_SHARE of the typical contrast shows no surface. `widest`: gap,
-    points.
+    A surface below row `deepest` has left the window; less than ABSENT_SHARE of the typical contrast does not show it.
     """
     points = len(row)
     inside, present = np.empty(points, np.bool_), np.empty(points, np.bool_)

@@ -77,7 +77,7 @@ def _first_wall(frame: Counts, is_bytes: bool, scale: PixelScale, lit: Lit) -> S
         return without_wall(frame.shape, "the frame is empty: all pixels are alike")
     part = _part(frame, is_bytes, scale, left, dark[left:after])
     (cells, floor, saturated, begin), found = part.look(brightest)
-    if fault := blank_fault(float(floor), brightest, saturated):
+    if fault := blank_fault(floor, brightest, saturated):
         return without_wall(frame.shape, fault)
     if not len(begin):
         return found
@@ -109,10 +109,9 @@ class Part(NamedTuple):
 
     def look(self, brightest: int) -> tuple[tuple[Counts, int, bool, Integers], Segmentation]:
         """Return cells, their floor, whether they are saturated, where a needle may begin; and the wall: see `look`."""
-        width, shape = len(self.missing), (len(self.frame), self.columns)
-        behind = 0, 0
+        width, shape, behind = len(self.missing), (len(self.frame), self.columns), (0, 0)
         if self.hidden is not None:
-            start, stop = np.searchsorted(fine_columns(width), (self.hidden[0] - 0.5, self.hidden[1] - 0.5))
+            start, stop = np.searchsorted(fine_columns(width), np.array(self.hidden) - 0.5)
             behind = int(start), int(stop)
         rows = np.empty((2, self.columns))
         cells, floor, saturated, begin, seen, contrast, noise, thickness_m = look(

@@ -136,19 +136,15 @@ SAME_COLUMNS_SHARE, MOVED_THICKNESS = 0.8, 0.3  # of a wall that a second look m
 
 @dataclass(frozen=True)
 class SeenWall:
-    """The wall in a frame, at evenly spaced columns (point,); rows of pixel centres.
-
-    `column`; `outer_row`, `inner_row`; `outer_sd`, `inner_sd`: their uncertainty, rows; `there`: whether there is wall.
-    Where there is none the rows say nothing. `step_rows`: rows of the frame in one of the reduced frame.
-    """
+    """The wall in a frame, at evenly spaced columns (point,); rows of pixel centres."""
 
     column: Floats
     outer_row: Floats
     inner_row: Floats
-    outer_sd: Floats
+    outer_sd: Floats  # of the rows
     inner_sd: Floats
-    there: Flags
-    step_rows: float
+    there: Flags  # has wall; elsewhere the rows say nothing
+    step_rows: float  # of the frame in one of the reduced frame
 
     @property
     def frame_column(self) -> Places:
@@ -192,33 +188,21 @@ class WallFinder:
         rows, columns = self._study.rows, self._study.columns
         small = reduced_frame(frame[top:bottom], rows, columns)[None]
         probability, wall = run_network(self.session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: small}, self._place)
-        there = wall[0] >= SURE_WALL
-        paths = _paths(probability[0], wall[0])
-        (outer, outer_sd), (inner, inner_sd) = (
-            _moved(of, path) for of, path in zip(probability[0], paths, strict=True)
-        )
+        there, paths = wall[0] >= SURE_WALL, _paths(probability[0], wall[0])
+        (outer, outer_sd), (inner, inner_sd) = map(_moved, probability[0], paths)
         outer, inner = _without_spikes(outer, there), _without_spikes(inner, there)
         if top == 0:
             outer = np.where(outer < EDGE_ROWS, -1.0, outer)
         if bottom == len(frame):
             inner = np.where(inner > rows - 1.0 - EDGE_ROWS, rows, inner)
-        stretch = (bottom - top) / rows
-        return SeenWall(
-            reduced_columns(frame.shape[1], columns // 2),
-            top + (outer + 0.5) * stretch - 0.5,
-            top + (inner + 0.5) * stretch - 0.5,
-            outer_sd * stretch,
-            inner_sd * stretch,
-            there & (inner - outer > LEAST_THICKNESS_ROWS),
-            stretch,
-        )
+        stretch, there = (bottom - top) / rows, there & (inner - outer > LEAST_THICKNESS_ROWS)
+        at, rows_sd = reduced_columns(frame.shape[1], columns // 2), (outer_sd * stretch, inner_sd * stretch)
+        outer_row, inner_row = (top + (row + 0.5) * stretch - 0.5 for row in (outer, inner))
+        return SeenWall(at, outer_row, inner_row, *rows_sd, there, stretch)
 
 
 def rows_about(outer_row: Floats, inner_row: Floats, rows: int, share: float = BEYOND_SHARE) -> tuple[int, int] | None:
-    """Return the rows about a wall (column,) that a second look shows larger, from and to; None: it fills the frame.
-
-    `share` of the wall's rows are shown beyond it.
-    """
+    """Return the rows about a wall, and a share of them beyond, for a second look; None: it fills the frame."""
     first, last = max(float(outer_row.min()), 0.0), min(float(inner_row.max()), rows - 1.0)
     beyond = share * (last - first)
     top, bottom = max(int(first - beyond), 0), min(int(last + beyond) + 2, rows)
@@ -237,8 +221,7 @@ def _confirms(first: SeenWall, second: SeenWall) -> bool:
 def _paths(probability: Singles, wall: Singles) -> tuple[Places, Places]:
     """Return the paths of both boundaries, (column,), from their rows' probabilities (2, row, column).
 
-    Columns without wall do not constrain them. Thicknesses that end below the frame are alike, and where the upper
-    boundary lies above it the thickness may change freely.
+    Columns without wall do not constrain them; where the upper boundary is above the frame the thickness is free.
     """
     score = np.log(np.maximum(probability, np.float32(LEAST_PROBABILITY))).transpose(0, 2, 1) * wall[:, None]
     outer = best_path(np.ascontiguousarray(score[0]), REACH_ROWS)
