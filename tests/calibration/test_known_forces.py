@@ -477,7 +477,7 @@ def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_
     monkeypatch.setattr(virtual_eyes, "label_forces", partial(without_rests, sd_n=0.0))
     library, rng = solved_library(GRID), np.random.default_rng(seed)
     eye = virtual_eyes.draw_eye(EXACT, library.for_stiffening(stiffening), 0, rng)
-    assert eye.stiffening == stiffening
+    assert eye.model.library.stiffening == stiffening
     frames = virtual_eyes.draw_frames(eye, EXACT, 8, rng)
     known, left = virtual_eyes.calibrated(eye, frames, EXACT, library, rng)
     assert known.modulus is not None

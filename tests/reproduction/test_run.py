@@ -18,7 +18,6 @@ from scleraforce.calibration.calibrate import calibration_passes
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, SolverError, StudyError
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.learning.classifier import classes_at_modulus
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
@@ -31,7 +30,7 @@ from scleraforce.recording.folder import read_recording
 from scleraforce.reproduction import demo, run as reproduction, stages
 from scleraforce.reproduction.page import _comparison, _coverage_words, _held
 from scleraforce.reproduction.run import Progress, Run, Stage, framed_for_laboratory, open_run, run_library, run_stages
-from scleraforce.study import ClassesStudy, NetworkStudy, Study, format_study, parse_study
+from scleraforce.study import NetworkStudy, Study, format_study, parse_study
 
 DONE: list[str] = []
 BARS: list[tuple[str, int, int]] = []
@@ -209,13 +208,6 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
     stages._calibrate_bent(run, counted.append)
     assert len(counted) == 2
     assert stages._bent_frames(run) == sum(counted) > sum(len(frames) for frames in pushes.values())
-
-
-def test_a_stiffer_wall_puts_the_same_slice_into_a_higher_class() -> None:
-    force_n = np.array([0.0, 0.0047, 0.0053, 0.028, 0.033])
-    assert classes_at_modulus(force_n, 1.0, ClassesStudy()).tolist() == [0, 0, 1, 1, 2]
-    assert classes_at_modulus(force_n, 1.1, ClassesStudy()).tolist() == [0, 1, 1, 2, 2]
-    assert classes_at_modulus(force_n, 0.9, ClassesStudy()).tolist() == [0, 0, 0, 1, 1]
 
 
 def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_a_pixel() -> None:

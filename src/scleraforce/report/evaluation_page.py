@@ -12,7 +12,8 @@ from scleraforce.known import MODULUS_SOURCES
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import SHARED_ERROR, Proportion, mean_absolute_error
 from scleraforce.report import html
-from scleraforce.report.frame_figures import WIDTH, AnsweredFrame, draw_read_forces, draw_trial_forces, evenly
+from scleraforce.report.files import evenly
+from scleraforce.report.frame_figures import WIDTH, AnsweredFrame, draw_read_forces, draw_trial_forces
 from scleraforce.segmentation.found import draw_overlay
 from scleraforce.units import from_si
 

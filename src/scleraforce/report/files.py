@@ -7,9 +7,10 @@ from functools import wraps
 from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal, ParamSpec
+from typing import Any, Literal, ParamSpec, TypeVar
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, Locator, NullFormatter
@@ -27,14 +28,11 @@ SCAN_COLOURS = "gray"
 
 Kind = Literal["png", "svg", "pdf"]
 FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
-UNDATED: dict[Kind, dict[str, str | None]] = {
-    "png": {"Software": None},
-    "svg": {"Date": None},
-    "pdf": {"CreationDate": None},
-}
+LEFT_OUT: dict[Kind, str] = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # of the metadata
 
 STYLE = files("scleraforce.report").joinpath("figures.mplstyle")
 Arguments = ParamSpec("Arguments")
+Entry = TypeVar("Entry")
 
 
 def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
@@ -51,6 +49,13 @@ def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
 def inches(width_mm: float, height_mm: float) -> tuple[float, float]:
     """Return a figure's size as matplotlib wants it; a page is 170 mm wide."""
     return width_mm / 25.4, height_mm / 25.4
+
+
+def evenly(entries: list[Entry], most: int) -> list[Entry]:
+    """Return at most `most` of some entries, in even steps."""
+    if len(entries) <= most:
+        return entries
+    return [entries[n] for n in np.linspace(0, len(entries) - 1, most).round().astype(int)] if most else []
 
 
 def show_image(axes: Axes, image: NDArray[Any], extent_m: tuple[float, float], **options: Any) -> None:
@@ -87,7 +92,7 @@ def _save(figure: Figure, target: Path | BytesIO, kind: Kind) -> None:
     """Write a figure under the common style, without a date: the same figure gives the same bytes."""
     with mpl.rc_context(fname=str(STYLE)), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # of a file's name: it is shown as a box
-        figure.savefig(target, format=kind, metadata=UNDATED[kind])
+        figure.savefig(target, format=kind, metadata={LEFT_OUT[kind]: None})
 
 
 def check_figure_path(path: Path) -> Kind:

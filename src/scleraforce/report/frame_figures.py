@@ -73,13 +73,6 @@ def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
     return tuple(looks)
 
 
-def evenly(numbers: list[int], most: int) -> list[int]:
-    """Return at most `most` of some numbers, in even steps."""
-    if len(numbers) <= most:
-        return numbers
-    return [numbers[n] for n in np.linspace(0, len(numbers) - 1, most).round().astype(int)] if most else []
-
-
 @style.styled
 def draw_slice_pairs(pairs: Sequence[tuple[AnsweredFrame, Bytes, Bytes]], pixel_m: float) -> Figure:
     """Draw for each pair, from top to bottom: the raw frame, its slice, the simulated slice, and both overlaid.
@@ -387,7 +380,7 @@ def sheet_frame(name: str, frame: ScaledFrame, found: Segmentation) -> SheetFram
 def shown_on_sheet(badness: Sequence[tuple[bool, float]]) -> list[int]:
     """Return which frames a sheet shows, the worst first: all, or the worst and others in even steps."""
     order = sorted(range(len(badness)), key=lambda n: badness[n], reverse=True)
-    return order[:WORST] + evenly(order[WORST:], MOST - WORST)
+    return order[:WORST] + style.evenly(order[WORST:], MOST - WORST)
 
 
 @style.styled

@@ -73,12 +73,11 @@ def draw_recording(recording: Recording, trials: Sequence[Trial], bounds_n: Sequ
     grid = figure.add_gridspec(2, 1, height_ratios=(0.7, 1.0))
     pictures, curve = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
     order = sorted(range(len(trials)), key=lambda n: trials[n].measured_force_n or 0.0)
-    places = np.linspace(0, len(order) - 1, min(OF_DIFFERENT_FORCE, len(order))).round().astype(int)
+    shown = style.evenly(order, OF_DIFFERENT_FORCE)
     extent_m = recording.info.oct.width_m, recording.info.oct.depth_m
-    for axes, place in zip(pictures.subplots(1, len(places), squeeze=False)[0], places, strict=True):
-        trial = trials[order[place]]
-        style.show_image(axes, recording.frame(recording.frames[order[place]]), extent_m)
-        force_n = trial.measured_force_n
+    for axes, place in zip(pictures.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+        trial, force_n = trials[place], trials[place].measured_force_n
+        style.show_image(axes, recording.frame(recording.frames[place]), extent_m)
         axes.set_title(trial.file if force_n is None else f"{trial.file}: {from_si(force_n, 'mn'):.1f} mN")
         axes.set_xlabel("mm")
     axes = curve.subplots()
@@ -150,10 +149,9 @@ def draw_modulus_over_frames(eye: EyeCalibration, truth_pa: float | None = None)
     """Draw mean and band (one and two standard deviations) of E over the frames (Fig. 5), and a virtual eye's E."""
     figure = Figure(figsize=style.inches(170, 62))
     whole, close = figure.subplots(1, 2)
-    _draw_over_frames(whole, eye, truth_pa)
-    whole.set_title("from the prior on")
-    _draw_over_frames(close, eye, truth_pa)
-    close.set_title("the same, from the first frame on")
+    for axes, title in ((whole, "from the prior on"), (close, "the same, from the first frame on")):
+        _draw_over_frames(axes, eye, truth_pa)
+        axes.set_title(title)
     ends = [from_si(f.mean_pa + sign * 3 * f.sd_pa, "mpa") for f in eye.used for sign in (-1, 1)]
     close.set(xlim=(1, max(len(eye.used), 2)), ylim=(min(ends), max(ends)))
     close.get_legend().remove()

@@ -23,8 +23,8 @@ from scleraforce.models import FILES, SHIPPED_READER, read_folder
 from scleraforce.reader.limits import limit_notes, reading_ranges
 from scleraforce.recording.folder import Recording, RecordingInfo, read_recording
 from scleraforce.recording.labels import Trial, label_frames, label_notes
-from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled
-from scleraforce.report.frame_figures import draw_montage, evenly
+from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, evenly, inches, styled
+from scleraforce.report.frame_figures import draw_montage
 from scleraforce.report.model_figures import draw_curves
 from scleraforce.report.recording_figures import draw_calibration, draw_recording
 from scleraforce.report.shown import LOG_FILES, Thing, span
@@ -94,9 +94,7 @@ def draw_library(library: Library) -> Figure:
         axes.set_xlabel("dent [mm]")
     highest = 1.1 * from_si(library.max_force_ratio, "mm2")
     panels[0].set(ylabel="force over Young's modulus [mm²]", ylim=(0.0, highest))
-    shown = np.unique(np.linspace(0, len(library.thickness_m) - 1, 6).round().astype(int))
-    handles, labels = panels[0].get_legend_handles_labels()
-    panels[0].legend([handles[n] for n in shown], [labels[n] for n in shown], loc="upper left")
+    panels[0].legend(*(evenly(each, 6) for each in panels[0].get_legend_handles_labels()), loc="upper left")
     return figure
 
 
