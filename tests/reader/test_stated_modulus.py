@@ -32,8 +32,10 @@ def test_intervals_of_eyes_with_a_stated_modulus_hold() -> None:
             continue
         frames = draw_frames(eye, study, FRAMES, rng)
         stated_pa = eye.wall.youngs_modulus_pa * (1.0 + STATED_MODULUS_SD * rng.standard_normal())
-        known = replace(known_of_constants(eye.stated, Modulus.stated(stated_pa)), stiffening=eye.stiffening)
-        library = reader.library.for_stiffening(eye.stiffening).for_contact(eye.wall.polar_rad)
+        known = replace(
+            known_of_constants(eye.stated, Modulus.stated(stated_pa)), stiffening=eye.model.library.stiffening
+        )
+        library = reader.library.for_stiffening(eye.model.library.stiffening).for_contact(eye.wall.polar_rad)
         prior, smoothing_m = prior_of(known, study.reader), study.calibration.surface_smoothing_m
         seen = [frame.boundaries for frame in frames]
         fits = [fit_boundaries(library, each.lateral_m, each.depth_m, prior, smoothing_m) for each in seen]

@@ -64,8 +64,9 @@ def show(thing: Path, plot: Path | None, model: Path | None) -> Report:
 
 
 def _lines(path: Path, found: "Thing") -> list[str]:
-    width = max(len(name) for name, _ in found.rows) + 2
-    rows = [wrapped(words, f"{name:<{width}}") for name, words in found.rows]
+    said = [row for row in found.rows if row[1]]
+    width = max(len(name) for name, _ in said) + 2
+    rows = [wrapped(words, f"{name:<{width}}") for name, words in said]
     return [f"{path}: {found.kind}", "", *rows, *([""] if found.lines else []),
             *(fill(line, 80, subsequent_indent="    ") for line in found.lines)]  # fmt: skip
 

@@ -31,7 +31,10 @@ RANGE = {"min", "max"}  # a value, not a table of keys
 
 @dataclass(frozen=True, kw_only=True)
 class Thing:
-    """A described thing: `facts` for JSON in human units, `rows` (name, sentence) and `lines` for people, a picture."""
+    """A described thing: `facts` for JSON in human units, `rows` and `lines` for people, and a picture.
+
+    A row is a name and a sentence; it is left out if that is empty.
+    """
 
     kind: str
     facts: Mapping[str, Any]

@@ -73,7 +73,7 @@ def show_library(path: Path) -> Thing:
         "tip_mm": from_si(library.tip_m, "mm").tolist(),
         "largest_force_ratio_mm2": from_si(library.max_force_ratio, "mm2"),
     }
-    return Thing(kind="library", facts=facts, rows=rows, draw=lambda: draw_library(library))
+    return Thing(kind="library", facts=facts, rows=rows, draw=partial(draw_library, library))
 
 
 @styled
@@ -84,9 +84,8 @@ def draw_library(library: Library) -> Figure:
     dent_mm = from_si(library.tip_m, "mm")
     shades = colormaps["viridis"](np.linspace(0.0, 0.85, len(library.thickness_m)))
     for axes, pressure in zip(panels, (0, len(library.tension) // 2, -1), strict=True):
-        for thickness_m, ratio_d, shade in zip(
-            library.thickness_m, library.force_ratio_tpd[:, pressure], shades, strict=True
-        ):
+        walls = zip(library.thickness_m, library.force_ratio_tpd[:, pressure], shades, strict=True)
+        for thickness_m, ratio_d, shade in walls:
             label = f"{from_si(thickness_m, 'um'):.0f} µm"
             axes.plot(dent_mm, from_si(ratio_d, "mm2"), color=shade, label=label)
         axes.axhline(from_si(library.max_force_ratio, "mm2"), color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
@@ -117,11 +116,8 @@ def show_data_set(path: Path) -> Thing:
         "classes": counts,
         "youngs_modulus_mpa": from_si(dataset.youngs_modulus_pa, "mpa"),
     }
-
-    def draw() -> Figure:
-        return draw_montage(dataset, np.array(evenly(list(range(dataset.images)), PICTURED)))
-
-    return Thing(kind="data set", facts=facts, rows=rows, draw=draw)
+    pictured = np.array(evenly(list(range(dataset.images)), PICTURED))
+    return Thing(kind="data set", facts=facts, rows=rows, draw=partial(draw_montage, dataset, pictured))
 
 
 def show_model(path: Path) -> Thing:
@@ -132,7 +128,7 @@ def show_model(path: Path) -> Thing:
     ranges = reading_ranges(path)
     lines = ("what it reads:", *(f"  {name:<36}{words}" for name, words in ranges)) if ranges else ()
     size = sum(map(len, folder.files.values()))
-    rows = [
+    rows = (
         ("kind", record["kind"] + (f", answers with its {record['default']}" if record.get("default") else "")),
         ("training", ", ".join(f"{count} {name}" for name, count in _amounts(record))),
         ("figures below are of", MEASURED_ON[record["kind"]].format(default=f"its {record.get('default')}")),
@@ -142,7 +138,7 @@ def show_model(path: Path) -> Thing:
         ("made with", ", ".join(f"{name} {provenance[name]}" for name in MADE_WITH if name in provenance)),
         ("seed", str(provenance.get("seed", "-"))),
         ("files", f"{', '.join(sorted(folder.files))}: {from_si(float(size), 'mb'):.1f} MB, hashes match"),
-    ]  # fmt: skip
+    )  # fmt: skip
     curves = {
         name: values for name, values in _table(record, "curves").items()
         if isinstance(values, list) and values and all(isinstance(value, int | float) for value in values)
@@ -156,8 +152,7 @@ def show_model(path: Path) -> Thing:
         "files": {name: len(folder.files[name]) for name in FILES[record["kind"]]},
     }
     steps = "epoch" if "epochs" in record else "reports during the training"
-    kept = tuple((name, words) for name, words in rows if words)
-    return Thing(kind="model", facts=facts, rows=kept, lines=lines, draw=lambda: draw_curves(curves, steps))
+    return Thing(kind="model", facts=facts, rows=rows, lines=lines, draw=partial(draw_curves, curves, steps))
 
 
 def _table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -194,6 +189,7 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
     width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in (info.oct.width_m, info.oct.depth_m))
     forces_n = [trial.measured_force_n for trial in trials if trial.measured_force_n is not None]
     counts = Counter(trial.target for trial in trials)
+    of_classes = ", ".join(f"{counts[label]} of class {label}" for label in range(len(CLASSES.bounds_n) + 1))
     globe = info.eye.globe or "not stated: intervals are wider"
     rows = (
         ("eye", info.eye.id),
@@ -204,9 +200,8 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
                    f"refractive index {info.oct.refractive_index:g}"),
         ("needle", f"{info.needle.gauge} gauge, {_planes_words(info)}"),
         ("force log", _log_words(recording)),
-        *((("forces", span([min(forces_n), max(forces_n)], "mn", "mN") + ": " + ", ".join(
-            f"{counts[label]} of class {label}" for label in range(len(CLASSES.bounds_n) + 1))),) if forces_n else ()),
-        *((("no labels", fault),) if fault else ()),
+        ("forces", f"{span([min(forces_n), max(forces_n)], 'mn', 'mN')}: {of_classes}" if forces_n else ""),
+        ("no labels", fault or ""),
         *(("note", note) for note in notes),
     )  # fmt: skip
     facts = {
@@ -305,8 +300,8 @@ def show_decision_log(path: Path) -> Thing:
         "notes": notes,
         "torn": torn,
     }
-    filled, lines = tuple((name, words) for name, words in rows if words), tuple(_listed(withdrawals))
-    return Thing(kind="decision log", facts=facts, rows=filled, lines=lines, draw=partial(draw_decisions, decisions))
+    lines, draw = tuple(_listed(withdrawals)), partial(draw_decisions, decisions)
+    return Thing(kind="decision log", facts=facts, rows=rows, lines=lines, draw=draw)
 
 
 def _read_decisions(folder: Path) -> tuple[tuple[Entry, ...], tuple[str, ...], int]:
