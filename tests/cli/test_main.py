@@ -27,8 +27,7 @@ from scleraforce.cli.output import print_json
 from scleraforce.errors import SolverError, StudyError
 from scleraforce.installation import Finding
 from scleraforce.mechanics.relaxation import PronySeries
-from scleraforce.study import Study, read_study
-from scleraforce.study.unused import refuse_unused
+from scleraforce.study import Study, read_study, refuse_unused
 
 SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
 

@@ -22,9 +22,8 @@ from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
 from scleraforce.mechanics.contact import Contact
 from scleraforce.report.recording_figures import draw_calibration
-from scleraforce.study import Study, parse_study
+from scleraforce.study import UNUSED, Study, parse_study
 from scleraforce.study.fields import field_key
-from scleraforce.study.unused import UNUSED
 
 FOUND = ("thickness 651 ± 12 µm", "k 0.031 ± 0.001 mmHg^(1/3)/µl", "forces 13 ± 3 % above the library's at 60 mN")
 
@@ -150,7 +149,7 @@ ELSEWHERE = {
     "eye.thickness_um", "eye.youngs_modulus_mpa", "eye.iop_mmhg", "needle.gap_mm", "needle.polar_angle_deg",
     "needle.max_force_mn", "mechanics.kind", "tissue.relaxation",
 }  # fmt: skip
-BOOKKEEPING = {"scleraforce.study", "scleraforce.study.fields", "scleraforce.study.unused", "dataclasses"}
+BOOKKEEPING = {"scleraforce.study", "scleraforce.study.fields", "dataclasses"}
 
 SMALL = """
 [mesh]

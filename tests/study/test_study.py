@@ -27,10 +27,10 @@ from scleraforce.study import (
     format_study,
     parse_study,
     preset_toml,
+    refuse_unused,
     study_hash,
 )
 from scleraforce.study.fields import QUANTITIES, Unit, allowed, check_quantity, field_key, field_unit
-from scleraforce.study.unused import refuse_unused
 from scleraforce.units import SI_PER_UNIT
 
 PAPER_STUDY_TOML = preset_toml("ex-vivo")

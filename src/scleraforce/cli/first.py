@@ -177,7 +177,7 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
     from scleraforce.reader.metrics import SHARED_ERROR, band_of, held_by_eye
     from scleraforce.reproduction.run import framed_for_laboratory, open_run
     from scleraforce.reproduction.stages import reproduce as run_stages
-    from scleraforce.study.unused import refuse_unused
+    from scleraforce.study import refuse_unused
 
     file = ctx.meta.get(STUDY_FILE)
     refuse_unused(study, "reproduce")

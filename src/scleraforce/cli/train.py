@@ -13,8 +13,7 @@ from scleraforce.cli.options import PATH, chosen_workers, options
 from scleraforce.cli.output import Command, Report, count_bar, resumable_bar, say
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.models import read_folder
-from scleraforce.study import Study
-from scleraforce.study.unused import refuse_unused
+from scleraforce.study import Study, refuse_unused
 
 
 @click.command(cls=Command)

@@ -130,12 +130,9 @@ class _Tissue:
 
 
 def render_bscan(
-    section: Section,
-    oct_study: OctStudy,
-    optics: BscanOptics,
-    rng: np.random.Generator,
+    section: Section, oct_study: OctStudy, optics: BscanOptics, rng: np.random.Generator,
     shaft: DrawnShaft | None = None,
-) -> Bscan:
+) -> Bscan:  # fmt: skip
     """Form one raw frame of a section."""
     pixel_m = oct_study.depth_m / oct_study.rows
     tissue = _fill_columns(section, oct_study, optics)

@@ -187,16 +187,9 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
 
 
 def plan_moving_phantom(
-    eye: PhantomEye,
-    forces_n: Sequence[float],
-    study: Study,
-    seed: int,
-    *,
-    rate_hz: float,
-    ramp_n_per_s: float,
-    hold_s: float,
-    puncture_n: float | None = None,
-) -> PhantomPlan:
+    eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int, *, rate_hz: float, ramp_n_per_s: float,
+    hold_s: float, puncture_n: float | None = None,
+) -> PhantomPlan:  # fmt: skip
     """Draw a virtual acquisition of a needle that a robot moves while frames are taken at a steady rate.
 
     With `puncture_n` the needle goes through the wall at that elastic force, after the others, which may be none. What
@@ -391,14 +384,9 @@ def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
 
 
 def write_phantom(
-    out: Path,
-    plan: PhantomPlan,
-    sections_at: SectionsAt,
-    study: Study,
-    progress: Callable[[int], object] | None = None,
-    *,
-    tell_globe: bool = True,
-) -> None:
+    out: Path, plan: PhantomPlan, sections_at: SectionsAt, study: Study,
+    progress: Callable[[int], object] | None = None, *, tell_globe: bool = True,
+) -> None:  # fmt: skip
     """Write a virtual acquisition as a recording folder with `truth.json`; equal plans give equal bytes."""
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise RecordingError(f"{out}: exists already; remove it or choose another folder")
@@ -444,14 +432,11 @@ def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
         EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=globe, leak_time_s=leak_time_s),
         OctInfo(**asdict(study.oct), plane_direction_rad=eye.direction_rad, plane_tilt_rad=eye.tilt_rad, plane=planes),
         NeedleInfo(
-            gauge=nearest_gauge(study.needle.outer_diameter_m),
-            slice_gap_m=None if planes else eye.gap_m,
-            polar_angle_rad=eye.polar_rad,
-            lean_rad=plan.lean[0],
-            lean_azimuth_rad=plan.lean[1],
+            gauge=nearest_gauge(study.needle.outer_diameter_m), slice_gap_m=None if planes else eye.gap_m,
+            polar_angle_rad=eye.polar_rad, lean_rad=plan.lean[0], lean_azimuth_rad=plan.lean[1],
         ),
         ForceInfo(AXIS, CONTACT_SIGN, average_s),
-    )
+    )  # fmt: skip
 
 
 def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> dict[str, Any]:

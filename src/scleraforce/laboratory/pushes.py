@@ -124,13 +124,9 @@ def path_of_pushes(pushes: Sequence[Push], relaxation: PronySeries) -> NeedlePat
 
 
 def plan_path(
-    forces_n: tuple[float, ...],
-    ramp_n_per_s: float,
-    hold_s: float,
-    phantom: PhantomStudy,
-    relaxation: PronySeries,
+    forces_n: tuple[float, ...], ramp_n_per_s: float, hold_s: float, phantom: PhantomStudy, relaxation: PronySeries,
     rng: np.random.Generator,
-) -> NeedlePath:
+) -> NeedlePath:  # fmt: skip
     """Lay a path through elastic forces: off the eye for a drawn time, then a ramp to each and a hold."""
     times_s, path_n = [0.0, draw(phantom.approach_s, rng)], [0.0, 0.0]
     for force_n in forces_n:
@@ -165,15 +161,13 @@ def plan_puncture(
 def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> ForceSensor:
     """Draw the sensor of one recording."""
     x, y, z = (draw(phantom.force_offset_n, rng) for _ in range(3))
+    drift_n_per_s, noise_n = draw(phantom.force_drift_n_per_s, rng), draw(phantom.force_noise_n, rng)
+    cross_talk = draw(phantom.cross_talk_fraction, rng), draw(phantom.cross_talk_fraction, rng)
     return ForceSensor(
-        offset_n=(x, y, z),
-        drift_n_per_s=draw(phantom.force_drift_n_per_s, rng),
-        noise_n=draw(phantom.force_noise_n, rng),
-        step_n=phantom.force_step_n,
-        cross_talk_fraction=(draw(phantom.cross_talk_fraction, rng), draw(phantom.cross_talk_fraction, rng)),
-        torque_noise_nm=draw(phantom.torque_noise_nm, rng),
+        offset_n=(x, y, z), drift_n_per_s=drift_n_per_s, noise_n=noise_n, step_n=phantom.force_step_n,
+        cross_talk_fraction=cross_talk, torque_noise_nm=draw(phantom.torque_noise_nm, rng),
         rate_hz=phantom.sample_rate_hz,
-    )
+    )  # fmt: skip
 
 
 def sense(

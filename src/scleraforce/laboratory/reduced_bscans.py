@@ -15,7 +15,7 @@ from scleraforce.arrays import Reals, Singles
 from scleraforce.laboratory.bscan import DrawnShaft
 from scleraforce.laboratory.light import NO_LIGHT_DB, BscanOptics, Displayed, amplitude_sigma, transmission
 from scleraforce.library import INNER, OUTER
-from scleraforce.segmentation.wall_finder import FrameWindow
+from scleraforce.segmentation.wall_finder import FrameWindow, reduced_frame
 from scleraforce.study import OctStudy
 
 DB = 10.0 / log(10.0)  # of a factor e
@@ -36,13 +36,9 @@ class _Layer:
 
 
 def draw_reduced(
-    depth_sbc: Reals,
-    optics: Sequence[BscanOptics],
-    oct_study: OctStudy,
-    window: FrameWindow,
-    rng: np.random.Generator,
-    shafts: Sequence[DrawnShaft] = (),
-) -> tuple[Singles, Reals]:
+    depth_sbc: Reals, optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow,
+    rng: np.random.Generator, shafts: Sequence[DrawnShaft] = (),
+) -> tuple[Singles, Reals]:  # fmt: skip
     """Draw reduced frames of walls, each with its optics and, if any has one, its needle (in the window's cells).
 
     Returns frames float32 (frame, row, column) and the rows of their walls' boundaries (frame, boundary, column):
@@ -63,7 +59,8 @@ def draw_reduced(
         mean = np.maximum(mean, displayed.mean(np.stack([_decibel(shaft.skin) for shaft in shafts])))
     mean += np.sqrt(variance) * rng.standard_normal(mean.shape, dtype=np.float32)
     down, along = _imaged(optics, oct_study, window)
-    frames = np.stack([window.levels(each) for each in np.clip(mean, 0.0, 1.0) * (down * along[:, None])])
+    shown = np.clip(mean, 0.0, 1.0) * (down * along[:, None])
+    frames = np.stack([reduced_frame(each, window.rows, window.columns) for each in shown])
     rows = wall_m / window.row_m - 0.5
     rows[~np.broadcast_to((along > 0.5)[:, None], rows.shape)] = np.nan
     return frames, rows

@@ -383,7 +383,8 @@ def _fitted_line(eye: ImagedEye, rows: Places, light: Floats, peak: int) -> Line
     """Return the line at a peak of the rows' light over the noise; None if it is too wide."""
     near = slice(max(peak - REACH, 0), peak + REACH + 1)
     found = fitted_curve(
-        _ridge, rows[near], light[near], (float(rows[peak]), light[peak], 1.0),
+        lambda row, middle, gain, sigma: gain * np.exp(-(((row - middle) / sigma) ** 2)), rows[near], light[near],
+        (float(rows[peak]), light[peak], 1.0),
         bounds=((rows[peak] - 2.0, 0.0, NARROWEST / 2), (rows[peak] + 2.0, np.inf, 2 * WIDEST)),
     )  # fmt: skip
     if found is None or found[0][2] > WIDEST:
@@ -391,7 +392,3 @@ def _fitted_line(eye: ImagedEye, rows: Places, light: Floats, peak: int) -> Line
     row, gain, sigma = map(float, found[0])
     thickness_m = max(sigma, NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m
     return Line(depth_m=(row + 0.5) * eye.scale.depth_m, level_db=float(10.0 * np.log10(gain)), thickness_m=thickness_m)
-
-
-def _ridge(row: Floats, middle: float, gain: float, sigma: float) -> Floats:
-    return gain * np.exp(-(((row - middle) / sigma) ** 2))

@@ -220,18 +220,18 @@ def _fitted_shadow(eye: ImagedEye, light_db: Floats, place: slice) -> Shadow | N
     near = np.arange(max(place.start - margin, 0), min(place.stop + margin, len(light_db)))
     near = near[np.isfinite(light_db[near])]
     light = 10.0 ** (light_db[near] / 10.0)
+
+    def shaded(column: Floats, middle: float, width: float, loss: float, base: float) -> Floats:
+        return base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
+
     start = ((place.start + place.stop - 1) / 2, columns, 1.0 - light.min(), 1.0)
     ends = (near[0], 1.0, 0.0, 0.5), (near[-1], 4.0 * columns, 1.0, 2.0)
-    found = fitted_curve(_light, near, light, start, bounds=ends)
+    found = fitted_curve(shaded, near, light, start, bounds=ends)
     if found is None or not found[1][2] < MOST_LOSS_ERROR:
         return None
     (column, width, loss, _), lateral_m = map(float, found[0]), eye.scale.lateral_m
     centre_m = (column + 0.5) * lateral_m - lateral_m * len(light_db) / 2
     return Shadow(centre_m=centre_m, width_m=width * lateral_m, loss_fraction=loss)
-
-
-def _light(column: Floats, middle: float, width: float, loss: float, base: float) -> Floats:
-    return base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
 
 
 SPECKLE_DB, UNDER_TOP_DB = 6.0, 5.0  # over the noise and below the display's end: pixels whose speckle is whole
@@ -362,7 +362,7 @@ def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measure
     usable = [frame for frame in frames if not frame.fault]
     if not usable:
         return [Unmeasured(frame.fault) for frame in frames], Unmeasured(frames[0].fault)
-    pooled = _fit_reflection(usable, (1.0, START_RAD, START_ROWS, *[0.0] * len(KNOTS_RAD)))
+    pooled = _fit_reflection(usable, np.array([1.0, START_RAD, START_ROWS, *[0.0] * len(KNOTS_RAD)]))
     if pooled is not None and pooled[0][1] <= NEAR_END * HIGH[1]:
         (_, angle_rad, *_), (_, error_rad, *_) = pooled
         angle = fitted(angle_rad, SPREAD * error_rad, MOST_ANGLE_SHARE * angle_rad, WEAK)
@@ -376,7 +376,7 @@ def _strength(frame: SurfaceLight, pooled: Floats) -> Measured:
     """Return a frame's reflection, at the angle and the surface's deviation of all frames."""
     if frame.fault:
         return Unmeasured(frame.fault)
-    found = _fit_reflection([frame], tuple(pooled), held=tuple(range(1, len(LOW))))
+    found = _fit_reflection([frame], pooled, slice(1))
     if found is None:
         return Unmeasured(WEAK)
     gain = max(float(found[0][0]), 1e-9)
@@ -390,18 +390,17 @@ NEAR_END = 0.95  # of the largest angle: a fit that runs there has not found one
 
 
 def _fit_reflection(
-    frames: Sequence[SurfaceLight], start: tuple[float, ...], held: tuple[int, ...] = ()
+    frames: Sequence[SurfaceLight], start: Floats, free: slice = slice(None)
 ) -> tuple[Floats, Floats] | None:
-    """Fit the light of frames' pixels; return values (see LOW) and errors, or None; `held` ones keep their start."""
+    """Fit the light of frames' pixels; return values (see LOW) and errors, or None; those not free keep their start."""
     slope, below, light, sigma, noise = (
         np.concatenate([np.broadcast_to(getattr(frame, name), frame.light.shape) for frame in frames])
         for name in ("slope_rad", "below", "light", "sigma_rows", "noise")
     )
-    free = np.array([number for number in range(len(start)) if number not in held])
-    value, errors = np.array(start), np.zeros(len(start))
+    value, errors = start.copy(), np.zeros(len(start))
 
     def model(_: Floats, *parameters: float) -> Floats:
-        whole = np.array(start)
+        whole = start.copy()
         whole[free] = parameters
         return _seen(slope, below, sigma, whole)
 

@@ -21,9 +21,8 @@ from scleraforce.mechanics.loads import study_springs
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.section import cut_sections
 from scleraforce.mechanics.slices import fill_section, slice_window
-from scleraforce.study import PhantomStudy, Study, draw
+from scleraforce.study import PhantomStudy, Study, draw, refuse_unused
 from scleraforce.study.fields import check_quantity
-from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 from scleraforce.whole_files import renamed_when_whole
 
@@ -380,13 +379,9 @@ class SimulatedEye:
 
 
 def simulate_eye(
-    study: Study,
-    thickness_m: float,
-    force_n: float,
-    contact: Contact,
-    progress: Progress | None = None,
+    study: Study, thickness_m: float, force_n: float, contact: Contact, progress: Progress | None = None,
     displacement_m: float | None = None,
-) -> SimulatedEye:
+) -> SimulatedEye:  # fmt: skip
     """Bend a wall by the study's `[mechanics]` and `[globe]` and cut its slice beside the needle.
 
     A `displacement_m` of the tip from rest takes precedence over the force, which is then found.

@@ -23,8 +23,7 @@ from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.section import cut_sections
 from scleraforce.mechanics.slices import fill_section, slice_window
 from scleraforce.processes import ClusterWorkers, available_cores, work_units
-from scleraforce.study import Study, format_study, parse_study
-from scleraforce.study.unused import refuse_unused
+from scleraforce.study import Study, format_study, parse_study, refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 

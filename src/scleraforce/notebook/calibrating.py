@@ -22,9 +22,8 @@ from scleraforce.reader.intervals import Stretch, intervals_record, stretched, s
 from scleraforce.reader.limits import CLASSIFIER, READER, limits
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Recording
-from scleraforce.study import Study, study_hash
+from scleraforce.study import Study, refuse_unused, study_hash
 from scleraforce.study.fields import check_quantity
-from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
     from scleraforce.notebook.frames import GivenCalibration

@@ -14,8 +14,7 @@ from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.calibrating import library_for
 from scleraforce.notebook.frames import load_model
 from scleraforce.reader import Reader
-from scleraforce.study import Study
-from scleraforce.study.unused import refuse_unused
+from scleraforce.study import Study, refuse_unused
 
 
 def library_of(

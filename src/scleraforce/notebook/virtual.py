@@ -13,9 +13,8 @@ from scleraforce.laboratory.virtual_eye import PhantomEye, SimulatedEye, simulat
 from scleraforce.mechanics.contact import Contact
 from scleraforce.notebook import Counting, by_percent, check_rigidity, counting_for
 from scleraforce.recording.folder import Plane, Recording, check_planes, read_recording
-from scleraforce.study import Study, fixed
+from scleraforce.study import Study, fixed, refuse_unused
 from scleraforce.study.fields import check_quantity
-from scleraforce.study.unused import refuse_unused
 
 
 def simulate(

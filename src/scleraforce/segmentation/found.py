@@ -62,15 +62,6 @@ def without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None 
     return Segmentation(outer, inner, shape[0], False, reason, False, thickness_m=float("nan"), needle=needle)
 
 
-def blank_fault(floor: int, brightest: int, saturated: bool) -> str:
-    """Return why a frame of a noise floor and a largest count cannot be searched, or ''."""
-    if brightest - floor < EMPTY_SHARE * max(brightest, 1):
-        return "the frame is empty: all pixels are alike"
-    if saturated:
-        return f"the detector is saturated: more than {SATURATED_SHARE:.0%} of the pixels have the largest count"
-    return ""
-
-
 def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
     """Return why a surface that `seen` of `points` points show cannot be judged, or ''; `noise` is of a pixel."""
     if not seen:

@@ -49,7 +49,7 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Bound
     not used.
     """
     lateral_m, outer_m = surface(segmentation, scale)
-    bottom_m = _bottom_m(segmentation, scale)
+    bottom_m = segmentation.rows * scale.depth_m - BOTTOM_M
     inner_m = np.full_like(outer_m, np.nan)
     if segmentation.inner_found:
         index = scale.refractive_index
@@ -68,7 +68,7 @@ def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Floats, Floa
     lateral_m = (np.arange(columns, dtype=np.float64) + (0.5 - columns / 2)) * scale.lateral_m
     # Row r is centred half a pixel below its upper edge.
     outer_m = (segmentation.outer_row + 0.5) * scale.depth_m
-    outer_m[~(outer_m < _bottom_m(segmentation, scale))] = np.nan
+    outer_m[~(outer_m < segmentation.rows * scale.depth_m - BOTTOM_M)] = np.nan
     return lateral_m, outer_m
 
 
@@ -84,10 +84,6 @@ def dent(boundaries: Boundaries) -> float:
         return float("nan")
     line_m = np.interp(lateral_m[middle], [-ASIDE_M, ASIDE_M], [float(depth_m[flank].mean()) for flank in flanks])
     return float((depth_m[middle] - line_m).max())
-
-
-def _bottom_m(segmentation: Segmentation, scale: PixelScale) -> float:
-    return segmentation.rows * scale.depth_m - BOTTOM_M
 
 
 def stretch_of(lateral_m: Floats, outer_m: Floats) -> Floats:

@@ -14,7 +14,14 @@ from scleraforce.arrays import Counts, Flags, Floats, Integers
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.boundaries import FINE_COLUMNS, Workplace, fine_columns, look, workplace_for
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
-from scleraforce.segmentation.found import LEAST_COVER, Segmentation, blank_fault, surface_fault, without_wall
+from scleraforce.segmentation.found import (
+    EMPTY_SHARE,
+    LEAST_COVER,
+    SATURATED_SHARE,
+    Segmentation,
+    surface_fault,
+    without_wall,
+)
 from scleraforce.segmentation.light import (
     LEAST_SHAPE,
     NOT_LOGARITHMIC,
@@ -31,6 +38,8 @@ if TYPE_CHECKING:
     from scleraforce.segmentation.wall_finder import WallFinder
 
 COUNTED = np.dtype(np.uint8), np.dtype(np.uint16)
+EMPTY = "the frame is empty: all pixels are alike"
+SATURATED = f"the detector is saturated: more than {SATURATED_SHARE:.0%} of the pixels have the largest count"
 LARGEST_LEFT = 0.5  # of the imaged width may be below the frame
 LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
 
@@ -74,11 +83,13 @@ def _first_wall(frame: Counts, is_bytes: bool, scale: PixelScale, lit: Lit) -> S
     """Return the wall below the first surface that light meets."""
     left, after, columns, brightest, dark, _ = lit
     if columns < LEAST_SHAPE:
-        return without_wall(frame.shape, "the frame is empty: all pixels are alike")
+        return without_wall(frame.shape, EMPTY)
     part = _part(frame, is_bytes, scale, left, dark[left:after])
     (cells, floor, saturated, begin), found = part.look(brightest)
-    if fault := blank_fault(floor, brightest, saturated):
-        return without_wall(frame.shape, fault)
+    if brightest - floor < EMPTY_SHARE * brightest:
+        return without_wall(frame.shape, EMPTY)
+    if saturated:
+        return without_wall(frame.shape, SATURATED)
     if not len(begin):
         return found
     shown = part.frame[:, part.first : part.first + len(part.missing)]

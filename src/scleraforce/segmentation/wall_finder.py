@@ -28,8 +28,8 @@ LEAST_LEVEL, LARGEST_LEVEL = -0.5, 1.5
 LEAST_CONTRAST = 1e-6  # of the counts of bright tissue
 
 
-def reduced_frame(frame: Pixels, rows: int, columns: int) -> Singles:
-    """Reduce a frame and scale its counts, shape (rows, columns); a frame without contrast is 0."""
+def reduced_frame(frame: Pixels | Singles, rows: int, columns: int) -> Singles:
+    """Return the means of a frame with the noise at 0 and bright tissue at 1, (rows, columns); 0 without contrast."""
     small = _resized(frame, rows, columns)
     lit = small[small > float(small.max()) * np.float32(BLACK_SHARE)]
     if not len(lit):
@@ -42,7 +42,7 @@ def reduced_frame(frame: Pixels, rows: int, columns: int) -> Singles:
     return np.clip((small - np.float32(low)) / np.float32(high - low), LEAST_LEVEL, LARGEST_LEVEL)
 
 
-def _resized(frame: Pixels, rows: int, columns: int) -> Singles:
+def _resized(frame: Pixels | Singles, rows: int, columns: int) -> Singles:
     """Return the means of a frame in `rows` and `columns`; halves first, which is many times quicker."""
     while frame.shape[0] >= 2 * rows and frame.shape[1] >= columns and not frame.shape[0] % 2:
         frame = cast(Pixels, cv2.resize(frame, (frame.shape[1], frame.shape[0] // 2), interpolation=cv2.INTER_LINEAR))
@@ -97,12 +97,8 @@ class FrameWindow:
         return _means_between(columns_at, _means_between(rows_at, frame).T).T
 
     def reduced(self, frame: Pixels, scale: PixelScale) -> Singles:
-        """Return the cells of a frame as a network sees them, (row, column); see `levels`."""
-        return self.levels(self.means(frame, scale))
-
-    def levels(self, means: Singles) -> Singles:
-        """Return mean counts of cells with the noise at 0 and bright tissue at 1 (`reduced_frame`)."""
-        return reduced_frame(means, self.rows, self.columns)  # type: ignore[arg-type]  # means of counts
+        """Return the cells of a frame as a network sees them, (row, column)."""
+        return reduced_frame(self.means(frame, scale), self.rows, self.columns)
 
 
 def _means_between(edges: Reals, values: NDArray[Any]) -> Singles:

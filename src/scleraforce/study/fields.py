@@ -15,11 +15,7 @@ from scleraforce.units import SI_PER_UNIT, HumanUnit, from_si, to_si
 
 @dataclass(frozen=True)
 class Choice:
-    """One of `values`, all equally likely.
-
-    >>> Choice((4e-4, 5e-4)).bounds
-    (0.0004, 0.0005)
-    """
+    """One of `values`, all equally likely."""
 
     values: tuple[float, ...]
 
@@ -35,11 +31,7 @@ class Choice:
 
 @dataclass(frozen=True, kw_only=True)
 class Range:
-    """Uniform between `min` and `max`.
-
-    >>> Range(min=0.0, max=1.0).bounds
-    (0.0, 1.0)
-    """
+    """Uniform between `min` and `max`."""
 
     min: float
     max: float
@@ -69,18 +61,15 @@ def draw(values: Sampled, rng: np.random.Generator) -> float:
 
 @dataclass(frozen=True)
 class Unit:
-    """A field's unit in TOML (None: SI or a plain number), bounds in that unit, allowed words.
-
-    `listed`: a list of whole numbers, at least one. `note`: what a study file says beside the key.
-    """
+    """A field's unit in TOML (None: SI or a plain number), bounds in that unit, allowed words."""
 
     name: HumanUnit | None = None
     _: KW_ONLY
     low: float | None = None
     high: float | None = None
     words: tuple[str, ...] = ()
-    listed: bool = False
-    note: str = field(default="", repr=False)
+    listed: bool = False  # a list of whole numbers, at least one
+    note: str = field(default="", repr=False)  # what a study file says beside the key
 
     def to_si(self, value: float) -> float:
         """Return a human value in SI, free of the last bit's rounding: 400 um is 0.0004 m."""
@@ -91,7 +80,6 @@ class Unit:
         return float(f"{from_si(value, self.name):.14g}") if self.name else value
 
 
-PLAIN = Unit()  # of a field that declares none
 # A needle's force: the largest force of a study, more than a sclera bears before it is pierced.
 NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
 # Quantities of an eye, its needle and its pictures, with their possible values, ex vivo and in life.
@@ -121,10 +109,7 @@ _MERCURY = {"mmhg": ("mmHg", SI_PER_UNIT["mmhg"][1])}
 def quantity(
     default: Any, unit: HumanUnit | None = None, low: float | None = None, high: float | None = None, note: str = ""
 ) -> Any:
-    """Declare a field: `default` in the human `unit` (a number, tuple, Choice or Range), bounds in the same unit.
-
-    `note` is for a study file. A Choice or a tuple of integers, like (600, 600), declares a list of whole numbers.
-    """
+    """Declare a field: `default` and bounds in the human `unit`; a Choice or tuple of integers is a list of such."""
     numbers = default.values if isinstance(default, Choice) else default
     listed = isinstance(numbers, tuple) and numbers != () and all(isinstance(each, int) for each in numbers)
     spec = Unit(unit, low=low, high=high, listed=listed, note=note)
@@ -143,7 +128,7 @@ def required(*words: str, low: float | None = None, high: float | None = None) -
 
 def field_unit(item: Field[Any]) -> Unit:
     """Return the unit record of a dataclass field, a plain one by default."""
-    unit: Unit = item.metadata.get("unit", PLAIN)
+    unit: Unit = item.metadata.get("unit", Unit())
     return unit
 
 
@@ -171,12 +156,7 @@ def map_numbers(value: Any, change: Callable[[float], float]) -> Any:
 
 def _numbers_in(value: Any) -> list[float]:
     found: list[float] = []
-
-    def keep(number: float) -> float:
-        found.append(number)
-        return number
-
-    map_numbers(value, keep)
+    map_numbers(value, lambda number: found.append(number) or number)  # type: ignore[func-returns-value]
     return found
 
 
@@ -241,8 +221,7 @@ def allowed(key: str) -> Unit:
     if suffix in ("", spec.name):
         return Unit(low=spec.low, high=spec.high)
     assert suffix == SI_PER_UNIT[spec.name][0], f"{key}: give it in {spec.name} or SI"
-    assert spec.low is not None
-    assert spec.high is not None
+    assert spec.low is not None and spec.high is not None  # noqa: PT018
     return Unit(low=spec.to_si(spec.low), high=spec.to_si(spec.high))
 
 
