@@ -40,7 +40,6 @@ from scleraforce.reader.metrics import dice
 from scleraforce.reader.verdicts import look
 from scleraforce.recording.folder import Recording, Scanner, read_recording
 from scleraforce.recording.labels import Trial
-from scleraforce.report.evaluation_page import MOST_PICTURES, frame_pictures, shown_frames, write_evaluation_html
 from scleraforce.report.files import write_figure
 from scleraforce.report.frame_figures import (
     MOST,
@@ -53,7 +52,7 @@ from scleraforce.report.frame_figures import (
     sheet_frame,
     shown_on_sheet,
 )
-from scleraforce.report.html import Html, write_page
+from scleraforce.report.html import MOST_PICTURES, Html, frame_pictures, shown_frames, write_evaluation_html, write_page
 from scleraforce.report.recording_figures import draw_log
 
 MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)

@@ -142,8 +142,8 @@ def evaluate(
     reader = sf.load_model(model, wall_finder=wall_finder)
     evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
     if html is not None:
-        from scleraforce.report.evaluation_page import shown_frames, write_evaluation_html
         from scleraforce.report.frame_figures import look_at_all
+        from scleraforce.report.html import shown_frames, write_evaluation_html
 
         looks = look_at_all(shown_frames(evaluation.frames))
         write_evaluation_html(evaluation, looks, html, datetime.now(UTC))

@@ -18,8 +18,8 @@ from scleraforce.reader import load_force_reader
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import read_recording
-from scleraforce.report.evaluation_page import shown_frames, write_evaluation_html
 from scleraforce.report.frame_figures import look_at_all
+from scleraforce.report.html import shown_frames, write_evaluation_html
 from scleraforce.study import MechanicsStudy, MeshStudy, Study, study_hash
 from scleraforce.units import to_si
 

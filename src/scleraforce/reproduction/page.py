@@ -31,7 +31,6 @@ from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.report import frame_figures, html
-from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure, read_forces_figure
 from scleraforce.report.files import write_figure
 from scleraforce.report.frame_figures import AnsweredFrame, look_at_all
 from scleraforce.report.model_figures import draw_curves, draw_model, draw_network, draw_simulation
@@ -60,7 +59,7 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Drawn) 
         _comparison(paper, reader),
         *_coverage_words(reader),
         _moduli(run),
-        drawn(read_forces_figure(reader)),
+        drawn(html.read_forces_figure(reader)),
         html.confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
         html.confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
         _misread(paper, "the paper's method"),
@@ -236,7 +235,7 @@ def write_reproduction_html(
         return block
 
     sections = (
-        html.section("Result", html.paragraph(said("simulated"), notice=True), evaluation_cards(evaluation),
+        html.section("Result", html.paragraph(said("simulated"), notice=True), html.evaluation_cards(evaluation),
                 html.paragraph(said("paper_result")), drawn(_overview(run, evaluation))),
         _design(run, evaluation),
         html.section("The simulated eye", drawn(html.figure(draw_model(run.study), "a half-sphere with its loads and "
@@ -247,7 +246,7 @@ def write_reproduction_html(
         html.section("Frames beside the simulation", drawn(_pairs_figure(evaluation, reader, 0, "Fig. 6")),
                 drawn(_pairs_figure(evaluation, reader, 1, "Fig. 7"))),
         _training(run, reader, seconds, drawn),
-        _reading(evaluation, to_the_bounds, drawn(forces_figure(evaluation))),
+        _reading(evaluation, to_the_bounds, drawn(html.forces_figure(evaluation))),
         bent_section(run, bent_paper, bent_reader, drawn),
         _deviations(),
         html.section("Time and provenance", _times(seconds), html.provenance_table(run.study, reader)),
@@ -431,7 +430,7 @@ def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: html.Htm
         ["forces of the trials", "read right", "recall of class 2", "class 2 read as 0"], rows, said("to_the_bounds")
     )
     bounds_n, caption = evaluation.bounds_n, "The paper's Table 3, under the standard names: 42 of 45."
-    mine = html.confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {NAMES_REMARK}")
+    mine = html.confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {html.NAMES_REMARK}")
     paper = html.confusion_table(np.array(PAPER_CONFUSION), bounds_n, caption)
     return html.section("Reading the forces", mine, paper, gap, forces, _misread(evaluation, "the network"))
 
