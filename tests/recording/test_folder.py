@@ -45,10 +45,14 @@ def folder(tmp_path):
     return tmp_path
 
 
-def change(path, old, new):
-    text = path.read_text()
+def refuses(folder, file, old, new, message):
+    """Check that a changed file is refused, and write it back."""
+    text = (folder / file).read_text()
     assert old in text
-    path.write_text(text.replace(old, new, 1))
+    (folder / file).write_text(text.replace(old, new, 1))
+    with pytest.raises(RecordingError, match=message):
+        read_recording(folder)
+    (folder / file).write_text(text)
 
 
 def test_a_recording_with_and_without_a_log_is_read_as_written(folder):
@@ -59,7 +63,7 @@ def test_a_recording_with_and_without_a_log_is_read_as_written(folder):
     assert recording.forces.force_n("fz") == pytest.approx(-np.arange(100) / 1000)
     assert (recording.frame(recording.frames[0]) == 7).all()
     (folder / "forces.csv").unlink()
-    change(folder / "recording.toml", '[force]\naxis = "fz"\ncontact_sign = -1\n', "")
+    (folder / "recording.toml").write_text(INFO[: INFO.index("[force]")])
     recording = read_recording(folder)
     assert (recording.forces, recording.info.force) == (None, None)
 
@@ -108,11 +112,7 @@ def test_faults_are_named_with_file_line_and_field(folder):
         ("forces.csv", "fy_n", "fz_n", r"forces.csv:1: two columns are named fz_n"),
         ("forces.csv", "0.02,", "0.01,", r"forces.csv:4: time_s: 0.01 does not come after 0.01"),
     ]:  # fmt: skip
-        text = (folder / file).read_text()
-        change(folder / file, old, new)
-        with pytest.raises(RecordingError, match=message):
-            read_recording(folder)
-        (folder / file).write_text(text)
+        refuses(folder, file, old, new, message)
 
 
 PLANES = """[[oct.plane]]
@@ -149,11 +149,7 @@ def test_frames_of_several_planes_are_one_moment(folder):
         ("frames.csv", "0.2,b", "0.8,b", "frames.csv: plane: no frame of 'b' at 0.2 s"),
         ("frames.csv", "0.2,b", "0.1,b", r"frames.csv:3: time_s: 0.1 does not come after 0.2"),
     ]:  # fmt: skip
-        before = (folder / file).read_text()
-        change(folder / file, old, new)
-        with pytest.raises(RecordingError, match=message):
-            read_recording(folder)
-        (folder / file).write_text(before)
+        refuses(folder, file, old, new, message)
     (folder / "recording.toml").write_text(INFO)
     with pytest.raises(RecordingError, match=r"plane: 'a' of a.png is unknown; recording.toml has no"):
         read_recording(folder)

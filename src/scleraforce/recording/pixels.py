@@ -289,9 +289,7 @@ class PixelSize:
     depth_m: float | None
     lateral_m: float | None
 
-    @property
-    def words(self) -> str:
-        """The field and its values, for messages."""
+    def __str__(self) -> str:
         sizes = ("?" if size_m is None else f"{from_si(size_m, 'mm'):.6g}" for size_m in (self.depth_m, self.lateral_m))
         return f"{self.source} states pixels of {' x '.join(sizes)} mm (depth x lateral)"
 
@@ -305,7 +303,7 @@ def one_size(sizes: Sequence[PixelSize]) -> tuple[Sourced | None, Sourced | None
     for other in others:
         pairs = ((first.depth_m, other.depth_m), (first.lateral_m, other.lateral_m))
         if any(mine and theirs and abs(mine - theirs) > ROUNDED * mine for mine, theirs in pairs):
-            return None, None, f"{first.words}, {other.words}"
+            return None, None, f"{first}, {other}"
     depth, lateral = (Sourced(size, first.source) if size else None for size in (first.depth_m, first.lateral_m))
     return depth, lateral, None
 
