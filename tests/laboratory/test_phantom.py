@@ -33,14 +33,9 @@ from scleraforce.recording.labels import label_frames
 
 STUDY = st.Study(oct=st.OctStudy(columns=128, rows=96), mesh=st.MeshStudy(divisions=4))
 EYE = PhantomEye(
-    id="eye-x",
-    thickness_m=600e-6,
-    youngs_modulus_pa=0.25e6,
-    iop_pa=266.0,
-    gap_m=0.5e-3,
-    polar_rad=0.6,
+    id="eye-x", thickness_m=600e-6, youngs_modulus_pa=0.25e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6,
     direction_rad=0.2,
-)
+)  # fmt: skip
 FORCES_N = (0.02, 0.002, 0.045)
 
 
@@ -131,9 +126,8 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_or_eye_others(written, 
 
 def test_a_conjunctiva_is_one_in_a_recording_and_slides_from_push_to_push():
     study = replace(STUDY, phantom=replace(STUDY.phantom, conjunctiva_thickness_m=st.fixed(140e-6)))
-    with_layer, bare = (
-        [frame.optics for frame in plan_phantom(EYE, FORCES_N, each, 3).frames] for each in (study, STUDY)
-    )
+    plans = (plan_phantom(EYE, FORCES_N, each, 3) for each in (study, STUDY))
+    with_layer, bare = ([frame.optics for frame in each.frames] for each in plans)
     layers = [optics.conjunctiva for optics in with_layer]
     assert len({layer.phase_rad for layer in layers}) == len(FORCES_N)
     assert len({replace(layer, phase_rad=0.0, press=None) for layer in layers}) == 1
@@ -167,11 +161,8 @@ def test_impossible_forces_motions_and_eyes_are_errors():
     for changes in ({"rate_hz": 0.0}, {"ramp_n_per_s": -1.0}, {"hold_s": float("nan")}):
         with pytest.raises(RecordingError, match=f"eye eye-x: {next(iter(changes)).split('_')[0]}: "):
             plan(**changes)
-    for puncture_n, said in (
-        (-0.01, "forces: "),
-        (0.035, "puncture: 35 mN; must be "),
-        (5.0, "forces: 5000 mN; up to"),
-    ):
+    punctures = {-0.01: "forces: ", 0.035: "puncture: 35 mN; must be ", 5.0: "forces: 5000 mN; up to"}
+    for puncture_n, said in punctures.items():
         with pytest.raises(RecordingError, match=f"eye eye-x: {said}"):
             plan(puncture_n=puncture_n)
     turning = replace(MOVING_STUDY, phantom=replace(MOVING_STUDY.phantom, eye_drift_rad=st.fixed(0.02)))
@@ -196,13 +187,8 @@ def test_paper_eyes_have_the_design_of_tables_1_and_2():
     study = st.Study()
     eyes = paper_eyes(study)
     counts = [Counter(study.classes.classify(force_n) for force_n in forces_n) for _, forces_n in eyes]
-    assert [[count[target] for target in range(3)] for count in counts] == [
-        [0, 11, 14],
-        [1, 2, 2],
-        [2, 0, 3],
-        [2, 1, 2],
-        [2, 1, 2],
-    ]
+    expected = [0, 11, 14], [1, 2, 2], [2, 0, 3], [2, 1, 2], [2, 1, 2]
+    assert [[count[target] for target in range(3)] for count in counts] == [*expected]
     assert [round(eye.thickness_m * 1e6) for eye, _ in eyes] == [800, 500, 650, 560, 800]
     assert [round(eye.youngs_modulus_pa / 1e6, 2) for eye, _ in eyes] == [0.27, 0.22, 0.24, 0.29, 0.25]
     forces_mn = np.array([force_n for _, forces_n in eyes for force_n in forces_n]) * 1e3
@@ -237,11 +223,12 @@ def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(tmp
     moving = ["--forces-mn", "10,4", "--rate-hz", "20", "--ramp-mn-per-s", "20", "--hold-s", "0.3"]
     assert run([*arguments, str(tmp_path / "moving"), *moving]) == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 77  # 2.5 + 0.5 + 0.3 + 0.3 + 0.3 s, the first at 0.1 s
+    new = str(tmp_path / "x")
     for refused, said in (
         ([str(out)], "exists already"),
-        ([str(tmp_path / "x"), "--forces-mn", "many"], "'many' is not a list of forces in mN"),
-        ([str(tmp_path / "x"), "--hold-s", "2"], "give --rate-hz too"),
-        ([str(tmp_path / "x"), "--puncture-mn", "20"], "give --rate-hz too"),
+        ([new, "--forces-mn", "many"], "'many' is not a list of forces in mN"),
+        ([new, "--hold-s", "2"], "give --rate-hz too"),
+        ([new, "--puncture-mn", "20"], "give --rate-hz too"),
     ):
         assert run([*arguments, *refused]) == 2
         assert said in capsys.readouterr().err
@@ -255,11 +242,8 @@ def test_a_truth_that_is_broken_is_one_clear_line_and_a_real_recording_has_none(
             true_forces(tmp_path)
 
 
-MOVING_STUDY = st.Study(
-    oct=st.OctStudy(columns=64, rows=48),
-    mesh=st.MeshStudy(divisions=4),
-    phantom=st.PhantomStudy(approach_s=st.fixed(2.5), shadow_count=st.fixed(2)),
-)
+PHANTOM = st.PhantomStudy(approach_s=st.fixed(2.5), shadow_count=st.fixed(2))
+MOVING_STUDY = st.Study(oct=st.OctStudy(columns=64, rows=48), mesh=st.MeshStudy(divisions=4), phantom=PHANTOM)
 TURNING_POINTS_N = (0.02, 0.005, 0.035)
 
 
@@ -363,8 +347,7 @@ def test_the_dent_springs_back_is_pulled_outwards_and_a_track_stays_as_deep_as_t
     ratio = (tops_m - rest_m) / np.maximum(np.abs(pierced.forces_n), 1e-9)
     assert (np.sign(tops_m - rest_m) == np.sign(pierced.forces_n))[np.abs(pierced.forces_n) > 1e-3].all()
     assert np.ptp(np.abs(ratio[np.abs(pierced.forces_n) > 5e-3])) < 0.1 * np.abs(ratio).max()
-    place = len(pierced.frames) - 1
-    tracked, section = pierced.frames[place], sections[place]
+    tracked, section = pierced.frames[-1], sections[-1]
     without = render_frame(replace(tracked, travel=None), section, MOVING_STUDY).frame
     seen = render_frame(tracked, section, MOVING_STUDY).frame
     rows, columns = np.nonzero(seen != without)
@@ -383,14 +366,11 @@ def test_a_recording_of_it_has_the_travel_and_only_its_truth_the_puncture(throug
     travels_m = [frame.travel.travel_m for frame in few.frames]
     assert [entry.travel_m for entry in recording.frames] == pytest.approx(travels_m, abs=1e-6)
     assert truth["puncture"]["time_s"] == pierced.path.puncture.time_s
-    assert [frame["pierced"] for frame in truth["frames"]] == [
-        entry.time_s > pierced.path.puncture.time_s for entry in recording.frames
-    ]
+    inside = [entry.time_s > pierced.path.puncture.time_s for entry in recording.frames]
+    assert [frame["pierced"] for frame in truth["frames"]] == inside
 
 
 PUSHES_FORCES_N = (0.002, 0.02, 0.0, 0.055)
-
-
 RELAXATION = PronySeries((0.12, 0.15), (1.2, 12.0))
 
 

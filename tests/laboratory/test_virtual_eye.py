@@ -12,18 +12,9 @@ from reference_walls import cut_section
 from scleraforce import study as st
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
+from scleraforce.laboratory import virtual_eye as ve
 from scleraforce.laboratory.phantom import phantom_truth, plan_phantom, plan_sections, write_phantom
-from scleraforce.laboratory.virtual_eye import (
-    STILL,
-    BentSections,
-    EyeTurn,
-    LinearSections,
-    PhantomEye,
-    TurnedSections,
-    draw_turns,
-    study_sections,
-    turned_plane,
-)
+from scleraforce.laboratory.virtual_eye import BentSections, EyeTurn, LinearSections, PhantomEye, study_sections
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section
 from scleraforce.mechanics.finite_strain import bend_eye
 from scleraforce.mechanics.form import thickness_factor
@@ -37,23 +28,16 @@ STUDY = st.Study(
     form=st.FormStudy(semi_axes=(1.04, 1.0, 0.96), wave=(st.WaveStudy(amplitude_fraction=0.1, degree=2),)),
 )
 EYE = PhantomEye(
-    id="eye-x",
-    thickness_m=800e-6,
-    youngs_modulus_pa=0.3e6,
-    iop_pa=266.0,
-    gap_m=0.5e-3,
-    polar_rad=0.6,
-    azimuth_rad=0.3,
-    direction_rad=0.2,
-)
+    id="eye-x", thickness_m=800e-6, youngs_modulus_pa=0.3e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6,
+    azimuth_rad=0.3, direction_rad=0.2,
+)  # fmt: skip
 FORCES_N = (0.012, 0.0, 0.004)
 
 
 def test_each_section_is_that_of_its_state_alone() -> None:
     together = study_sections(EYE, STUDY)(FORCES_N)
-    bent = bend_eye(
-        STUDY, EYE.plane.contact, thickness_m=800e-6, youngs_modulus_pa=0.3e6, iop_pa=266.0, max_force_n=0.012
-    )
+    wall = {"thickness_m": 800e-6, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0}
+    bent = bend_eye(STUDY, EYE.plane.contact, **wall, max_force_n=0.012)
     for force_n, section in zip(FORCES_N, together, strict=True):
         alone = cut_section(bent.mesh, EYE.plane, bent.path.displacement_nc(force_n))
         assert np.abs(section.outer - alone.outer).max() < 1e-8
@@ -144,13 +128,9 @@ def test_a_leaking_eye_is_one_that_does_not_leak_of_the_pressure_that_is_left() 
 
 
 MOVING = st.PhantomStudy(eye_drift_rad=st.fixed(radians(3.0)), eye_saccade_rad=st.Range(min=0.0, max=radians(1.0)))
-TURNED_STUDY = st.Study(
-    oct=st.OctStudy(columns=64, rows=48),
-    mesh=st.MeshStudy(kind="graded", core=4, rings=6),
-    mechanics=st.MechanicsStudy("finite-strain"),
-    form=st.FormStudy(wave=(st.WaveStudy(amplitude_fraction=0.12, degree=3),)),
-    phantom=MOVING,
-)
+UNEVEN = st.FormStudy(wave=(st.WaveStudy(amplitude_fraction=0.12, degree=3),))
+SMALL, GRADED = st.OctStudy(columns=64, rows=48), st.MeshStudy(kind="graded", core=4, rings=6)
+TURNED_STUDY = st.Study(oct=SMALL, mesh=GRADED, mechanics=STUDY.mechanics, form=UNEVEN, phantom=MOVING)
 TURNED_EYE = replace(EYE, thickness_m=600e-6)
 TURNED_FORCES_N = (0.0, 0.006, 0.012)
 FARTHEST = radians(4.0)
@@ -169,10 +149,10 @@ def largest_um(found: Section, expected: Section) -> float:
 @pytest.mark.parametrize("side", [2.2, -1.1])  # the wall grows thicker fastest at -1.27, along the meridian
 def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) -> None:
     turn = EyeTurn(about_x_rad=FARTHEST * np.cos(side), about_y_rad=FARTHEST * np.sin(side))
-    plane = turned_plane(TURNED_EYE.plane, turn)
+    plane = ve.turned_plane(TURNED_EYE.plane, turn)
     own = replace(TURNED_EYE, **asdict(plane.contact), direction_rad=plane.direction_rad)
     sections_at = study_sections(TURNED_EYE, TURNED_STUDY)
-    assert isinstance(sections_at, TurnedSections)
+    assert isinstance(sections_at, ve.TurnedSections)
     found = sections_at.turned(TURNED_FORCES_N, [turn] * 3)
     expected = BentSections(own, TURNED_STUDY)(TURNED_FORCES_N)
     still = sections_at(TURNED_FORCES_N)
@@ -191,7 +171,7 @@ def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_eac
         wall = Section(outer, outer + np.array([0.0, 6e-4]))
         return lambda forces_n: [wall.shifted(0.0, force_n) for force_n in forces_n]
 
-    sections = TurnedSections([flat_at(1e-3), flat_at(1.2e-3, 10), flat_at(0.9e-3, 0, 70)], 0.1)
+    sections = ve.TurnedSections([flat_at(1e-3), flat_at(1.2e-3, 10), flat_at(0.9e-3, 0, 70)], 0.1)
     about = [(0.0, 0.0), (0.05, 0.0), (0.0, -0.1), (0.1, 0.1)]
     turns = [EyeTurn(about_x_rad=x, about_y_rad=y) for x, y in about]
     found = sections.turned([0.0, 1e-4, 0.0, 0.0], turns)
@@ -208,7 +188,7 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
     truth = json.loads((tmp_path / "rec" / "truth.json").read_text())
     for said, turn in zip(truth["frames"], plan.turns, strict=True):
         contact = Contact(polar_rad=said["turn"]["polar_rad"], azimuth_rad=said["turn"]["azimuth_rad"])
-        assert contact == turned_plane(TURNED_EYE.plane, turn).contact
+        assert contact == ve.turned_plane(TURNED_EYE.plane, turn).contact
         assert {key: said["turn"][key] for key in asdict(turn)} == asdict(turn)
         assert said["turn"]["thickness_at_contact_m"] == pytest.approx(600e-6)
     uneven = plan_phantom(TURNED_EYE, TURNED_FORCES_N, TURNED_STUDY, 3)
@@ -237,25 +217,24 @@ def rotated(vector, turn):
     axis = np.array([turn.about_x_rad, turn.about_y_rad, 0.0])
     angle = np.linalg.norm(axis)
     axis /= angle
-    return (
-        np.cos(angle) * vector + np.sin(angle) * np.cross(axis, vector) + (1 - np.cos(angle)) * (axis @ vector) * axis
-    )
+    along = (1 - np.cos(angle)) * (axis @ vector) * axis
+    return np.cos(angle) * vector + np.sin(angle) * np.cross(axis, vector) + along
 
 
 def test_the_plane_stays_in_space_while_the_globe_turns() -> None:
     for x, y in ((0.05, -0.02), (-0.4, 0.3), (0.0, 0.01)):
         turn = EyeTurn(about_x_rad=x, about_y_rad=y)
-        seen = turned_plane(PLANE, turn)
+        seen = ve.turned_plane(PLANE, turn)
         for name in ("lateral", "depth", "normal"):
             assert rotated(getattr(seen, name), turn) == pytest.approx(getattr(PLANE, name), abs=1e-12)
         assert rotated(seen.origin(12e-3), turn) == pytest.approx(PLANE.origin(12e-3), abs=1e-15)
-    still = turned_plane(PLANE, STILL)
+    still = ve.turned_plane(PLANE, ve.STILL)
     assert (still.contact.polar_rad, still.contact.azimuth_rad) == pytest.approx((0.7, 2.9))
     assert (still.direction_rad, still.tilt_rad, still.gap_m) == pytest.approx((-1.1, 0.05, 0.5e-3))
 
 
 def turns_of(phantom: st.PhantomStudy, times_s: np.ndarray, seed: int) -> np.ndarray:
-    turns = draw_turns(phantom, times_s, np.random.default_rng(seed))
+    turns = ve.draw_turns(phantom, times_s, np.random.default_rng(seed))
     return np.array([(turn.about_x_rad, turn.about_y_rad) for turn in turns])
 
 

@@ -160,11 +160,7 @@ BAD = [
     ("[calibration]\npositive = 1", 2, "calibration.positive: expected true or false, found 1"),
     ("[dataset]\ngroup = 3", 2, "dataset.group: expected a list of tables [[dataset.group]]"),
     ("[dataset]\ngroup = []", 2, "dataset.group: give at least one"),
-    (
-        "[[dataset.group]]\nimages = 3\n[[dataset.group]]\n\nimages = 0",
-        5,
-        "dataset.group.images: 0 is below the smallest allowed value 1",
-    ),
+    ("[[dataset.group]]\nimages = 3\n[[dataset.group]]\n\nimages = 0", 5, "dataset.group.images: 0 is below the "),
     ("[network]\nhidden = [600, 0]", 2, "network.hidden: 0 is below the smallest allowed value 1"),
     ("[eye]\nradius_mm = 12\n[eye]", 3, "not TOML"),
     ("[eye]\nradius_mm = 1" + "0" * 400, 2, "eye.radius_mm: a number of more than 15 digits"),
@@ -284,16 +280,13 @@ def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
 
 
 def test_a_recording_with_an_impossible_value_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "recording.toml"
+    path.write_text(INFO.format(**STATED))
+    assert read_info(path).eye.thickness_m == 650e-6
     for key, value, hint in [
-        ("thickness_m", 650, "650 µm"),
-        ("iop_pa", 2e5, "200000 "),
-        ("width_m", 15, "15 mm"),
-        ("slice_gap_m", 0.5, "0.5 mm"),
-        ("polar_angle_rad", 35, "35 °"),
-    ]:
-        path = tmp_path / "recording.toml"
-        path.write_text(INFO.format(**STATED))
-        assert read_info(path).eye.thickness_m == 650e-6
+        ("thickness_m", 650, "650 µm"), ("iop_pa", 2e5, "200000 "), ("width_m", 15, "15 mm"),
+        ("slice_gap_m", 0.5, "0.5 mm"), ("polar_angle_rad", 35, "35 °"),
+    ]:  # fmt: skip
         path.write_text(INFO.format(**{**STATED, key: value}))
         with pytest.raises(RecordingError) as fault:
             read_info(path)

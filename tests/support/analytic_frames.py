@@ -143,33 +143,17 @@ def noisy_boundaries(predicted: Placed, noise_m: float, rng: np.random.Generator
 
 
 STEEL = NeedleShaft(
-    diameter_m=0.5e-3,
-    gap_m=0.0,
-    angle_rad=0.0,
-    lean_rad=0.0,
-    bevel_rad=pi / 2,
-    above_m=1e-3,
-    loss_fraction=1.0,
-    level_db=28.0,
-    far_edge_db=-6.0,
-)
+    diameter_m=0.5e-3, gap_m=0.0, angle_rad=0.0, lean_rad=0.0, bevel_rad=pi / 2, above_m=1e-3, loss_fraction=1.0,
+    level_db=28.0, far_edge_db=-6.0,
+)  # fmt: skip
 
 
 SCANNER = OctStudy()
 OPTICS = BscanOptics(
-    snr_db=22.0,
-    attenuation_per_m=1000.0,
-    axial_resolution_m=8e-6,
-    lateral_resolution_m=32e-6,
-    reflection_db=6.0,
-    reflection_angle_rad=np.deg2rad(6.0),
-    choroid_level_db=-8.0,
-    choroid_attenuation_per_m=5000.0,
-    choroid_thickness_m=180e-6,
-    display_floor_db=-7.0,
-    display_range_db=42.0,
-    band_m=0.5e-3,
-)
+    snr_db=22.0, attenuation_per_m=1000.0, axial_resolution_m=8e-6, lateral_resolution_m=32e-6,
+    reflection_db=6.0, reflection_angle_rad=np.deg2rad(6.0), choroid_level_db=-8.0, choroid_attenuation_per_m=5000.0,
+    choroid_thickness_m=180e-6, display_floor_db=-7.0, display_range_db=42.0, band_m=0.5e-3,
+)  # fmt: skip
 RADIUS_M = 12e-3
 
 
