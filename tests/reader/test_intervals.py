@@ -129,7 +129,8 @@ def test_traits_follow_the_causes_of_errors() -> None:
     other = Known(modulus=replace(OWN, source="population"), globe=SEALED)
     assert traits_of(other, force_n, replace(FIT, unknown=bulging)) == ("other E", "sealed", "uneven")
     assert traits_of(Known(modulus=OWN), force_n) == ("own E", "unknown")
-    assert traits_of(Known(modulus=replace(OWN, source="stated")), force_n) == ("other E", "unknown")
+    for source in ("stated", "shape"):
+        assert traits_of(Known(modulus=replace(OWN, source=source)), force_n) == ("other E", "unknown")
     taut = replace(FIT, tension=0.1)
     found = [traits_of(Known(modulus=OWN, globe=globe), force_n, taut)[1] for globe in (OPEN, SEALED, None)]
     assert found == ["open", "taut", "taut"]

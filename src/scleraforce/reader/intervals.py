@@ -64,13 +64,14 @@ FEW_EYES = 9  # for 90 % of a new eye's readings: with fewer eyes no quantile pr
 def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> tuple[str, ...]:
     """Return the traits of a reading of a force, N, by the network, or with a fit by the fit.
 
-    First the kind of modulus, then one of `GLOBE_TRAITS`, then the others. A modulus that was stated, or that is of
-    other eyes, is not the eye's own: its uncertainty was not measured.
+    First the kind of modulus, then one of `GLOBE_TRAITS`, then the others. A modulus that was stated, is of other eyes
+    or from shape alone is not the eye's own: no frame of known force has measured it.
     """
     globe = UNKNOWN if known.globe is None else known.globe
-    of_eye = _of_calibration(known, force_n) if known.has_own_modulus else ()
+    is_own = known.modulus is not None and known.modulus.source == "own"
+    of_eye = _of_calibration(known, force_n) if is_own else ()
     of_frame = (globe.kind,) if fit is None else _of_fit(fit, force_n, globe)
-    return OWN if known.has_own_modulus else OTHER, *of_frame, *of_eye
+    return OWN if is_own else OTHER, *of_frame, *of_eye
 
 
 def _of_fit(fit: BoundaryFit, force_n: float, globe: KnownGlobe) -> tuple[str, ...]:
