@@ -65,6 +65,17 @@ def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
     assert session.frame(replace(image, sent_type="uint8"), 73, 1, clock.now_s).misfit
 
 
+def test_a_learned_eye_moves_the_stiffness_of_punctures_and_no_other_limit() -> None:
+    clock, stiffnesses_n_m = Clock(), iter((70.0, None, 120.0))
+    session = Session(read, LIMITS, clock, clock, adopt=lambda _: next(stiffnesses_n_m))
+    found = list[float]()
+    for _ in range(3):
+        session.learned(Known(), 1)
+        found.append(session.limits.stiffness_n_m)
+    assert found == [70.0, 70.0, 120.0]
+    assert replace(session.limits, stiffness_n_m=LIMITS.stiffness_n_m) == LIMITS
+
+
 def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)

@@ -193,9 +193,7 @@ def _to_learn(reader: "Reader", known: "Known", resume: Path | None, eye: str | 
 
 def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "MonitorLimits":
     from scleraforce.monitor import MonitorLimits
-    from scleraforce.reader.kinds import ForceReader
 
-    steepest_n_m = reader.steepest_n_m(known) if isinstance(reader, ForceReader) else None
     oct_study = reader.study.oct
     columns, rows, width_m, depth_m = (
         given[name] or getattr(oct_study, name) for name in ("columns", "rows", "width_m", "depth_m")
@@ -203,7 +201,7 @@ def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "Monitor
     return MonitorLimits(
         withdraw_class=given["withdraw_class"] or reader.classes - 1,
         bound_n=given["bound_n"] or reader.study.classes.bounds_n[-1],
-        stiffness_n_m=MonitorLimits.stiffness_n_m if steepest_n_m is None else 1.2 * steepest_n_m,
+        stiffness_n_m=reader.steepest_n_m(known) or MonitorLimits.stiffness_n_m,
         reports_pierced=given["on_pierced"] == "report",
         size=(rows, columns),
         scale_m=(width_m / columns, depth_m / rows),

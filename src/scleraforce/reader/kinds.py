@@ -130,6 +130,10 @@ class Reader(ABC):
     def refusal(self, known: Known) -> str | None:
         """Return why the model cannot read an eye: a known value lies outside the training; None: it can."""
 
+    def steepest_n_m(self, known: Known) -> float | None:  # noqa: ARG002
+        """Return the steepest rise of force with the dent, N/m, as far as the model knows: None."""
+        return None
+
     def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
         """Return a sentence for each known value of an eye, its B-scans and its needle outside the training."""
         return limits(self.kind, self.study, known, scan, gauge)
@@ -207,7 +211,7 @@ class Classifier(Reader):
         )
 
 
-STEEP_M = 4e-3  # of the dents whose rise of force is looked at
+STEEP_M, STEEPER = 4e-3, 1.2  # of the dents whose rise of force is looked at; reserve
 CONTACTS = 32  # polar angles whose libraries are cached
 # Shifts of the slices that the network reads of one frame, in rows; the first is the slice itself. A slice of black and
 # white does not show where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
@@ -265,14 +269,17 @@ class ForceReader(Reader):
         return self._library_of(known.polar_rad, known.stiffening or 0.0)
 
     def steepest_n_m(self, known: Known) -> float | None:
-        """Return the steepest rise of force with the dent of an open wall, N/m; None if the eye is not known."""
+        """Return the steepest rise of force with the dent of an open wall, N/m; None if the eye is not known.
+
+        E is taken two standard deviations above its mean, and the rise a fifth steeper.
+        """
         globe, modulus = known.globe, known.modulus
         if modulus is None or known.thickness_m is None or known.iop_pa is None or globe is None or globe.can_be_sealed:
             return None
         library, modulus_pa = self.library_for(known), modulus.mean_pa + 2.0 * modulus.sd_pa
         tip_m = library.tip_m[library.tip_m < STEEP_M]
         walls = np.full(len(tip_m), known.thickness_m), np.full(len(tip_m), known.iop_pa / modulus_pa)
-        return modulus_pa * float((np.diff(library.forces(*walls, tip_m)) / np.diff(tip_m)).max())
+        return STEEPER * modulus_pa * float((np.diff(library.forces(*walls, tip_m)) / np.diff(tip_m)).max())
 
     def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
         """Return the answer of both methods."""

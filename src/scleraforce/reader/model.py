@@ -173,10 +173,15 @@ class LiveReader:
         for _ in range(WARMING_FRAMES):
             self.read(frame, scale)
 
-    def adopt(self, known: Known) -> None:
-        """Read the next frames with the eye as learned, if the model can read such an eye."""
-        if self._reader.refusal(known) is None:
-            self._known = known
+    def adopt(self, known: Known) -> float | None:
+        """Read the next frames with the eye as learned, if the model can read such an eye.
+
+        The wall's steepest stiffness is returned, N/m; None if it is not known or the eye was not adopted.
+        """
+        if self._reader.refusal(known) is not None:
+            return None
+        self._known = known
+        return self._reader.steepest_n_m(known)
 
     def read(self, frame: Pixels, scale: PixelScale) -> Answer:
         """Read one raw frame (`Reader.read_live`); the scanner's refractive index takes precedence over the scale's."""

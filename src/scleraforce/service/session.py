@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from statistics import median_low
 from time import monotonic, time
@@ -135,7 +135,8 @@ class Session:
     `read` reads a frame of the size in `limits`; an exception in it is a cause of a withdrawal. `history`, of the
     tissue, continues through withdrawals and resets. `clock` is monotonic, `wall_clock` counts seconds since 1970.
     `answer` is the reading of the last frame; None if it was not read. `withdrawals` has frame, time, first cause and
-    message of each, for the summary. `adopt` takes the eye as learned, which `read` reads with from then on.
+    message of each, for the summary. `adopt` takes the eye as learned, which `read` reads with from then on,
+    and returns the stiffness of its wall, N/m, if that is known.
     """
 
     def __init__(
@@ -146,7 +147,7 @@ class Session:
         wall_clock: Callable[[], float] = time,
         history: History = ELASTIC,
         class_bounds_n: tuple[float, ...] = (),
-        adopt: Callable[[Known], object] = lambda _: None,
+        adopt: Callable[[Known], float | None] = lambda _: None,
     ) -> None:
         self.limits, self.clock, self.wall_clock = limits, clock, wall_clock
         self.withdrawals: list[dict[str, Any]] = []
@@ -194,8 +195,10 @@ class Session:
         return Cause.PIERCED in (self.decision.cause, self.decision.present_cause)
 
     def learned(self, known: Known, frames: int) -> None:
-        """Take what was learned of the eye: later frames are read with it."""
-        self._adopt(known)
+        """Take what was learned of the eye: later frames are read with it, and punctures are found by its stiffness."""
+        stiffness_n_m = self._adopt(known)
+        if stiffness_n_m is not None:
+            self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
         if known.modulus is not None:
             mean_mpa, sd_mpa = from_si(known.modulus.mean_pa, "mpa"), from_si(known.modulus.sd_pa, "mpa")
             self._learned = {"modulus_mpa": mean_mpa, "modulus_sd_mpa": sd_mpa, "modulus_frames": frames}
