@@ -63,7 +63,7 @@ class Monitor:
         self.at_s = 1000.0
         self.answers = []
 
-    def decide(self, state="WATCHING", times=1, with_frame=True, turns=3):
+    def decide(self, state="WATCHING", times=1, with_frame=True, turns=3, **seen):
         for _ in range(times):
             self.at_s += 0.01
             self.decisions += 1
@@ -74,7 +74,7 @@ class Monitor:
                 state, number=self.decisions, time_s=1.8e9 + self.at_s, at_s=self.at_s, cause=CAUSES.get(state),
                 frame=self.frames if with_frame else None,
             )  # fmt: skip
-            self.tell(Decided(entry=entry), turns)
+            self.tell(Decided(entry=entry, **seen), turns)
 
     def tell(self, message, turns=1):
         assert self.channel.send(message)
@@ -253,6 +253,18 @@ def test_a_session_is_recorded_frame_by_frame_and_can_be_read_at_any_time(tmp_pa
     assert numbers_in(tmp_path / "rec") == list(range(1, monitor.frames + 1))
     assert read_recording(tmp_path / "rec").forces.wrench_sc.shape == (297, 3)
     assert f"recorded {monitor.frames} frames in {tmp_path / 'rec'}; 0 were lost" in monitor.notes()
+
+
+def test_a_session_keeps_the_travel_and_marks_what_comes_after_a_puncture(tmp_path):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec")
+    for travel_m, pierced in ((None, False), (1.5e-3, False), (2.0, False), (-2e-3, True)):  # 2 m: no recording has it
+        monitor.decide("WITHDRAW" if pierced else "WATCHING", travel_m=travel_m, pierced=pierced)
+    monitor.wait_for(WithdrawalKept)
+    monitor.end()
+    for folder in (tmp_path / "rec", *monitor.withdrawals()):
+        recording = read_recording(folder)
+        assert [entry.travel_m for entry in recording.frames] == [None, 1.5e-3, None, -2e-3]
+        assert [entry.pierced for entry in recording.frames] == [None, None, None, True]
 
 
 def test_a_frame_that_is_named_twice_is_recorded_once_and_two_at_one_time_stay_apart(tmp_path):

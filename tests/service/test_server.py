@@ -318,6 +318,19 @@ def test_the_pose_of_the_needle_is_its_travel_along_its_own_axis(
     assert travels_m == pytest.approx([0.005])
 
 
+def test_the_black_box_hears_of_a_frames_travel_while_it_is_recent(clock: TurnedClock) -> None:
+    with beside(clock, BLACK_BOX) as (_, scanner, companions):
+        scanner.say(Transform((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 4.0)), "NeedlePose")
+        scanner.read(10.0)
+        heard: list[messages.CompanionMessage] = []
+        wait_until(lambda: heard.extend(companions[BLACK_BOX].theirs.receive()) or _travels_m(heard)[-1:] == [0.004])
+        assert _travels_m(heard)[:-1] == [None] * (len(_travels_m(heard)) - 1)
+
+
+def _travels_m(heard: list[messages.CompanionMessage]) -> list[float | None]:
+    return [one.travel_m for one in heard if isinstance(one, messages.Decided) and one.entry.frame is not None]
+
+
 def test_other_messages_are_read_over(scanner: Peer) -> None:
     scanner.watch()
     for _ in range(6):

@@ -37,6 +37,7 @@ MOST_MESSAGES = 100  # until a frame is written
 MOST_LINES = 20_000
 HISTORY_S = 600.0  # the tare is found before the first contact, so a log of the last 10 s would be too short
 CLOCK_STEP_S = 1e-6  # of frames.csv
+COLUMNS, FARTHEST_M = ("pierced", "travel_m"), 1.0  # of frames.csv, of a travel in it
 SESSION, WITHDRAWAL = "session", "withdrawal"  # the names of their faults
 
 
@@ -100,16 +101,16 @@ class FrameTaker:
     def __init__(self, ring: FrameRing, folder: Path, info: RecordingInfo, comment: str) -> None:
         self.folder = folder
         self.written = self.lost = 0
-        self._ring, self._writer = ring, RecordingWriter(folder, info, comment)
-        self._waiting: deque[tuple[int, float]] = deque()
+        self._ring, self._writer = ring, RecordingWriter(folder, info, comment, COLUMNS)
+        self._waiting: deque[tuple[int, float, tuple[str, ...]]] = deque()
         self._last_s = -float("inf")
 
-    def add(self, number: int, time_s: float) -> None:
-        """Enqueue a frame; `time_s` is the time of its decision on the recording's clock."""
+    def add(self, number: int, time_s: float, cells: tuple[str, ...]) -> None:
+        """Enqueue a frame; `time_s` is the time of its decision on the recording's clock, `cells` are of `COLUMNS`."""
         if len(self._waiting) == self._ring.frames:  # then the oldest one has been overwritten
             self._waiting.popleft()
             self.lost += 1
-        self._waiting.append((number, time_s))
+        self._waiting.append((number, time_s, cells))
 
     @property
     def next(self) -> int | None:
@@ -118,14 +119,14 @@ class FrameTaker:
 
     def take(self) -> None:
         """Write the next frame, or count it as lost."""
-        number, time_s = self._waiting.popleft()
+        number, time_s, cells = self._waiting.popleft()
         pixels = self._ring.get(number)
         if pixels is None:
             self.lost += 1
             return
         self._last_s = max(time_s, self._last_s + CLOCK_STEP_S)  # no two frames of a table share a time
         try:
-            self._writer.add(f"{number:07d}.png", self._last_s, pixels)
+            self._writer.add(f"{number:07d}.png", self._last_s, pixels, cells)
         except OSError:
             self.lost += 1
             raise
@@ -219,20 +220,21 @@ class Withdrawals:
         self, settings: messages.BlackBoxSettings, ring: FrameRing, force: RobotForce, journal: Journal
     ) -> None:
         self._settings, self._ring, self._force, self._journal = settings, ring, force, journal
-        self._frames: deque[tuple[float, int]] = deque(maxlen=ring.frames)
+        self._frames: deque[tuple[float, int, tuple[str, ...]]] = deque(maxlen=ring.frames)
         self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=WITHDRAWAL)
         self._writing: _Writing | None = None
         self._wanted: tuple[str, messages.Entry, SessionBeginning] | None = None
 
-    def remember(self, entry: messages.Entry, line: bytes) -> bool:
+    def remember(self, decided: messages.Decided, line: bytes) -> bool:
         """Remember the line and the frame of a decision; return whether the frame is new (opinions name it again)."""
+        entry = decided.entry
         self._lines.append((entry.at_s, line))
         while self._lines[0][0] < entry.at_s - self._settings.keep_s:
             self._lines.popleft()
         if entry.frame is None or (self._frames and entry.frame <= self._frames[-1][1]):
             return False
-        self._frames.append((entry.at_s, entry.frame))
+        self._frames.append((entry.at_s, entry.frame, _cells(decided)))
         return True
 
     @property
@@ -266,9 +268,9 @@ class Withdrawals:
         taker = FrameTaker(self._ring, partial, self._settings.info, comment)
         lines = [line for line_s, line in self._lines if since_s <= line_s <= entry.at_s]
         (partial / "decisions.jsonl").write_bytes(b"".join(lines))
-        for frame_s, number in self._frames:
+        for frame_s, number, cells in self._frames:
             if since_s <= frame_s <= entry.at_s:
-                taker.add(number, frame_s - beginning.at_s)
+                taker.add(number, frame_s - beginning.at_s, cells)
         # Labels of the last frames average over what comes after them.
         return _Writing(folder, taker, beginning.at_s, time.monotonic() + self._settings.force.average_s)
 
@@ -310,6 +312,13 @@ class Withdrawals:
     def close(self) -> None:
         """End the thread, which has nothing left to do."""
         self._thread.shutdown()
+
+
+def _cells(decided: messages.Decided) -> tuple[str, ...]:
+    """Return the cells of a frame in `COLUMNS`, empty where nothing is known."""
+    travel_m = decided.travel_m
+    known = travel_m is not None and abs(travel_m) <= FARTHEST_M
+    return "1" if decided.pierced else "", f"{travel_m:.7f}" if known else ""
 
 
 def _finish(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
@@ -433,10 +442,10 @@ class BlackBox:
         before, self._entry = self._entry, entry
         if before and entry.number != before.number + 1:
             self._journal.note(f"decisions {before.number + 1} to {entry.number - 1} never arrived")
-        is_new = self._withdrawals.remember(entry, self._journal.record(message))
+        is_new = self._withdrawals.remember(message, self._journal.record(message))
         beginning = self._begin(entry.at_s, entry.time_s)
         if entry.frame and is_new and self._session.taker:
-            self._session.taker.add(entry.frame, entry.at_s - beginning.at_s)
+            self._session.taker.add(entry.frame, entry.at_s - beginning.at_s, _cells(message))
         if entry.state == "WITHDRAW" and (before is None or before.state != "WITHDRAW"):
             self._keep(str(entry.cause).lower(), entry)
 

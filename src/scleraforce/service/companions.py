@@ -165,9 +165,9 @@ class Companions:
         silent = name == BLACK_BOX and now_s > (self._alive_until_s or now_s)
         return "it does not answer" if silent else None
 
-    def entry(self, entry: messages.Entry) -> None:
+    def decided(self, decided: messages.Decided) -> None:
         """Send a decision; it waits for a black box that does not keep up, before all other messages."""
-        data = encode_message(messages.Decided(entry=entry))
+        data, entry = encode_message(decided), decided.entry
         if BLACK_BOX in self._children:
             if len(self._waiting) < MOST_WAITING:  # else it counts as failed already, and the log shows the gap
                 self._waiting.append(data)

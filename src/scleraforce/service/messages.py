@@ -148,9 +148,11 @@ class _Message(Struct, frozen=True, kw_only=True, tag=True, forbid_unknown_field
 
 
 class Decided(_Message, frozen=True, kw_only=True):
-    """To the black box and the console: a decision."""
+    """To the black box and the console: a decision; of a frame also the needle's travel, m, and whether it pierced."""
 
     entry: Entry
+    travel_m: float | None = None
+    pierced: bool = False
 
 
 class ForceHeard(_Message, frozen=True, kw_only=True):

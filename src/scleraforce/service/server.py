@@ -223,7 +223,8 @@ class Server:
         self._note_state()
         if frame.image.pixels.shape == self._ring.shape:
             self._ring.put(frame.number, frame.image.pixels)
-        self._companions.entry(entry)
+        decided = messages.Decided(entry=entry, travel_m=frame.unread.travel_m, pierced=session.pierced)
+        self._companions.decided(decided)
         if session.answer is not None:
             asked = messages.OpinionAsked(
                 number=frame.number, order=frame.unread.frame_id, at_s=frame.unread.at_s,
@@ -240,7 +241,7 @@ class Server:
         """Decide on an event other than a frame; send the decision to the clients if it changes."""
         if self.session.take(event):
             self._clients.broadcast(self._status(), event.at_s)
-            self._companions.entry(self.session.entry(name, event.at_s))
+            self._companions.decided(messages.Decided(entry=self.session.entry(name, event.at_s)))
             self._note_state()
 
     def _note_state(self) -> None:
