@@ -35,7 +35,7 @@ THICKNESS_SD_M, GAP_SD_M, IOP_SD, MODULUS_SD = 10e-6, 20e-6, 0.03, 0.015  # IOP 
 
 def declarations(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.Generator) -> dict[str, Known]:
     """Return the known inputs of each declaration; after a calibration that diverges, E and k are unknown."""
-    stated, modulus = _stated(drawn, rng)
+    stated, modulus = stated_eye(drawn, rng)
     noise = PooledGenerator((seed, int(rng.integers(2**31))))
     bearable_n = [min(force_n, largest_force_n(drawn)) for force_n in CALIBRATION_N]
     seen = [(still_frame(drawn, force_n, rng, noise), force_n) for force_n in bearable_n]
@@ -50,7 +50,7 @@ def declarations(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.rand
     }
 
 
-def _stated(drawn: SessionEye, rng: np.random.Generator) -> tuple[EyeConstants, Modulus]:
+def stated_eye(drawn: SessionEye, rng: np.random.Generator) -> tuple[EyeConstants, Modulus]:
     """Return what is stated of an eye but its globe; and an E that makes up for that, as a calibration's does."""
     eye = drawn.eye
     thickness_m = eye.thickness_m + rng.normal(0.0, THICKNESS_SD_M)

@@ -1,16 +1,18 @@
 """One monitor without sockets: network, second opinion and decision, on frames that are handed to it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from monitor_sessions.forces import FRAME_S
 from monitor_sessions.frames import Frame
 from scleraforce.known import Known
 from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import FrameRead, MonitorEvent, QueueLoss, Reset, SecondOpinion
+from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, QueueLoss, Reset, SecondOpinion, State
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.service.learning import EyeLearner
+from scleraforce.service.messages import OpinionAsked
 
 OPINION_EVERY, OPINION_AFTER_S = 3, 0.025  # frames; the fit takes so long on a busy machine, and skips what comes then
 RESET_AFTER_S = 1.0
@@ -27,10 +29,18 @@ class Withdrawal:
 
 
 class Watch:
-    """A monitor with one declaration of an eye."""
+    """A monitor with one declaration of an eye, which it may learn.
 
-    def __init__(self, reader: ForceReader, known: Known, limits: MonitorLimits) -> None:
-        self._reader, self._known, self._limits = reader, known, limits
+    `released` counts the withdrawals that ended without a reset: none, or a claim of the monitor is wrong.
+    """
+
+    def __init__(
+        self, reader: ForceReader, known: Known, limits: MonitorLimits, learner: EyeLearner | None = None,
+        opinion_every: int = OPINION_EVERY,
+    ) -> None:  # fmt: skip
+        stiffness_n_m = reader.steepest_n_m(known) or limits.stiffness_n_m
+        self.known, self.limits, self.released = known, replace(limits, stiffness_n_m=stiffness_n_m), 0
+        self._reader, self._learner, self._opinion_every = reader, learner, opinion_every
         self._scale = PixelScale.of(reader.study.oct)
         self._live = LiveReader(reader, known, 1.0)
         self._state = MonitorState()
@@ -58,10 +68,30 @@ class Watch:
             scale_m=(self._scale.lateral_m, self._scale.depth_m),
             shown_back=shown_back,
         )
-        if number % OPINION_EVERY == 0:
-            opinion = self._reader.read(frame, self._scale, self._known).verdict
-            self._pending.append(SecondOpinion(at_s=at_s + OPINION_AFTER_S, frame_id=number, verdict=opinion))
-        return answer, self._hear([event], at_s)
+        withdrawal, opinion = self._hear([event], at_s), None
+        if number % self._opinion_every == 0:
+            opinion = self._reader.read(frame, self._scale, self.known)
+            due_s = at_s + OPINION_AFTER_S
+            self._pending.append(SecondOpinion(at_s=due_s, frame_id=number, verdict=opinion.verdict))
+        if self._learner:
+            self._learn(self._learner, answer.usable and shown_back == 0, opinion, at_s, number)
+        return answer, withdrawal
+
+    def _learn(self, learner: EyeLearner, usable: bool, opinion: Answer | None, at_s: float, number: int) -> None:
+        """Tell the learner of a frame, as the service does; read later frames with the E that it has learned."""
+        assert self._decision is not None
+        pierced = Cause.PIERCED in (self._decision.cause, self._decision.present_cause)
+        teaches = usable and self._decision.state is State.WATCHING
+        asked = OpinionAsked(number=number, order=number, at_s=at_s, teaches=teaches, pierced=pierced)
+        learner.hear(asked)
+        if opinion:
+            learner.show(asked, opinion, self._scale)
+        if learned := learner.learned(at_s):
+            stiffness_n_m = self._live.adopt(learned.known)
+            if self._reader.refusal(learned.known) is None:
+                self.known = learned.known
+            if stiffness_n_m is not None:
+                self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
 
     def _hear(self, events: list[MonitorEvent], at_s: float) -> Withdrawal | None:
         """Decide on the opinions that have come, then on these events, then on a reset where one is due."""
@@ -75,8 +105,9 @@ class Watch:
 
     def _decide(self, event: MonitorEvent) -> Withdrawal | None:
         before = self.code
-        self._state, decision = decide(self._state, event, self._limits)
+        self._state, decision = decide(self._state, event, self.limits)
         self._decision = decision
+        self.released += before == WITHDRAW != decision.code and not isinstance(event, Reset)
         if decision.code != WITHDRAW or before == WITHDRAW:
             return None
         self._asked_s = event.at_s

@@ -21,6 +21,7 @@ SMALLEST = {
     "bench_finite_strain": "--rows 1 --loads 1 --quads 4 --core 2 --rings 4",
     "bench_forms": "--rows 1 --forces 1 --finest 6 20",
     "bench_layers": "--rows 1 --rings 6",
+    "bench_learn_eye": "--count 1",
     "bench_library": "1 --study {study}",
     "bench_mechanics": "--rows 1",
     "bench_monitor": "latency {model} {recording} --frames 20 --without",

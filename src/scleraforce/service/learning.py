@@ -7,14 +7,15 @@ after a puncture, what was learned since the contact began is dropped.
 
 import os
 from collections import deque
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -50,6 +51,19 @@ class Closable(Protocol):
         """Close it."""
 
 
+class Link(Closable, Protocol):
+    """The way to the process that fits, as a connection is."""
+
+    def send(self, obj: Any, /) -> None:
+        """Send `KEEP`, `FORGET` or the frames that teach."""
+
+    def poll(self) -> bool:
+        """Return whether an answer has come."""
+
+    def recv(self) -> Any:
+        """Return the next answer, an `EyeLearned`."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class LearnedEye:
     """The name of the eye that is learned, and the folder of the session's recording, if there is one."""
@@ -61,23 +75,11 @@ class LearnedEye:
 class EyeLearner:
     """Chooses the frames that teach, and tells what they taught; it never waits for the fit."""
 
-    def __init__(self, begun: EyePosterior, learned: LearnedEye, others: tuple[Closable, ...] = ()) -> None:
-        """Start the process that fits, from the posterior `begun`; it closes `others`, which are of this process."""
-        context = get_context("fork")
-        self._link, theirs = context.Pipe()
-        arguments = theirs, (self._link, *others), begun, learned
-        self._process = context.Process(target=_fit, args=arguments, daemon=True)
-        self._process.start()
-        theirs.close()
+    def __init__(self, link: Link) -> None:
+        self._link = link
         self._waiting = deque[tuple[float, float, ShownFrame]](maxlen=MOST_WAITING)
         self._tips_m = list[float]()  # of the frames that taught
         self._awaited, self._taken_s, self._light_s = 0, -inf, inf
-
-    def close(self) -> None:
-        """End the process."""
-        self._link.close()
-        self._process.kill()
-        self._process.join()
 
     def hear(self, asked: OpinionAsked) -> None:
         """Take the monitor's word on a frame: one that does not teach takes away those just before it."""
@@ -126,26 +128,53 @@ class EyeLearner:
         self._awaited += 1
 
 
-def _fit(link: Connection, others: tuple[Closable, ...], begun: EyePosterior, learned: LearnedEye) -> None:
+@contextmanager
+def learning(begun: EyePosterior, learned: LearnedEye, others: tuple[Closable, ...] = ()) -> Iterator[EyeLearner]:
+    """Start the process that fits, from the posterior `begun`; it closes `others`, which are of this process."""
+    context = get_context("fork")
+    link, theirs = context.Pipe()
+    process = context.Process(target=_fit, args=(theirs, (link, *others), Fitting(begun, learned)), daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        yield EyeLearner(link)
+    finally:
+        link.close()
+        process.kill()
+        process.join()
+
+
+class Fitting:
+    """The posterior that was learned, and the one to return to after a puncture."""
+
+    def __init__(self, begun: EyePosterior, learned: LearnedEye) -> None:
+        self._posterior = self._kept = begun
+        self._learned = learned
+
+    def take(self, asked: str | list[ShownFrame]) -> EyeLearned | None:
+        """Fit frames, or do as `KEEP` or `FORGET` says; return what is learned by then, None after `KEEP`."""
+        if asked == KEEP:
+            self._kept = self._posterior
+            return None
+        if isinstance(asked, str):
+            self._posterior = self._kept
+        else:
+            with suppress(np.linalg.LinAlgError):  # frames that contradict each other teach nothing
+                self._posterior = self._posterior.with_frames(asked)
+        posterior = self._posterior
+        fault = _save(posterior, self._learned)
+        return EyeLearned(known=posterior.known_eye, frames=len(posterior.frames), fault=fault)
+
+
+def _fit(link: Connection, others: tuple[Closable, ...], fitting: Fitting) -> None:
     """Fit the frames that come, until the other process ends."""
     for other in others:
         other.close()
     os.nice(NICENESS)
-    posterior = kept = begun
     with suppress(EOFError, BrokenPipeError):
         while True:
-            asked = link.recv()
-            if asked == KEEP:
-                kept = posterior
-                continue
-            if asked == FORGET:
-                posterior = kept
-            else:
-                with suppress(np.linalg.LinAlgError):  # frames that contradict each other teach nothing
-                    posterior = posterior.with_frames(asked)
-            link.send(
-                EyeLearned(known=posterior.known_eye, frames=len(posterior.frames), fault=_save(posterior, learned))
-            )
+            if found := fitting.take(link.recv()):
+                link.send(found)
 
 
 def _save(posterior: EyePosterior, learned: LearnedEye) -> str:

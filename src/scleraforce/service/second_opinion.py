@@ -8,7 +8,7 @@ skips frames that come meanwhile, and takes no more than half of a core: it runs
 history of tissue that relaxes. With `learns`, it also learns E (`service.learning`), which its later readings use.
 """
 
-from contextlib import ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack
 from select import select
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
@@ -32,7 +32,7 @@ def serve(channel: Channel, settings: OpinionSettings) -> None:
     """Read the frames that the monitor names, until its channel closes."""
     with ExitStack() as until_ended:
         reader = load_model(settings.model)
-        learner = until_ended.enter_context(closing(_learner(reader, settings, channel))) if settings.learns else None
+        learner = until_ended.enter_context(_learner(reader, settings, channel)) if settings.learns else None
         _serve(channel, settings, reader, learner)
 
 
@@ -66,16 +66,16 @@ def _serve(channel: Channel, settings: OpinionSettings, reader: Reader, learner:
         sleep(max(LEAST_S - took_s, took_s))
 
 
-def _learner(reader: Reader, settings: OpinionSettings, channel: Channel) -> "EyeLearner":
+def _learner(reader: Reader, settings: OpinionSettings, channel: Channel) -> "AbstractContextManager[EyeLearner]":
     """Start to learn the eye. What this imports, nothing else here needs."""
     from scleraforce.calibration.eye_posterior import EyePosterior
     from scleraforce.reader.kinds import ForceReader
-    from scleraforce.service.learning import EyeLearner, LearnedEye
+    from scleraforce.service.learning import LearnedEye, learning
 
     assert settings.learns
     assert isinstance(reader, ForceReader)
     begun = EyePosterior(known=settings.known, study=reader.study, library=reader.library_for(settings.known))
-    return EyeLearner(begun, LearnedEye(eye=settings.learns, record=settings.record), (channel,))
+    return learning(begun, LearnedEye(eye=settings.learns, record=settings.record), (channel,))
 
 
 if __name__ == "__main__":
