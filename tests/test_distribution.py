@@ -214,7 +214,7 @@ def test_different_pictures_are_not_alike() -> None:
 def test_the_page_has_each_script_with_its_own_words_and_picture() -> None:
     page = " ".join(PAGE.read_text(encoding="utf-8").split())
     assert [path.stem for path in sorted(PICTURES.iterdir())] == [script.stem for script in SCRIPTS]
-    assert len(SCRIPTS) == 9
+    assert len(SCRIPTS) == 10
     for script in SCRIPTS:
         title, _, words = (ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or "").partition("\n")
         assert f"## {title.rstrip('.')} {' '.join(words.split())}" in page, script.name
