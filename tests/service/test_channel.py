@@ -36,7 +36,7 @@ INFO = RecordingInfo(
 )
 SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
 MESSAGES: list[messages.CompanionMessage] = [
-    messages.Decided(entry=READ_ENTRY),
+    messages.Decided(entry=READ_ENTRY, travel_m=None, pierced=False),
     messages.ForceHeard(at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"),
     messages.Note(time_s=1.5, text='é "\\ \n\t\0'),
     messages.MonitorEnds(),
@@ -114,7 +114,9 @@ def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
 
 
 def test_a_value_of_another_type_is_refused_by_its_field() -> None:
-    record = msgspec.msgpack.decode(channel.encode_message(messages.Decided(entry=READ_ENTRY)))
+    record = msgspec.msgpack.decode(
+        channel.encode_message(messages.Decided(entry=READ_ENTRY, travel_m=None, pierced=False))
+    )
     for name, wrong in {"at_s": "1", "number": 1.5, "state": "OK", "frame": True, "verdict": []}.items():
         with pytest.raises(MessageError, match=name):
             channel.decode_message(msgspec.msgpack.encode(record | {"entry": record["entry"] | {name: wrong}}))

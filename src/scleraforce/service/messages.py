@@ -151,8 +151,8 @@ class Decided(_Message, frozen=True, kw_only=True):
     """To the black box and the console: a decision; of a frame also the needle's travel, m, and whether it pierced."""
 
     entry: Entry
-    travel_m: float | None = None
-    pierced: bool = False
+    travel_m: float | None
+    pierced: bool
 
 
 class ForceHeard(_Message, frozen=True, kw_only=True):

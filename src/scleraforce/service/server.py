@@ -241,7 +241,9 @@ class Server:
         """Decide on an event other than a frame; send the decision to the clients if it changes."""
         if self.session.take(event):
             self._clients.broadcast(self._status(), event.at_s)
-            self._companions.decided(messages.Decided(entry=self.session.entry(name, event.at_s)))
+            self._companions.decided(
+                messages.Decided(entry=self.session.entry(name, event.at_s), travel_m=None, pierced=False)
+            )
             self._note_state()
 
     def _note_state(self) -> None:
@@ -286,7 +288,9 @@ class Server:
         rates = messages.Rates(frames_per_second=rate, lost=self.session.lost, clients=clients)
         self._companions.send(CONSOLE, rates, now_s)
         if not rate:  # a console that has lost a message must not show an old state for long
-            self._companions.send(CONSOLE, messages.Decided(entry=self.session.entry("again", now_s)), now_s)
+            self._companions.send(
+                CONSOLE, messages.Decided(entry=self.session.entry("again", now_s), travel_m=None, pierced=False), now_s
+            )
 
     def _hear_companion(self, name: str) -> None:
         now_s = self.session.clock()
