@@ -177,10 +177,8 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
         iop_pa[missing] = log_even(reader.iop_pa, len(missing), rng)
         thickness_m[missing] = reader.thickness_m.sample(rng, len(missing))
         size[missing] = np.where(plain[missing], 1.0, reader.size.sample(rng, len(missing)))
-        inside = library.covers(
-            thickness_m[missing] / size[missing], iop_pa[missing] / modulus_pa[missing], np.zeros(len(missing))
-        )
-        missing = missing[~inside]
+        ratios = thickness_m[missing] / size[missing], iop_pa[missing] / modulus_pa[missing]
+        missing = missing[~library.covers(*ratios, np.zeros(len(missing)))]
         if not len(missing):
             break
     else:
@@ -193,18 +191,15 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
     # At a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md): a calibration keeps the product (NaN: missing).
     t, p = (np.nan_to_num(factor, nan=1.0) for factor in (stated_thickness_m / thickness_m, stated_iop_pa / iop_pa))
     stated_pa *= np.where(stated_sd < CALIBRATED_SD, 1.0 / (t**2 * np.cbrt(p)), 1.0)
-    tilt_rad, rotation_rad = (
-        np.where(plain, 0.0, angle.sample(rng, count)) for angle in (reader.tilt_rad, reader.rotation_rad)
-    )
+    angles = reader.tilt_rad, reader.rotation_rad
+    tilt_rad, rotation_rad = (np.where(plain, 0.0, angle.sample(rng, count)) for angle in angles)
     small = rng.random(len(largest_n)) < reader.small_force_share
     top_n = np.minimum(np.where(small, reader.small_force_n, reader.max_force_n), largest_n * BARELY_INSIDE)
     force_n = top_n * rng.random(len(largest_n))
     rigidity, low, high = _globes(reader, count, rng)
     pole, stated_pole = _poles(reader, count, rng)
-    tissue = np.full(count, library.stiffening)
-    stated = GivenEyes(
-        stated_pa, stated_sd, stated_iop_pa, stated_thickness_m, stated_gap_m, low, high, *stated_pole, tissue
-    )
+    values, tissue = (stated_iop_pa, stated_thickness_m, stated_gap_m), np.full(count, library.stiffening)
+    stated = GivenEyes(stated_pa, stated_sd, *values, low, high, *stated_pole, tissue)
     iop_ratio = _pressures(library, (thickness_m, iop_pa, modulus_pa, size), rigidity, force_n, rng)
     eye = (stated, modulus_pa, iop_pa, thickness_m, gap_m, size)
     return Eyes(*eye, tilt_rad, rotation_rad, *pole, force_n, rigidity, iop_ratio)
@@ -235,9 +230,8 @@ def _pressures(
     for _ in range(ROUNDS):
         force_ratio = force_n[left] / (modulus_pa[left] * size[left] ** 2)
         one = Globe(globe.law, np.asarray(globe.rate)[left])
-        ratio[left] = iop_ratio_under_force(
-            library, thickness[left], resting[left], force_ratio, one, PRESSURE_TOLERANCE
-        )
+        wall = library, thickness[left], resting[left]
+        ratio[left] = iop_ratio_under_force(*wall, force_ratio, one, PRESSURE_TOLERANCE)
         left = left[ratio[left] >= highest[left]]
         if not len(left):
             return ratio

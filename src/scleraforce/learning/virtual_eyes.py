@@ -94,15 +94,8 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
     drift = FORCE_DRIFT_SD * rng.standard_normal() * float(uneven[0])
     globe = replace(UNKNOWN, mean=rigidity) if sealed else OPEN
     direction_rad = rng.uniform(-np.pi, np.pi)
-    true = EyeConstants(
-        iop_pa=iop_pa,
-        thickness_m=thickness_m,
-        gap_m=gap_m,
-        polar_rad=polar_rad,
-        polar_sd_rad=0.0,
-        direction_rad=direction_rad,
-        globe=globe,
-    )
+    place = {"polar_rad": polar_rad, "polar_sd_rad": 0.0, "direction_rad": direction_rad}
+    true = EyeConstants(iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m, globe=globe, **place)
     sharp = replace(study, calibration=replace(study.calibration, surface_smoothing_m=0.0))  # `disturb` smooths
     model = library_eye(sharp, true, library)
     wall = stated_wall(true, modulus_pa, 0.0, polar_rad)
