@@ -222,9 +222,8 @@ def _depths(eye: EyeFilter, states_rp: Floats, force_n: float, nuisance: Floats,
     sound = eye.space.exist(values)
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
     if sound.any():
-        curves = registration.parameter_sections(
-            eye.model, eye.space.names, values[sound], force_n, float(nuisance[registration.BY_POLAR])
-        )
+        polar_rad = float(nuisance[registration.BY_POLAR])
+        curves = registration.parameter_sections(eye.model, eye.space.names, values[sound], force_n, polar_rad)
         placed = registration.place_section(curves, nuisance)
         inner = nuisance[registration.BY_INNER] * places.is_inner
         depths[sound] = [curve_depths(curve, places)[0] + inner for curve in placed]

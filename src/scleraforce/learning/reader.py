@@ -11,7 +11,7 @@ them mirror images: a wall costs more time to draw than to learn from.
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from functools import partial
-from itertools import count
+from itertools import count, pairwise
 from typing import Any
 
 import numpy as np
@@ -56,20 +56,18 @@ class ReaderNetwork(torch.nn.Module):
         self.wall_unit = slice_study.pixel_m / TYPICAL_WALL
         self.projection: torch.Tensor
         self.circle: torch.Tensor
-        self.register_buffer("projection", torch.from_numpy(projection.astype(np.float32)))
-        self.register_buffer("circle", torch.from_numpy(circle.astype(np.float32)))
+        for name, values in (("projection", projection), ("circle", circle)):
+            self.register_buffer(name, torch.from_numpy(values.astype(np.float32)))
         sizes = (FEATURES, *reader.channels)
-        self.convolutions = torch.nn.ModuleList(
-            torch.nn.Conv1d(sizes[n], sizes[n + 1], KERNEL, STRIDE, KERNEL // 2) for n in range(len(reader.channels))
-        )
+        layers = (torch.nn.Conv1d(below, above, KERNEL, STRIDE, KERNEL // 2) for below, above in pairwise(sizes))
+        self.convolutions = torch.nn.ModuleList(layers)
         columns = slice_study.columns
         for _ in reader.channels:
             columns = (columns - 1) // STRIDE + 1
         self.given_layer = torch.nn.Linear(len(GIVEN), GIVEN_UNITS)
         widths = (sizes[-1] * columns, *reader.hidden)
-        self.hidden = torch.nn.ModuleList(
-            torch.nn.Linear(widths[n] + GIVEN_UNITS, widths[n + 1]) for n in range(len(reader.hidden))
-        )
+        hidden = (torch.nn.Linear(below + GIVEN_UNITS, above) for below, above in pairwise(widths))
+        self.hidden = torch.nn.ModuleList(hidden)
         self.force = torch.nn.Linear(widths[-1], 3 * COMPONENTS)
         with torch.no_grad():
             middles = torch.linspace(0.3, 0.9, COMPONENTS)
@@ -172,10 +170,8 @@ def fit_reader(
         if progress and next(done) % chunks == 0:
             progress(1)
 
-    build, drawn = (
-        partial(ReaderNetwork, reader, study.slice, study.eye.radius_m),
-        _rounds(draw, reader, rounds, workers),
-    )
+    build = partial(ReaderNetwork, reader, study.slice, study.eye.radius_m)
+    drawn = _rounds(draw, reader, rounds, workers)
     fitted = descent.trained(build, partial(_losses, reader), drawn, reader, steps, report, device=device)
     of_epochs = np.reshape(fitted.training_loss, (reader.epochs, chunks)).mean(axis=1)
     return Fitted(fitted.network, tuple(of_epochs.tolist()))

@@ -211,10 +211,8 @@ def _poles(
     """Return polar angles of contacts and directions of sections, and their given values, (sample,) each."""
     pole = reader.polar_angle_rad.sample(rng, count), rng.uniform(-np.pi, np.pi, count)
     stated = [angle + reader.pole_noise_rad * rng.standard_normal(count) for angle in pole]
-    missing = reader.polar_missing_fraction, reader.direction_missing_fraction
-    polar, direction = (
-        np.where(rng.random(count) < share, np.nan, angle) for angle, share in zip(stated, missing, strict=True)
-    )
+    missing = zip((reader.polar_missing_fraction, reader.direction_missing_fraction), stated, strict=True)
+    polar, direction = (np.where(rng.random(count) < share, np.nan, angle) for share, angle in missing)
     return pole, (np.abs(polar), direction)
 
 

@@ -329,9 +329,8 @@ def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figu
         axes.set_axis_off()
         answer = one.answer.answer
         sure = "" if answer.probabilities is None else f" (p = {answer.probabilities[answer.predicted]:.2f})"
-        axes.set_title(
-            f"read: class {answer.predicted}{sure}", color=style.CLASS_INKS[answer.predicted], fontweight="bold"
-        )
+        title = f"read: class {answer.predicted}{sure}"
+        axes.set_title(title, color=style.CLASS_INKS[answer.predicted], fontweight="bold")
         if one.answer.measured_force_n is not None:
             measured = f"measured: {from_si(one.answer.measured_force_n, 'mn'):.1f} mN"
             axes.text(0.5, -0.04, measured, transform=axes.transAxes, ha="center", va="top")

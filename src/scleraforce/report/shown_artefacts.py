@@ -338,9 +338,8 @@ def draw_decisions(decisions: Sequence[Entry]) -> Figure:
     at_s = np.array([entry.at_s - start_s for entry in read])
     ends_mn = np.array([entry.interval_mn for entry in read], dtype=float).reshape(-1, 2)
     axes.fill_between(at_s, *ends_mn.T, color=AMBER, alpha=0.35, linewidth=0, label="90 % interval")
-    axes.plot(
-        at_s, np.array([entry.force_mn for entry in read], dtype=float), color=BLACK, linewidth=0.8, label="force"
-    )
+    force_mn = np.array([entry.force_mn for entry in read], dtype=float)
+    axes.plot(at_s, force_mn, color=BLACK, linewidth=0.8, label="force")
     changes = _changes(decisions)
     for begin, end in zip(changes, [*changes[1:], *decisions[-1:]], strict=False):
         axes.axvspan(begin.at_s - start_s, end.at_s - start_s, color=SHADES[begin.state], alpha=0.12, linewidth=0)

@@ -61,9 +61,8 @@ def run_demo(out: Path, made_at: datetime, progress: Callable[[float], object] |
         write_phantom(recording, plan_phantom(EYE, FORCES_N, study, study.phantom.seed), sections_at, study)
         reader, finder = load_force_reader(SHIPPED_READER), load_wall_finder(SHIPPED_WALL_FINDER)
         opened = [read_recording(recording)]
-        found = calibrate_recordings(
-            opened, reader.study, study_hash(reader.study), reader.library, frames=TAUGHT, finder=finder
-        )
+        of_study = reader.study, study_hash(reader.study), reader.library
+        found = calibrate_recordings(opened, *of_study, frames=TAUGHT, finder=finder)
         write_calibration(calibration_as_json(found), calibration)
         reach(CALIBRATION_DONE)
         evaluation = evaluate_recordings(reader, [recording], read_calibration(calibration))

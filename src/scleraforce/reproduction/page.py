@@ -426,9 +426,8 @@ def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: html.Htm
         right, dangerous = answers.accuracy, answers.confusion[2]
         recall = f"{dangerous[2]} of {dangerous.sum()}"
         rows.append([name, f"{right.hits} of {right.total}", recall, int(dangerous[0])])
-    gap = html.table(
-        ["forces of the trials", "read right", "recall of class 2", "class 2 read as 0"], rows, said("to_the_bounds")
-    )
+    head = ["forces of the trials", "read right", "recall of class 2", "class 2 read as 0"]
+    gap = html.table(head, rows, said("to_the_bounds"))
     bounds_n, caption = evaluation.bounds_n, "The paper's Table 3, under the standard names: 42 of 45."
     mine = html.confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {html.NAMES_REMARK}")
     paper = html.confusion_table(np.array(PAPER_CONFUSION), bounds_n, caption)
