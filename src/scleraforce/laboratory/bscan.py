@@ -82,8 +82,7 @@ def draw_track(
 def _signed_distances(shaft: NeedleShaft, across: Floats, down: Floats, tilt_rad: float) -> tuple[Floats, Floats]:
     """Return how far pixels lie within the shaft's side and above its end, m, (rows, columns) each; below 0: outside.
 
-    Points of the plane are (across, out of it, up) from the tip's place in the picture; the contact lies `gap_m` behind
-    the plane. The longest point of a bevelled end lies at the shaft's lower side.
+    Points are (across, out of the plane, up) from the tip; a bevelled end is longest at the shaft's lower side.
     """
     angle, radius_m = shaft.angle_rad + tilt_rad, shaft.diameter_m / 2
     axis = np.array([sin(angle) * cos(shaft.lean_rad), -sin(shaft.lean_rad), cos(angle) * cos(shaft.lean_rad)])
@@ -159,9 +158,8 @@ def render_bscan(
 def column_crossings(curve: Floats, columns_m: Floats) -> Singles:
     """Return the depths (crossings, columns) at which vertical lines enter and leave the region that a curve encloses.
 
-    The region is where the winding number is not 0, so a wall that overlaps itself stays filled. Exact for polylines. A
-    curve (points, 2) that is open, with ends outside of the lines, bounds the region below it. Columns are evenly
-    spaced; depths are sorted, and padded with inf.
+    The region is where the winding number is not 0: a wall that overlaps itself stays filled. An open curve (points, 2)
+    bounds the region below it. Columns are evenly spaced; depths are sorted, and padded with inf.
     """
     place = (curve[:, 0] - columns_m[0]) / (columns_m[1] - columns_m[0])
     segment, column, turn = columns_crossed(place, len(columns_m))  # turn: 1 to the right, -1 to the left

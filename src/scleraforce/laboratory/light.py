@@ -109,24 +109,17 @@ class Conjunctiva:
 
 @dataclass(frozen=True, kw_only=True)
 class NeedleShaft:
-    """A needle that may cross the B-scan.
-
-    `gap_m`: distance of the plane from the contact. `angle_rad`: between the shaft and the surface's normal in the
-    picture (above 0 it leans to growing columns); `lean_rad`: out of the picture, away from the plane. `bevel_rad`:
-    between the cut of its end and its axis (pi/2: straight). `above_m`: length above the frame that still takes light.
-    `loss_fraction`: share of the light lost below it (1: steel). `level_db`: its upper edge over the mean noise;
-    `far_edge_db`: its other edge over the upper one.
-    """
+    """A needle that may cross the B-scan."""
 
     diameter_m: float
-    gap_m: float
-    angle_rad: float
-    lean_rad: float
-    bevel_rad: float
-    above_m: float
-    loss_fraction: float
-    level_db: float
-    far_edge_db: float
+    gap_m: float  # distance of the plane from the contact
+    angle_rad: float  # off the surface's normal in the picture; above 0 it leans to growing columns
+    lean_rad: float  # out of the picture, away from the plane
+    bevel_rad: float  # between the cut of its end and its axis; pi/2: straight
+    above_m: float  # length above the frame that still takes light
+    loss_fraction: float  # share of the light lost below it; 1: steel
+    level_db: float  # its upper edge over the mean noise
+    far_edge_db: float  # its other edge over the upper one
 
     @property
     def from_normal(self) -> tuple[float, float]:
@@ -146,34 +139,28 @@ class NeedleShaft:
 class BscanOptics:
     """The optics of one frame. Levels are ratios of detected intensity; depths in tissue are geometric.
 
-    `snr_db`: mean speckle intensity at the wall's surface over the mean noise. `attenuation_per_m` (mu): light passes
-    twice, so the detected intensity falls as exp(-2 mu z). `axial_resolution_m`, `lateral_resolution_m`: full width at
-    half maximum of the intensity point spread function; axially, a Gaussian source of 840 nm and 80 nm width has a
-    coherence length of 2 ln 2/pi lambda^2/width = 3.9 um. `reflection_db`: mirror reflection at normal incidence over
-    the speckle there; it falls with the slope as exp(-(slope/reflection_angle)^2). `choroid_*`: a layer below the wall,
-    its level against the wall's. `display_floor_db`: intensity of count 0 over the mean noise; `display_range_db`: from
-    there to the largest count; in between, counts grow with the intensity's logarithm, its "root" or, "linear", with
-    itself. `band_m`: width of the black band on each side.
+    Resolutions are full widths at half maximum of the intensity point spread function; axially, a Gaussian source of
+    840 nm and 80 nm width has a coherence length of 2 ln 2/pi lambda^2/width = 3.9 um.
     """
 
-    snr_db: float
-    attenuation_per_m: float
+    snr_db: float  # mean speckle intensity at the wall's surface over the mean noise
+    attenuation_per_m: float  # mu: light passes twice, so the detected intensity falls as exp(-2 mu z)
     axial_resolution_m: float
     lateral_resolution_m: float
-    reflection_db: float
-    reflection_angle_rad: float
-    choroid_level_db: float
+    reflection_db: float  # mirror reflection at normal incidence over the speckle there
+    reflection_angle_rad: float  # it falls with the slope as exp(-(slope/angle)^2)
+    choroid_level_db: float  # of a layer below the wall, against the wall's
     choroid_attenuation_per_m: float
     choroid_thickness_m: float
-    display_floor_db: float
-    display_range_db: float
-    band_m: float
+    display_floor_db: float  # intensity of count 0 over the mean noise
+    display_range_db: float  # from there to the largest count
+    band_m: float  # width of the black band on each side
     shadows: tuple[Shadow, ...] = ()
     lines: tuple[Line, ...] = ()
     covers: tuple[Cover, ...] = ()
     needle: NeedleShaft | None = None
     conjunctiva: Conjunctiva | None = None
-    display: str = "logarithmic"
+    display: str = "logarithmic"  # counts grow with the intensity's logarithm, its "root" or, "linear", with itself
 
     def counts(self, intensity: Singles, largest: float) -> Singles:
         """Return the counts, not yet whole, of intensities over the mean noise; brighter than `largest` saturates."""

@@ -15,12 +15,9 @@ TIME_DIGITS = 4  # of frames.csv and forces.csv: 0.1 ms
 
 @dataclass(frozen=True, kw_only=True)
 class Push:
-    """One push: the needle comes on at `start_s`, in `ramp_s`, holds still for `hold_s` and leaves in `ramp_s`.
+    """One push: the needle comes on at `start_s`, in `ramp_s`, holds still for `hold_s` and leaves in `ramp_s`."""
 
-    The force on the needle is `force_n` at the frame, at `frame_s`; the dent stays while the tissue relaxes.
-    """
-
-    force_n: float
+    force_n: float  # on the needle at the frame; the dent stays while the tissue relaxes
     start_s: float
     ramp_s: float
     hold_s: float
@@ -39,19 +36,15 @@ FALL_S, FRICTION = (1e-3, 4e-3), (0.15, 0.4)  # ranges of a puncture's fall, and
 
 @dataclass(frozen=True, kw_only=True)
 class Puncture:
-    """The needle goes through the wall at `time_s`: its force falls from `force_n` to the friction within `fall_s`.
-
-    The friction along the shaft, a share of `force_n`, pulls the wall outwards as soon as the needle goes back, until
-    it is out at `out_s`. `driven_s`, `driven_n`: the needle's travel, as the elastic force of a wall that bears it.
-    """
+    """The needle goes through the wall at `time_s`: its force falls from `force_n` to the friction within `fall_s`."""
 
     time_s: float
     force_n: float
     fall_s: float
-    friction_fraction: float
-    out_s: float
-    driven_s: tuple[float, ...]
-    driven_n: tuple[float, ...]
+    friction_fraction: float  # of `force_n`, along the shaft: pulls the wall outwards as the needle goes back
+    out_s: float  # when it is out
+    driven_s: tuple[float, ...]  # the needle's travel ...
+    driven_n: tuple[float, ...]  # ... as the elastic force of a wall that bears it
 
 
 @dataclass(frozen=True)

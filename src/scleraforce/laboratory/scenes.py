@@ -256,19 +256,14 @@ def _bridged(seen: Flags) -> Flags:
 
 @dataclass(frozen=True)
 class Scene:
-    """A drawn frame (row, column), uint8 or uint16, and its truth.
+    """A drawn frame and its truth; behind a narrow shadow, or in a lost column, the wall continues."""
 
-    `outer_row`, `inner_row` (column,) count pixel centres and may lie outside of the frame; NaN in columns without
-    wall. Behind a narrow shadow, or in a lost column, the wall continues. `judged` (column,): False for an invisible
-    wall. `covered` (column,): a lid or a drape is what hides it.
-    """
-
-    frame: Pixels
+    frame: Pixels  # (row, column), uint8 or uint16
     scale: PixelScale
-    outer_row: Floats
+    outer_row: Floats  # (column,), of pixel centres, also outside of the frame; NaN in columns without wall
     inner_row: Floats
-    judged: Flags
-    covered: Flags
+    judged: Flags  # (column,): False for an invisible wall
+    covered: Flags  # (column,): a lid or a drape is what hides it
 
     @property
     def mask(self) -> Bytes:

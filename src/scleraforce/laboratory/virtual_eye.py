@@ -355,23 +355,17 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SimulatedEye:
-    """A wall with the needle on it.
-
-    `displacement_nc` (node, 3) in m, from the unloaded wall; `needle_nc` (node, 3) the needle's part of it, from the
-    state under IOP and gravity. `tip_m`: inward displacement of the outer surface at the contact along the needle axis
-    from that state. `dent_m`: the same from the undented wall at `pressure_pa`, the pressure under the needle; in a
-    sealed globe it is the larger one. `slice` (rows, columns): 255 = wall, in `window`.
-    """
+    """A wall with the needle on it."""
 
     mesh: HexMesh
     contact: Contact
-    force_n: float
-    displacement_nc: Floats
-    needle_nc: Floats
-    tip_m: float
-    dent_m: float
-    pressure_pa: float
-    slice: Bytes
+    force_n: float  #: on the needle
+    displacement_nc: Floats  #: (node, 3), from the unloaded wall, m
+    needle_nc: Floats  #: (node, 3), the needle's part of it, from the state under IOP and gravity
+    tip_m: float  #: inward displacement of the outer surface at the contact along the needle axis from that state
+    dent_m: float  #: the same from the undented wall at `pressure_pa`, larger in a sealed globe
+    pressure_pa: float  #: under the needle
+    slice: Bytes  #: (rows, columns), 255 = wall, in `window`
     window: SliceWindow
 
     def __repr__(self) -> str:

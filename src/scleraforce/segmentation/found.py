@@ -33,16 +33,16 @@ class Segmentation:
     outer_row: Floats
     inner_row: Floats
     rows: int
-    usable: bool  # a wall was found that can be judged
-    reason: str  # why it is not usable
-    inner_found: bool  # if not, the inner boundary cannot be seen, and the mask ends 1 mm below the surface
+    usable: bool  #: a wall was found that can be judged
+    reason: str  #: why it is not usable
+    inner_found: bool  #: if not, the inner boundary cannot be seen, and the mask ends 1 mm below the surface
     _: KW_ONLY
-    thickness_m: float  # median along the surface's normal, NaN if the inner boundary was not found
-    needle: SeenNeedle | None = None  # that crosses the frame
-    conjunctiva_m: float | None = None  # median thickness of a layer over the wall, along its normal, if one is seen
-    methods: "BothWalls | None" = None  # the wall by each, if a network looked as well
-    source: str = "found"  # in the frame, or given: a "mask", or "corrected" in the recording
-    sd_rows: float = 0.0  # standard deviation of given boundaries
+    thickness_m: float  #: median along the surface's normal, NaN if the inner boundary was not found
+    needle: SeenNeedle | None = None  #: that crosses the frame
+    conjunctiva_m: float | None = None  #: median thickness of a layer over the wall, along its normal, if one is seen
+    methods: "BothWalls | None" = None  #: the wall by each, if a network looked as well
+    source: str = "found"  #: "found" in the frame, or given, as a "mask" or "corrected" in the recording
+    sd_rows: float = 0.0  #: standard deviation of given boundaries
 
     def __repr__(self) -> str:
         shown = "" if self.thickness_m != self.thickness_m else f"wall of {from_si(self.thickness_m, 'um'):.0f} µm, "

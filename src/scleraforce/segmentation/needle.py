@@ -68,11 +68,11 @@ class ShaftEdge:
 class SeenNeedle:
     """A needle seen in a frame."""
 
-    angle_rad: float  # between its shaft and the depth; above 0 it leans to growing columns on its way up
-    tip_m: tuple[float, float] | None  # from the frame's middle and top edge; None: the shaft leaves below the frame
-    tip: tuple[float, float]  # column and row, or of the last that is seen of it
-    top: tuple[float, float]  # column and row where its axis meets the top edge
-    hidden: tuple[int, int]  # the first column that shaft or shadow cover, and the first one after
+    angle_rad: float  #: between its shaft and the depth; above 0 it leans to growing columns on its way up
+    tip_m: tuple[float, float] | None  #: from the middle and the top edge, None if the shaft leaves below the frame
+    tip: tuple[float, float]  #: column and row, or of the last that is seen of it
+    top: tuple[float, float]  #: column and row where its axis meets the top edge
+    hidden: tuple[int, int]  #: the first column that shaft or shadow cover, and the first one after
 
 
 def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:

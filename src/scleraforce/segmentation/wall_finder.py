@@ -134,13 +134,13 @@ SAME_COLUMNS_SHARE, MOVED_THICKNESS = 0.8, 0.3  # of a wall that a second look m
 class SeenWall:
     """The wall in a frame, at evenly spaced columns (point,); rows of pixel centres."""
 
-    column: Floats
-    outer_row: Floats
-    inner_row: Floats
-    outer_sd: Floats  # of the rows
-    inner_sd: Floats
-    there: Flags  # has wall; elsewhere the rows say nothing
-    step_rows: float  # of the frame in one of the reduced frame
+    column: Floats  #: of the frame
+    outer_row: Floats  #: upper boundary
+    inner_row: Floats  #: lower boundary
+    outer_sd: Floats  #: of the rows
+    inner_sd: Floats  #: of the rows
+    there: Flags  #: has wall; elsewhere the rows say nothing
+    step_rows: float  #: of the frame in one of the reduced frame
 
     @property
     def frame_column(self) -> Places:
@@ -156,8 +156,7 @@ class SeenWall:
 class WallFinder:
     """A network that ONNX Runtime runs: `frames` float32 (n, row, column) in, `rows` and `wall` out.
 
-    `rows` float32 (n, 2, row, column / 2) are probabilities over the rows, of the upper and the lower boundary; `wall`
-    float32 (n, column / 2) is the probability that a column has wall. Errors name `place`.
+    `rows` (n, 2, row, column / 2): probabilities of either boundary; `wall` (n, column / 2): that a column has wall.
     """
 
     def __init__(self, session: onnxruntime.InferenceSession, study: WallFinderStudy, place: str) -> None:
@@ -167,11 +166,7 @@ class WallFinder:
         check_interface(session, {FINDER_FRAMES: ("tensor(float)", frames)}, outputs, place)
 
     def find(self, frame: Pixels) -> SeenWall:
-        """Return the wall that the network sees in a frame of counts (row, column).
-
-        Raises:
-            ModelError: the network cannot be run, or its answers are not finite.
-        """
+        """Return the wall that the network sees in a frame of counts (row, column); raises `ModelError`."""
         first = self._look(frame, 0, len(frame))
         if not first.there.any():
             return first

@@ -230,10 +230,8 @@ MAX_ENTRIES = 1000  # of a list
 MAX_WHOLE = 10**15  # what a float holds exactly
 
 # Studies to begin from, by name: their files beside this one. The first is the default, the paper's.
-PRESETS = ("ex-vivo", "living")
-PRESET_FILES = dict(zip(PRESETS, ("paper.toml", "living.toml"), strict=True))
-
-
+PRESET_FILES = {"ex-vivo": "paper.toml", "living": "living.toml"}
+PRESETS = tuple(PRESET_FILES)
 SCENES_TABLE = "[scenes]"  # in a preset: stands for all of its keys, which are explained in `scenes`
 
 

@@ -129,11 +129,7 @@ class ReaderStudy(Section):
 
     @property
     def max_force_ratio(self) -> float:
-        """Largest force over the modulus, m^2: the end of the answer's histogram.
-
-        >>> round(ReaderStudy().max_force_ratio * 1e6, 3)
-        0.467
-        """
+        """Largest force over the modulus, m^2: the end of the answer's histogram."""
         return self.max_force_n / self.youngs_modulus_pa.bounds[0]
 
 
@@ -178,10 +174,6 @@ class RawReaderStudy(Section):
 
     @property
     def wall(self) -> WallFinderStudy:
-        """The part that sees the wall, and how all of it descends.
-
-        >>> RawReaderStudy(batch_size=16).wall.batch_size
-        16
-        """
+        """The part that sees the wall, and how all of it descends."""
         shared = {item.name for item in fields(self)} & {item.name for item in fields(WallFinderStudy)}
         return WallFinderStudy(**{name: getattr(self, name) for name in shared})
