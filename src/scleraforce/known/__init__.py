@@ -271,9 +271,7 @@ def known_of_recording(info: RecordingInfo) -> Known:
 
 def stated_globe(eye: EyeInfo) -> KnownGlobe | None:
     """Return the globe that a recording states; None: unknown."""
-    if eye.globe is None:
-        return None
-    return known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
+    return None if eye.globe is None else known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
 
 
 def stated_eye(eye: str, known: Known) -> EyeInfo:

@@ -403,17 +403,14 @@ def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpos
         raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
     if given.width_m is None or given.depth_m is None:
         raise FrameError("frame: nothing says how large this array is; give width_m and depth_m")
-    for name, extent_m in (("width_m", given.width_m), ("depth_m", given.depth_m)):
-        try:
-            check_quantity(name, extent_m)
-        except StudyError as fault:
-            raise FrameError(str(fault)) from None
     index = given.refractive_index or assumed.refractive_index or 1.0
     width, depth = Sourced(given.width_m, "option"), Sourced(given.depth_m, "option")
     found = ScaledFrame(pixels.T if transpose else pixels, width, depth, Sourced(index, "option"), None)
     try:
+        check_quantity("width_m", given.width_m)
+        check_quantity("depth_m", given.depth_m)
         _ = found.scale  # which checks the index
-    except ValueError as fault:
+    except (StudyError, ValueError) as fault:
         raise FrameError(f"frame: {fault}") from fault
     return found
 
