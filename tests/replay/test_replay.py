@@ -79,7 +79,7 @@ def test_every_frame_goes_out_at_its_time_and_no_delay_adds_up(tmp_path) -> None
         went_s.append(player.log._last[1])
         client.now_s += 0.002  # which sending takes
 
-    player._watch = watch
+    player.watch = watch
     player.play()
     assert np.array(went_s[:40]) - went_s[0] == pytest.approx(0.005 * np.arange(40))  # twice as fast
     assert player.latest_s == 0.0
@@ -94,7 +94,7 @@ def test_a_replay_that_is_late_catches_up_at_twice_the_pace_and_in_no_burst(tmp_
         if len(went_s) == 10:
             client.now_s += 0.15
 
-    player._watch = watch
+    player.watch = watch
     player.play()
     steps_s = np.diff(went_s[:60])
     assert steps_s[:9] == pytest.approx(0.01)
@@ -144,7 +144,7 @@ def test_the_times_of_a_late_replay_show_its_delay_but_for_50_ms(tmp_path) -> No
         if player.log.frames_sent == 10 and player.latest_s < late_s:
             client.now_s += late_s
 
-    player._watch = watch
+    player.watch = watch
     player.play()
     events = client.monitor.received
     times_s = np.array([event.header.time_s for event in events]) - events[0].header.time_s

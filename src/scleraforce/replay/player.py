@@ -6,7 +6,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from heapq import merge
 from itertools import islice, pairwise
 from math import ceil
@@ -320,6 +320,7 @@ class Timed:
     message: Unstamped = field(compare=False)
 
 
+@dataclass(eq=False)
 class Player:
     """Play a recording through an open client; keep time by the client's clock, so that no delay adds up.
 
@@ -329,22 +330,18 @@ class Player:
     read.
     """
 
-    def __init__(
-        self,
-        recording: Recording,
-        client: ScannerClient,
-        log: AnswerLog,
-        *,
-        speed: float = 1.0,
-        version: int = 1,
-        ahead: int = AHEAD,
-        watch: Callable[[], object] = lambda: None,
-        wall_clock: Callable[[], float] = time,
-    ) -> None:
-        self.recording, self.client, self.log = recording, client, log
-        self.speed, self.version, self.ahead = speed, version, ahead
+    recording: Recording
+    client: ScannerClient
+    log: AnswerLog
+    _: KW_ONLY
+    speed: float = 1.0
+    version: int = 1
+    ahead: int = AHEAD
+    watch: Callable[[], object] = lambda: None
+    wall_clock: Callable[[], float] = time
+
+    def __post_init__(self) -> None:
         self.forces_sent, self.latest_s, self.last = 0, 0.0, 0
-        self._watch, self._wall_clock = watch, wall_clock
         self._begun: tuple[float, float, float] | None = None
         self._frame_went = 0.0, float("-inf")  # time in the recording, and when the last frame was sent
 
@@ -363,12 +360,12 @@ class Player:
             if not asked(entry):
                 return
             self.client.listen(self.client.clock())
-            self._put(timed, self._wall_clock())
+            self._put(timed, self.wall_clock())
             self._await_answer()
 
     def _await_answer(self) -> None:
         self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
-        self._watch()
+        self.watch()
 
     def send(self, timed: Timed) -> float:
         """Wait until a message is due and send it; a late replay catches up by half of each interval, not at once."""
@@ -385,7 +382,7 @@ class Player:
     def due(self, time_s: float) -> tuple[float, float]:
         """Return when a time of the recording is due, on the client's clock and since 1970; the first one is now."""
         if self._begun is None:
-            self._begun = time_s, self.client.clock(), self._wall_clock()
+            self._begun = time_s, self.client.clock(), self.wall_clock()
         first_s, begun_s, wall_s = self._begun
         passed_s = (time_s - first_s) / self.speed
         return begun_s + passed_s, wall_s + passed_s
@@ -397,7 +394,7 @@ class Player:
             self.log.sent(timed.number, timed.message.frame_id, sent_s)
         else:
             self.forces_sent += timed.message.device == FORCE_DEVICE
-        self._watch()
+        self.watch()
         return sent_s
 
     def frames(self, entries: Sequence[FrameEntry]) -> Iterator[Timed]:
