@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 import workers as tasks
+from waiting import alive, wait_until
 from workers import NEEDS_DASK, Cluster, large, no_preparation, slowly_tripled, tripled, waits_for_ever
 
 from scleraforce import processes as processes_module
@@ -94,10 +95,8 @@ def test_results_come_in_the_order_of_the_units():
 def test_a_worker_continues_while_the_caller_has_a_result(tmp_path: Path) -> None:
     results = work_in_order(partial(tasks.leave_a_mark_for_each, tmp_path), range(4), 1, ahead=2)
     for unit in results:
-        following, deadline = tmp_path / str(unit + 1), time.monotonic() + 300.0
-        while unit < 3 and not following.exists():
-            assert time.monotonic() < deadline, f"{following.name} waits until the caller comes back"
-            time.sleep(0.01)
+        if unit < 3:
+            wait_until((tmp_path / str(unit + 1)).exists)  # before the caller comes back
 
 
 def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(tmp_path: Path) -> None:
@@ -122,23 +121,11 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     program.write_text(LEFT_ALONE)
     paths = os.environ | {"PYTHONPATH": str(Path(waits_for_ever.__code__.co_filename).parent)}
     parent = subprocess.Popen([sys.executable, str(program), str(tmp_path)], env=paths)
-    end = time.monotonic() + 300.0
-    while not (marks := [mark for mark in tmp_path.glob("pid*") if mark.read_text()]):
-        assert time.monotonic() < end, "no worker has begun"
-        time.sleep(0.05)
+    marks = list[Path]()
+    wait_until(lambda: marks.extend(mark for mark in tmp_path.glob("pid*") if mark.read_text()) or bool(marks))
     parent.kill()
     parent.wait()
-    while _is_running(int(marks[0].read_text())):
-        assert time.monotonic() < end, "the worker outlives its parent"
-        time.sleep(0.05)
-
-
-def _is_running(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
+    wait_until(lambda: not alive(int(marks[0].read_text())))
 
 
 def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> None:

@@ -37,18 +37,9 @@ STUDY = Study()
 
 
 def frame(target, predicted, usable=True, *, by_log=None, true_mn=20.0, read_mn=None, interval_mn=None, in_window=True):
+    logged = target if by_log is None else by_log
     return AnsweredFrame(
-        "eye",
-        "0001.png",
-        target if by_log is None else by_log,
-        true_mn + 0.5,
-        target,
-        true_mn,
-        in_window,
-        predicted,
-        usable,
-        read_mn,
-        interval_mn,
+        "eye", "0001.png", logged, true_mn + 0.5, target, true_mn, in_window, predicted, usable, read_mn, interval_mn
     )
 
 

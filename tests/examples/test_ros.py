@@ -1,7 +1,6 @@
 """The ROS 2 node with a fake rclpy: images of a recorded bag go in, typed messages come out."""
 
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from fake_monitor import FakeMonitor, fake_monitor
 from sources import example_module
+from waiting import wait_until
 
 from scleraforce.openigtlink import Image, Received, Status
 
@@ -143,13 +143,6 @@ def bag_of(folder: Path, messages: list[Any]) -> Iterator[Any]:
             yield STORE.deserialize_cdr(data, link.msgtype)
 
 
-def wait_for(holds: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + 300.0
-    while not holds():
-        assert time.monotonic() < end_s
-        time.sleep(0.005)
-
-
 @pytest.fixture
 def monitor() -> Iterator[FakeMonitor]:
     with fake_monitor() as running:
@@ -170,7 +163,7 @@ def test_images_of_a_bag_reach_the_monitor_and_their_forces_come_back(
     sent = [image(1), image(2, big=True), image(3, padding=5)]
     for message in bag_of(tmp_path, sent):
         node.subscriptions_["image"](message)
-    wait_for(lambda: len(node.published["~/force_high"]) == 3)
+    wait_until(lambda: len(node.published["~/force_high"]) == 3)
     events = [e for e in monitor.received if isinstance(e, Received) and isinstance(e.message, Image)]
     for number, event in enumerate(events, start=1):
         np.testing.assert_array_equal(event.message.pixels[0], frame(number))
@@ -189,9 +182,9 @@ def test_the_order_is_to_withdraw_until_the_monitor_says_ok_and_after_it_says_no
     node.timer[1]()
     assert orders[-1].data is True
     node.subscriptions_["image"](image(1))
-    wait_for(lambda: orders[-1].data is False)
+    wait_until(lambda: orders[-1].data is False)
     monitor.say(Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN"))
-    wait_for(lambda: orders[-1].data is True)
+    wait_until(lambda: orders[-1].data is True)
     assert "up to 31 mN" in reasons[-1].data
     for message in (orders[-1], reasons[-1]):
         serialised(message)
@@ -200,9 +193,9 @@ def test_the_order_is_to_withdraw_until_the_monitor_says_ok_and_after_it_says_no
 def test_when_the_monitor_goes_the_order_to_withdraw_stays(node: FakeNode, monitor: FakeMonitor) -> None:
     node.subscriptions_["image"](image(1))
     orders = node.published["~/withdraw"]
-    wait_for(lambda: bool(orders) and orders[-1].data is False)
+    wait_until(lambda: bool(orders) and orders[-1].data is False)
     monitor.close()
-    wait_for(lambda: orders[-1].data is True)
+    wait_until(lambda: orders[-1].data is True)
     node.subscriptions_["image"](image(2))  # nobody takes it
     node.timer[1]()
     assert orders[-1].data is True

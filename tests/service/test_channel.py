@@ -249,13 +249,8 @@ def ending_with(code, descriptor=0):
     """Settings of some child: its exit code in place of a number of frames; it waits for ever for 0."""
     ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
     return messages.OpinionSettings(
-        model=Path("é"),
-        known=NOTHING_KNOWN,
-        scale=PixelScale(lateral_m=1e-5, depth_m=1e-5),
-        ring=ring,
-        learns=None,
-        record=None,
-    )
+        model=Path("é"), known=NOTHING_KNOWN, scale=SCALE, ring=ring, learns=None, record=None
+    )  # fmt: skip
 
 
 @pytest.fixture

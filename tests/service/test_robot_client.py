@@ -1,34 +1,26 @@
 """The reference client for robots: every doubt is a withdrawal, and OK is not."""
 
-import importlib.util
 import random
 import re
 import subprocess
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from fake_monitor import OK, fake_monitor
 from fastcrc.crc64 import ecma_182
+from sources import EXAMPLES, example_module
 from waiting import FUSE_S, ends
 
 from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Sensor, Status, Text, encode
 
-SCRIPT = Path(__file__).parents[2] / "examples" / "robot_client.py"
+SCRIPT = EXAMPLES / "robot_client.py"
 EMERGENCY = Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN")
 
 
-def load():
-    spec = importlib.util.spec_from_file_location("robot_client", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-robot_client = load()
+robot_client = example_module("robot_client")
 
 
 class ClockedLink:
@@ -65,7 +57,7 @@ START_S = 1000.0
 @pytest.fixture
 def watched(monkeypatch: pytest.MonkeyPatch) -> Watched:
     """Let a robot hear messages, each after a pause; return its orders."""
-    client = load()
+    client = example_module("robot_client")
 
     def run(messages: list[tuple[float, bytes]]) -> list[tuple[bool, str]]:
         link, orders = ClockedLink(messages), list[tuple[bool, str]]()
@@ -110,7 +102,7 @@ def test_nobody_there_withdraws() -> None:
     with fake_monitor() as monitor:
         port = monitor.port
     orders: list[tuple[bool, str]] = []
-    load().watch("127.0.0.1", port, lambda *order: orders.append(order))
+    robot_client.watch("127.0.0.1", port, lambda *order: orders.append(order))
     assert (orders[-1][0], "refused" in orders[-1][1]) == (False, True)
 
 

@@ -32,6 +32,11 @@ class Clock:
         return self.now_s
 
 
+def begun(limits: MonitorLimits = LIMITS) -> tuple[Clock, Session]:
+    clock = Clock()
+    return clock, Session(read, limits, clock, clock)
+
+
 def take(session: Session, clock: Clock, force_un: int, sender_id: int, sender: int = 1) -> None:
     clock.now_s += 0.01
     image = ScannerFrame(frame_of(force_un, sender_id), **SCALE)
@@ -39,8 +44,7 @@ def take(session: Session, clock: Clock, force_un: int, sender_id: int, sender: 
 
 
 def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_counts_anew() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
+    clock, session = begun()
     for sender_id in (70, 71, 80):
         take(session, clock, 10_000, sender_id)
     take(session, clock, 10_010, 5, sender=2)
@@ -55,8 +59,7 @@ def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_count
 
 
 def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
+    clock, session = begun()
     for sender_id in (70, 2 * 10**15, 71):
         take(session, clock, 10_000 + sender_id % 100, sender_id)
     assert session.decision.cause.name == "OUT_OF_ORDER"
@@ -77,8 +80,7 @@ def test_a_learned_eye_moves_the_stiffness_of_punctures_and_no_other_limit() -> 
 
 
 def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
+    clock, session = begun()
     take(session, clock, 10_000, 1)
     assert session.entry("frame", clock.now_s).withdrawn_s is None
     clock.now_s += 0.2
@@ -95,8 +97,7 @@ def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
 
 
 def test_a_puncture_that_is_only_reported_does_not_count_as_a_withdrawal_and_a_later_cause_does() -> None:
-    clock = Clock()
-    session = Session(read, replace(LIMITS, reports_pierced=True), clock, clock)
+    clock, session = begun(replace(LIMITS, reports_pierced=True))
     for sender_id, force_un in enumerate((24_000, 24_001, 24_002, 7_000, 7_001), 1):
         take(session, clock, force_un, sender_id)
     entry = session.entry("frame", clock.now_s)
@@ -110,8 +111,7 @@ def test_a_puncture_that_is_only_reported_does_not_count_as_a_withdrawal_and_a_l
 
 
 def test_frames_have_the_travel_that_was_stated_last_and_its_age() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
+    clock, session = begun()
     image = ScannerFrame(frame_of(10_000, 1), **SCALE)
     assert session.frame(image, 1, 1, clock.now_s).unread.travel_m is None
     session.travelled(0.002, clock.now_s)
@@ -127,8 +127,7 @@ def test_frames_have_the_travel_that_was_stated_last_and_its_age() -> None:
 
 
 def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
+    clock, session = begun()
     take(session, clock, 10_000, 1)
     take(session, clock, RAISES, 2)
     assert (session.decision.code, session.decision.cause.name) == (3, "EXCEPTION")
@@ -158,8 +157,7 @@ def defer(session: Session, clock: Clock, forces_un: list[int], first: int) -> N
 
 
 def test_frames_that_came_together_are_read_oldest_first_and_counted() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
+    clock, session = begun()
     take(session, clock, 10_000, 1)
     defer(session, clock, [10_010, 10_020, 10_030], 2)
     read_again = [session.catch_up() for _ in range(3)]
@@ -170,8 +168,7 @@ def test_frames_that_came_together_are_read_oldest_first_and_counted() -> None:
 
 
 def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_interval() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
+    clock, session = begun()
     for number in range(1, 31):
         clock.now_s += 0.01
         take(session, clock, 10_000 + number, number)  # every 20 ms
@@ -186,8 +183,7 @@ def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_i
 
 
 def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_newest_frames_are_read() -> None:
-    clock = Clock()
-    session = Session(read, LIMITS, clock, clock)
+    clock, session = begun()
     for number in range(1, 301):
         take(session, clock, 10_000 + number, number)  # every 10 ms
     defer(session, clock, [10_000] * 15, 301)

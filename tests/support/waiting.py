@@ -37,3 +37,11 @@ def wait_until(holds: Callable[[], bool]) -> None:
     while not holds():
         assert monotonic() < end_s, "it did not come about"
         sleep(0.01)
+
+
+def alive(pid: int) -> bool:
+    """Return True if a process runs: a zombie has ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False

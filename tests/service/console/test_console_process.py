@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from console_monitor import TOKEN, ConsoleMonitor, reading
-from waiting import FUSE_S, ends
+from waiting import FUSE_S, alive, ends, wait_until
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Close
 from websockets.sync.client import ClientConnection, connect
@@ -131,9 +131,13 @@ def test_what_is_not_there_is_not_found_and_still_carries_the_policy(monitor: Co
         assert "content-security-policy" in answer.headers
 
 
-def test_another_host_name_is_refused(monitor: ConsoleMonitor) -> None:
+def test_another_host_name_or_a_socket_of_another_origin_is_refused(monitor: ConsoleMonitor) -> None:
     assert ask(monitor, Host=f"localhost:{monitor.port}")[0].status == 200
     assert ask(monitor, Host=f"evil.example:{monitor.port}")[0].status == 403
+    for origin in (None, "http://evil.example", "null", f"http://localhost:{monitor.port}"):
+        with pytest.raises(InvalidStatus) as refused, page(monitor, origin):
+            pass
+        assert refused.value.response.status_code == 403
 
 
 def test_a_reset_from_another_origin_or_none_never_reaches_the_monitor(monitor: ConsoleMonitor) -> None:
@@ -145,13 +149,6 @@ def test_a_reset_from_another_origin_or_none_never_reaches_the_monitor(monitor: 
     assert ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 300}), **own)[0].status == 422
     assert ask(monitor, "/reset", "POST", "[]", **own)[0].status == 422
     assert monitor.child.channel.receive() == []
-
-
-def test_a_socket_of_another_origin_is_refused(monitor: ConsoleMonitor) -> None:
-    for origin in (None, "http://evil.example", "null", f"http://localhost:{monitor.port}"):
-        with pytest.raises(InvalidStatus) as refused, page(monitor, origin):
-            pass
-        assert refused.value.response.status_code == 403
 
 
 def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(monitor: ConsoleMonitor) -> None:
@@ -210,16 +207,13 @@ def post(monitor: ConsoleMonitor, token: str) -> http.client.HTTPConnection:
 
 
 def operator_resets(monitor: ConsoleMonitor) -> None:
+    """Check that a reset goes to the monitor with its token and comes back with its answer."""
     for granted, said in ((False, "no frame is fresh"), (True, "WATCHING")):
         with closing(post(monitor, TOKEN)) as operator:
             asked = monitor.hear(ResetAsked)
             assert asked.token == TOKEN
             monitor.tell(ResetAnswered(request=asked.request, granted=granted, message=said))
             assert json.loads(operator.getresponse().read()) == {"granted": granted, "message": said}
-
-
-def test_a_reset_goes_to_the_monitor_with_its_token_and_comes_back_with_its_answer(monitor: ConsoleMonitor) -> None:
-    operator_resets(monitor)
 
 
 def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_does_not(monitor: ConsoleMonitor) -> None:
@@ -304,10 +298,7 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
         assert state_of(link, monitor="ended")
         close_of(link)
     killed.stdout.close()
-    end_s = monotonic() + FUSE_S
-    while Path(f"/proc/{pid}").exists() and Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z":
-        assert monotonic() < end_s, "the console has not ended"
-        sleep(0.05)
+    wait_until(lambda: not alive(pid))
 
 
 @pytest.mark.slow
