@@ -180,6 +180,13 @@ def test_only_the_package_itself_lists_its_public_names_and_no_record_reaches_in
     assert [name for name, text in texts.items() if "__dict__" in text] == [], "use `dataclasses.replace`"
 
 
+def output_of(code: str) -> str:
+    """Return what a fresh interpreter prints that runs some code without a fault."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
     """One interpreter imports them all."""
     block = (
@@ -191,8 +198,7 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
         "sys.meta_path.insert(0, Block())\n"
         f"import {', '.join(f'scleraforce.{module}' for module in RUNTIME)}\n"
     )
-    done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    output_of(block)
 
 
 def test_processes_that_neither_read_nor_solve_do_not_import_numba(tmp_path: Path) -> None:
@@ -204,8 +210,7 @@ def test_processes_that_neither_read_nor_solve_do_not_import_numba(tmp_path: Pat
         f"assert [run(command.split()) for command in {commands!r}] == [0] * {len(commands)}\n"
         "assert 'numba' not in sys.modules\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    output_of(script)
 
 
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"
@@ -217,11 +222,7 @@ HEAVY = ["torch", "scipy", "cv2", "onnxruntime", "numpy", "pydicom", "zarr", "ma
 def loaded_after(code: str) -> set[str]:
     """Return the heavy packages and our own modules that a fresh interpreter has imported after running some code."""
     show = f"import sys; print(*[m for m in sys.modules if m in {HEAVY!r} or m.startswith('scleraforce')])"
-    return set(
-        subprocess.run(
-            [sys.executable, "-c", f"{code}\n{show}"], capture_output=True, text=True, check=True
-        ).stdout.split()
-    )
+    return set(output_of(f"{code}\n{show}").split())
 
 
 def test_each_name_loads_only_its_own_imports() -> None:
