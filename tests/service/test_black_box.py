@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from msgspec import structs
-from small_monitor import READ_ENTRY, decision
+from small_monitor import INFO, READ_ENTRY, decision
 from waiting import FUSE_S, wait_until
 
 import scleraforce.service.black_box as module
 import scleraforce.service.decision_log as log_sync
-from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.service import messages
@@ -27,12 +27,6 @@ from scleraforce.study import ClassesStudy
 
 SHAPE = 24, 32
 CAUSES = {"WITHDRAW": "FORCE_BOUND"}
-INFO = RecordingInfo(
-    EyeInfo("eye", thickness_m=600e-6, iop_pa=266.0),
-    OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
-    NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
-    ForceInfo("fz", -1, 0.2),
-)
 
 
 def frame(number):

@@ -15,25 +15,18 @@ import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from small_monitor import READ_ENTRY, verdict
+from small_monitor import INFO, READ_ENTRY, verdict
 from waiting import FUSE_S, wait_until
 
 from scleraforce.errors import MessageError
 from scleraforce.known import NOTHING_KNOWN, Known, Modulus, known_globe
 from scleraforce.monitor import MonitorLimits
-from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service import channel, messages
 from scleraforce.service.companions import Guard
 from scleraforce.service.frame_ring import RingPlace
 
 RING = RingPlace(descriptor=5, frames=1200, rows=24, columns=32)
-INFO = RecordingInfo(
-    EyeInfo("eye", thickness_m=600e-6, iop_pa=None),
-    OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
-    NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
-    ForceInfo("fz", -1, 0.2),
-)
 SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
 MESSAGES: list[messages.CompanionMessage] = [
     messages.Decided(entry=READ_ENTRY, travel_m=None, pierced=False),

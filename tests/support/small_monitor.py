@@ -22,6 +22,7 @@ from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import Verdict
 from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, encode
 from scleraforce.reader.answer import Answer, unusable
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import without_wall
 from scleraforce.service.channel import Channel
@@ -159,6 +160,14 @@ def decision(state: str = "WATCHING", **said: Any) -> Entry:
     read = {name: said.pop(name) for name in OF_VERDICT if name in said}
     others = {"event": "frame", "state": state, "code": 1, "message": "x", **said}
     return replace(TICK_ENTRY, verdict=verdict(**read) if read else None, **others)
+
+
+INFO = RecordingInfo(
+    EyeInfo("eye", thickness_m=600e-6, iop_pa=266.0),
+    OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
+    NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
+    ForceInfo("fz", -1, 0.2),
+)
 
 
 class FakeCompanion:
