@@ -11,6 +11,7 @@ from small_models import force_reader
 from small_recordings import write_places
 
 import scleraforce as sf
+from scleraforce.calibration.calibrate import EyeFrames, Settings
 from scleraforce.cli.main import run
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.walls import COLUMNS, NOT_JUDGED, RecordedWalls, frame_file_digest, mask_of
@@ -122,6 +123,16 @@ def test_every_step_uses_a_corrected_wall_and_says_so(corrected: tuple[Path, Pat
     by_mask = sf.read(sf.load_model(model), recording / "frames" / "2.png", mask=wall, youngs_modulus_pa=MODULUS_PA,
                       globe="open")  # fmt: skip
     assert entry["predicted_force_mn"] == pytest.approx(by_mask.force_n * 1e3)
+
+
+def test_a_calibration_uses_a_corrected_wall(corrected: tuple[Path, Path]) -> None:
+    recording = sf.read_recording(corrected[1])
+    settings = Settings(sf.Study(), None, ("e",), False, None, None)
+    (_, lowered), (_, found) = (EyeFrames(recording, settings, frozenset(), None).seen(number) for number in (2, 3))
+    assert (lowered.sd_m, found.sd_m) == (GIVEN_SD_ROWS * SCALE.depth_m, 0.0)
+    assert recording.walls.notes == ("wall: corrected in 1 frames",)
+    mine = segmented_boundaries(find_wall(recording.frame(recording.frames[2]), SCALE), SCALE)
+    assert np.nanmedian(lowered.depth_m - mine.depth_m) == pytest.approx(30 * SCALE.depth_m, abs=SCALE.depth_m)
 
 
 def test_a_changed_frame_invalidates_its_wall_and_a_table_that_contradicts_is_refused(

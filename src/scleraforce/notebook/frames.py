@@ -32,7 +32,7 @@ from scleraforce.recording.folder import Plane, Recording, ScaledFrame, Scanner,
 from scleraforce.recording.pixels import Pixels, Sourced
 from scleraforce.recording.walls import RecordedWalls, mask_of, read_mask
 from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.given import GIVEN_SD_ROWS, given_wall, recorded_wall
+from scleraforce.segmentation.given import GIVEN_SD_ROWS, check_size, given_wall, recorded_wall
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study.fields import check_quantity
@@ -350,9 +350,7 @@ def _wall(
         return None
     given = read_mask(Path(mask)) if isinstance(mask, str | PathLike) else mask_of(mask, "mask")
     given = given.T if transpose else given
-    if given.shape != seen.pixels.shape:
-        rows, columns = seen.pixels.shape
-        raise FrameError(f"mask: {given.shape[0]} x {given.shape[1]} pixels, the frame has {rows} x {columns}")
+    check_size(given, seen.pixels.shape, "mask")
     return given_wall(given, seen.scale, sd_rows)
 
 

@@ -286,10 +286,8 @@ class ForceReader(Reader):
         boundaries = segmented_boundaries(seen.segmentation, scale)
         if reason := self._not_fitted(seen, boundaries, known):
             return replace(unusable(self.classes, reason), can_calibrate=verdicts.can_calibrate(seen, boundaries))
-        prior, smoothing_m = (
-            self._prior(seen, boundaries, known, self.study.reader),
-            self.study.calibration.surface_smoothing_m,
-        )
+        prior = self._prior(seen, boundaries, known, self.study.reader)
+        smoothing_m = self.study.calibration.surface_smoothing_m
         fit = fit_boundaries(self.library_for(known), boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
         if fit is None:
             return unusable(self.classes, TOO_LITTLE)

@@ -69,7 +69,7 @@ class RecordedWalls:
         return self._recording / "walls" / f"{PurePath(file).stem}.png"
 
     def wall(self, file: str) -> Bytes | None:
-        """Return the mask of a frame; None if there is none, or the frame has changed since, with a note.
+        """Return the mask of a frame; None without one, or with a note if the frame has changed since.
 
         Raises:
             FrameError: it is not a mask.

@@ -1,5 +1,7 @@
 """The wall of a mask that a user, another network or the app gave (docs/segmentation.md)."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from scleraforce.arrays import Bytes
@@ -34,16 +36,20 @@ def given_wall(mask: Bytes, scale: PixelScale, sd_rows: float = GIVEN_SD_ROWS, s
     along_m = (inner_row - outer_row) * scale.depth_m / scale.refractive_index / stretch_of(lateral_m, outer_m)
     inside = (last < rows) & np.isfinite(along_m)
     thickness_m = float(np.median(along_m[inside])) if inside.any() else float("nan")
-    return Segmentation(
-        outer_row, inner_row, rows, not fault, fault, bool(inside.any()), thickness_m=thickness_m, source=source,
-        sd_rows=sd_rows,
-    )  # fmt: skip
+    return replace(wall, inner_found=bool(inside.any()), thickness_m=thickness_m)
+
+
+def check_size(mask: Bytes, shape: tuple[int, ...], place: str) -> None:
+    """Raise a `FrameError` naming `place` unless a mask has the shape of its frame."""
+    if mask.shape != shape:
+        size, of_frame = (f"{rows} x {columns}" for rows, columns in (mask.shape, shape))
+        raise FrameError(f"{place}: {size} pixels, the frame has {of_frame}")
 
 
 def recorded_wall(walls: RecordedWalls, file: str, shape: tuple[int, ...], scale: PixelScale) -> Segmentation | None:
     """Return the wall that a recording has for a frame (row, column), None without one."""
     mask = walls.wall(file)
-    if mask is not None and mask.shape != shape:
-        size, of_frame = (f"{rows} x {columns}" for rows, columns in (mask.shape, shape))
-        raise FrameError(f"{walls.path(file)}: {size} pixels, the frame has {of_frame}")
-    return None if mask is None else given_wall(mask, scale, source="corrected")
+    if mask is None:
+        return None
+    check_size(mask, shape, str(walls.path(file)))
+    return given_wall(mask, scale, source="corrected")
