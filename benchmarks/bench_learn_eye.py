@@ -45,7 +45,7 @@ from scleraforce.reader.kinds import ForceReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.learning import EyeLearner, Fitting, LearnedEye
+from scleraforce.service.learning import EyeLearner, Fitting
 from scleraforce.service.messages import Alive, EyeLearned, OpinionAsked, OpinionGiven, OpinionSettings
 from scleraforce.units import from_si
 
@@ -125,8 +125,9 @@ class Bench:
         drawn, rng = draw_eye("open", number // AN_EYE, self.reader.study, self.seed), self._rng(number)
         known = self.known(drawn, number, rng)
         begun = EyePosterior(known=known, study=self.reader.study, library=self.reader.library_for(known))
-        link = InProcess(Fitting(begun, LearnedEye(eye=drawn.eye.id, record=None)))
-        watches = [Watch(self.reader, known, self.limits, learner, OPINIONS) for learner in (None, EyeLearner(link))]
+        link = InProcess(Fitting(begun, drawn.eye.id, None))
+        learner = EyeLearner(link)  # type: ignore[arg-type] # in place of a connection
+        watches = [Watch(self.reader, known, self.limits, one, OPINIONS) for one in (None, learner)]
         played, readings = [Played(), Played()], list[tuple[list[tuple[float, bool] | None], list[float]]]()
         path, moving = forces(rng, drawn)
         for n, frame in enumerate(stream(drawn, path, rng, self.seed)):

@@ -30,6 +30,7 @@ from fastcrc.crc64 import ecma_182
 
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import (
+    HEADER_BYTES,
     Decoder,
     Image,
     Message,
@@ -42,7 +43,6 @@ from scleraforce.openigtlink import (
     Transform,
     encode,
 )
-from scleraforce.openigtlink.messages import HEADER_BYTES
 from scleraforce.service.scanner_image import FrameAssembler
 
 MESSAGES_A_CONNECTION = (1, 1, 1, 2, 3, 8)

@@ -18,8 +18,7 @@ from time import monotonic, time
 
 import numpy as np
 
-from scleraforce.openigtlink import Image, Message, Query, Sensor, Status, Text, encode
-from scleraforce.openigtlink.messages import Header, pack_header
+from scleraforce.openigtlink import Header, Image, Message, Query, Sensor, Status, Text, encode, pack_header
 from scleraforce.service.reset import RESET_DEVICE
 
 MATRIX = (0.03, 0.0, 0.0, 0.0, 0.008, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.openigtlink.messages import HEADER_BYTES
+from scleraforce.openigtlink import HEADER_BYTES
 from scleraforce.replay.player import Unstamped, frame_message, image_matrix
 
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms

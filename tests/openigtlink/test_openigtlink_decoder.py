@@ -13,7 +13,7 @@ from hypothesis import given, settings, strategies as st
 import scleraforce.openigtlink as igtl
 from bench_openigtlink import run
 from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink.messages import Header, pack_header, pack_image
+from scleraforce.openigtlink import Header, pack_header, pack_image
 
 DRAW = np.random.default_rng(5)
 PIXELS = {dtype: DRAW.integers(0, 120, (2, 3, 5)).astype(dtype) for dtype in (np.int8, np.uint8, np.int16, np.uint16)}

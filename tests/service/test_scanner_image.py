@@ -9,8 +9,7 @@ from effects import less_than
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink import Image
-from scleraforce.openigtlink.messages import pack_image, unpack_image
+from scleraforce.openigtlink import Image, pack_image, unpack_image
 from scleraforce.service.scanner_image import FrameAssembler, ScannerFrame
 
 DRAW = np.random.default_rng(11)

@@ -17,8 +17,7 @@ from waiting import FUSE_S
 import scleraforce.service.watchdog as module
 from scleraforce.errors import MessageError
 from scleraforce.monitor.events import Cause
-from scleraforce.openigtlink import Status, encode
-from scleraforce.openigtlink.messages import VERSIONS
+from scleraforce.openigtlink import VERSIONS, Status, encode
 from scleraforce.service import watchdog
 
 

@@ -15,8 +15,7 @@ from time import perf_counter, sleep
 import numpy as np
 
 from scleraforce.models import SHIPPED_READER
-from scleraforce.openigtlink import encode
-from scleraforce.openigtlink.messages import Image
+from scleraforce.openigtlink import Image, encode
 from scleraforce.recording.folder import read_recording
 from speed.parts import session
 from speed.parts.recording import made_recording

@@ -19,7 +19,7 @@ from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, LinkError
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import Cause
-from scleraforce.openigtlink.messages import HEADER_BYTES, pack_header, unpack_header
+from scleraforce.openigtlink import HEADER_BYTES, pack_header, unpack_header
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.pixels import Pixels
 from scleraforce.replay.player import STATED_S, Player, Unstamped, frame_message, image_matrix, median_interval_s

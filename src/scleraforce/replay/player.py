@@ -17,10 +17,9 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
+import scleraforce.openigtlink as igtl
 from scleraforce.errors import InputError, LinkError
 from scleraforce.monitor.events import Cause, State
-from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, Sensor, Status, Text, Transform, encode
-from scleraforce.openigtlink.messages import HEADER_BYTES, IDENTITY, unpack_header
 from scleraforce.recording.folder import OctInfo, Recording
 from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry
@@ -37,15 +36,15 @@ SUB_CODES = {cause.value: cause.name for cause in Cause}
 OK = State.WATCHING.value
 
 Value = TypeVar("Value")
-Hear = Callable[[float, str, Message], object]
+Hear = Callable[[float, str, igtl.Message], object]
 
 
 class Unstamped:
     """A message that is encoded except for the time in its header; `message_id` is 0 in version 1."""
 
-    def __init__(self, message: Message, device: str, version: int, message_id: int = 0) -> None:
+    def __init__(self, message: igtl.Message, device: str, version: int, message_id: int = 0) -> None:
         message_id, self.device = message_id if version > 1 else 0, device
-        self._bytes = bytearray(encode(message, device, version=version, message_id=message_id))
+        self._bytes = bytearray(igtl.encode(message, device, version=version, message_id=message_id))
         self._message_id = message_id
 
     def stamped(self, time_s: float) -> bytearray:
@@ -56,14 +55,14 @@ class Unstamped:
     @property
     def frame_id(self) -> int:
         """The monitor's id of the frame: the message id, or without one the time in microseconds."""
-        return self._message_id or int(from_si(unpack_header(self._bytes[:HEADER_BYTES]).time_s, "us"))
+        return self._message_id or int(from_si(igtl.unpack_header(self._bytes[: igtl.HEADER_BYTES]).time_s, "us"))
 
 
 def frame_message(
     pixels: Pixels, oct_info: OctInfo, number: int, version: int, *, matrix: tuple[float, ...] | None = None
 ) -> Unstamped:
     """Encode a frame as an IMAGE of one slice; `matrix` replaces the recording's."""
-    return Unstamped(Image(pixels[None], matrix or image_matrix(oct_info)), SCANNER_DEVICE, version, number)
+    return Unstamped(igtl.Image(pixels[None], matrix or image_matrix(oct_info)), SCANNER_DEVICE, version, number)
 
 
 def image_matrix(oct_info: OctInfo) -> tuple[float, ...]:
@@ -84,7 +83,7 @@ class ScannerClient:
     def __init__(
         self, host: str, port: int, hear: Hear, *, observed: bool = False, clock: Callable[[], float] = monotonic
     ) -> None:
-        self.address, self.clock, self._hear, self._decoder = f"{host}:{port}", clock, hear, Decoder()
+        self.address, self.clock, self._hear, self._decoder = f"{host}:{port}", clock, hear, igtl.Decoder()
         self._scanner: socket.socket | None = _connect(host, port)
         self._heard: socket.socket | None = _connect(host, port) if observed else self._scanner
 
@@ -148,9 +147,9 @@ class ScannerClient:
         if not count:
             self._lose(link, None)
         for event in self._decoder.received(count) if heard else ():
-            if isinstance(event, Broken):
+            if isinstance(event, igtl.Broken):
                 raise LinkError(f"{self.address}: does not send OpenIGTLink: {event.reason}")
-            if isinstance(event, Received):
+            if isinstance(event, igtl.Received):
                 self._hear(at_s, event.header.device, event.message)
 
     def _lose(self, link: socket.socket, fault: OSError | None) -> None:
@@ -221,7 +220,7 @@ class AnswerLog:
         self.frames_sent = 0
         self.begun_s: float | None = None
         self.reading: Mapping[str, Any] = {}
-        self.status: Status | None = None
+        self.status: igtl.Status | None = None
         self.status_s: float | None = None
         self.longest_silence_s = 0.0
         self.answered: int | None = None
@@ -237,11 +236,11 @@ class AnswerLog:
         if len(self._waiting) > WAITING:
             self._waiting.popitem(last=False)
 
-    def hear(self, at_s: float, device: str, message: Message) -> None:
+    def hear(self, at_s: float, device: str, message: igtl.Message) -> None:
         """Take a message of the monitor."""
-        if isinstance(message, Status) and device == STATUS_DEVICE:
+        if isinstance(message, igtl.Status) and device == STATUS_DEVICE:
             self._hear_status(at_s, message)
-        elif isinstance(message, Text) and device == READING_DEVICE:
+        elif isinstance(message, igtl.Text) and device == READING_DEVICE:
             self._hear_reading(message.text)
 
     @property
@@ -259,7 +258,7 @@ class AnswerLog:
         found = (change for change in self.changes if change.at_s >= since_s)
         return next((change for change in found if (change.code in codes if codes else change.code != OK)), None)
 
-    def _hear_status(self, at_s: float, status: Status) -> None:
+    def _hear_status(self, at_s: float, status: igtl.Status) -> None:
         before, self.status = self.status, status
         if self.status_s is not None:
             self.longest_silence_s = max(self.longest_silence_s, at_s - self.status_s)
@@ -424,7 +423,7 @@ class Player:
         """Yield the needle's travel at each frame, if the recording has it; it goes out just before the frame."""
         for entry in entries:
             if entry.travel_m is not None:
-                pose = Transform((*IDENTITY[:9], 0.0, 0.0, from_si(entry.travel_m, "mm")))
+                pose = igtl.Transform((*igtl.IDENTITY[:9], 0.0, 0.0, from_si(entry.travel_m, "mm")))
                 yield Timed(entry.time_s, 0, Unstamped(pose, NEEDLE_DEVICE, self.version))
 
     def _forces(self) -> Iterator[Timed]:
@@ -438,7 +437,7 @@ class Player:
         known = np.isfinite(values_sc).all(axis=1)  # a robot sends no force that it does not have
         times_s, values_sc = log.time_s[known], values_sc[known]
         for time_s, values_c in zip(times_s[::every].tolist(), values_sc[::every].tolist(), strict=True):
-            yield Timed(time_s, 0, Unstamped(Sensor(tuple(values_c)), FORCE_DEVICE, self.version))
+            yield Timed(time_s, 0, Unstamped(igtl.Sensor(tuple(values_c)), FORCE_DEVICE, self.version))
 
 
 def median_interval_s(recording: Recording) -> float:

@@ -9,13 +9,12 @@ import os
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import inf
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import LIGHT_N
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import segmented_boundaries
+from scleraforce.service.channel import Channel
 from scleraforce.service.messages import EyeLearned, OpinionAsked
 from scleraforce.study import study_hash
 from scleraforce.units import from_si
@@ -44,38 +44,10 @@ SAME_PRESSURE = 0.01  # relative: two roundings of one IOP
 KEEP, FORGET = "keep", "forget"
 
 
-class Closable(Protocol):
-    """Something that a forked process must not hold open."""
-
-    def close(self) -> None:
-        """Close it."""
-
-
-class Link(Closable, Protocol):
-    """The way to the process that fits, as a connection is."""
-
-    def send(self, obj: Any, /) -> None:
-        """Send `KEEP`, `FORGET` or the frames that teach."""
-
-    def poll(self) -> bool:
-        """Return whether an answer has come."""
-
-    def recv(self) -> Any:
-        """Return the next answer, an `EyeLearned`."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class LearnedEye:
-    """The name of the eye that is learned, and the folder of the session's recording, if there is one."""
-
-    eye: str
-    record: Path | None
-
-
 class EyeLearner:
     """Chooses the frames that teach, and tells what they taught; it never waits for the fit."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: Connection) -> None:
         self._link = link
         self._waiting = deque[tuple[float, float, ShownFrame]](maxlen=MOST_WAITING)
         self._tips_m = list[float]()  # of the frames that taught
@@ -129,11 +101,11 @@ class EyeLearner:
 
 
 @contextmanager
-def learning(begun: EyePosterior, learned: LearnedEye, others: tuple[Closable, ...] = ()) -> Iterator[EyeLearner]:
-    """Start the process that fits, from the posterior `begun`; it closes `others`, which are of this process."""
+def learning(fitting: "Fitting", channel: Channel) -> Iterator[EyeLearner]:
+    """Start the process that fits; it does not hold the channel open, which is of this process."""
     context = get_context("fork")
     link, theirs = context.Pipe()
-    process = context.Process(target=_fit, args=(theirs, (link, *others), Fitting(begun, learned)), daemon=True)
+    process = context.Process(target=_fit, args=(theirs, (link, channel), fitting), daemon=True)
     process.start()
     theirs.close()
     try:
@@ -145,11 +117,14 @@ def learning(begun: EyePosterior, learned: LearnedEye, others: tuple[Closable, .
 
 
 class Fitting:
-    """The posterior that was learned, and the one to return to after a puncture."""
+    """The posterior of an eye as learned, and the one to return to after a puncture; `record`: the session's recording.
 
-    def __init__(self, begun: EyePosterior, learned: LearnedEye) -> None:
+    The posterior is saved in the folder of the recording, if there is one.
+    """
+
+    def __init__(self, begun: EyePosterior, eye: str, record: Path | None) -> None:
         self._posterior = self._kept = begun
-        self._learned = learned
+        self._eye, self._record = eye, record
 
     def take(self, asked: str | list[ShownFrame]) -> EyeLearned | None:
         """Fit frames, or do as `KEEP` or `FORGET` says; return what is learned by then, None after `KEEP`."""
@@ -162,11 +137,21 @@ class Fitting:
             with suppress(np.linalg.LinAlgError):  # frames that contradict each other teach nothing
                 self._posterior = self._posterior.with_frames(asked)
         posterior = self._posterior
-        fault = _save(posterior, self._learned)
-        return EyeLearned(known=posterior.known_eye, frames=len(posterior.frames), fault=fault)
+        return EyeLearned(known=posterior.known_eye, frames=len(posterior.frames), fault=self._save())
+
+    def _save(self) -> str:
+        """Write the posterior beside the session's recording; return why that failed, or ""."""
+        if self._record is None or not self._record.is_dir() or self._posterior.fit is None:
+            return ""
+        calibration = as_calibration(self._posterior, self._eye, str(self._record))
+        try:
+            write_calibration(calibration_as_json(calibration), self._record / LEARNED_FILE)
+        except (InputError, OSError) as fault:
+            return f"{LEARNED_FILE} was not written: {fault}"
+        return ""
 
 
-def _fit(link: Connection, others: tuple[Closable, ...], fitting: Fitting) -> None:
+def _fit(link: Connection, others: tuple[Connection, Channel], fitting: Fitting) -> None:
     """Fit the frames that come, until the other process ends."""
     for other in others:
         other.close()
@@ -177,30 +162,19 @@ def _fit(link: Connection, others: tuple[Closable, ...], fitting: Fitting) -> No
                 link.send(found)
 
 
-def _save(posterior: EyePosterior, learned: LearnedEye) -> str:
-    """Write the posterior beside the session's recording; return why that failed, or ""."""
-    if learned.record is None or not learned.record.is_dir() or posterior.fit is None:
-        return ""
-    try:
-        write_calibration(calibration_as_json(as_calibration(posterior, learned)), learned.record / LEARNED_FILE)
-    except (InputError, OSError) as fault:
-        return f"{LEARNED_FILE} was not written: {fault}"
-    return ""
-
-
-def as_calibration(posterior: EyePosterior, learned: LearnedEye) -> Calibration:
-    """Return a posterior with a fit as the calibration of its eye, which also states the IOP."""
+def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
+    """Return a posterior with a fit, of a recording, as the calibration of its eye, which also states the IOP."""
+    known, modulus = posterior.known, posterior.modulus
     assert posterior.fit is not None
-    known, modulus, path = posterior.known, posterior.modulus, str(learned.record or "")
     assert known.iop_pa is not None
     at = partial(FrameRecord, recording=path, sha256="", force_n=0.0, mean_pa=modulus.mean_pa, sd_pa=modulus.sd_pa)
     frames = tuple(at(file=f"dent of {from_si(tip_m, 'mm'):.3f} mm") for tip_m in posterior.fit.own[:, 0].tolist())
     said = "no force was measured: E was learned by a monitor, from the shape of dents beside the IOP"
     recording = UsedRecording(path=path, sha256="", zero_n=0.0, drift_n_per_s=0.0, doubts=(said,))
-    eye = posterior.calibration(learned.eye, [recording], frames)
-    eye = replace(eye, names=(*eye.names, PARAMETERS["iop"]), means=(*eye.means, known.iop_pa), sds=(*eye.sds, 0.0))
+    own = posterior.calibration(eye, [recording], frames)
+    own = replace(own, names=(*own.names, PARAMETERS["iop"]), means=(*own.means, known.iop_pa), sds=(*own.sds, 0.0))
     bounds_n = posterior.study.classes.bounds_n
-    return Calibration({learned.eye: eye}, study_hash(posterior.study), bounds_n, "finite-strain")
+    return Calibration({eye: own}, study_hash(posterior.study), bounds_n, "finite-strain")
 
 
 def resumed(known: Known, path: Path, eye: str) -> Known:
@@ -219,9 +193,8 @@ def resumed(known: Known, path: Path, eye: str) -> Known:
     iop_mmhg, given_mmhg = from_si(float(stated["mean"]), "mmhg"), from_si(known.iop_pa, "mmhg")
     if abs(iop_mmhg - given_mmhg) > SAME_PRESSURE * given_mmhg:
         raise InputError(f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is {given_mmhg:.1f}")
-    if abs(own.stiffening - (known.stiffening or 0.0)) > 1e-6:
-        raise InputError(
-            f"{place}.{eye}: stiffening: {own.stiffening:g}; that of this eye is {known.stiffening or 0.0:g}"
-        )
+    stiffening = known.stiffening or 0.0
+    if abs(own.stiffening - stiffening) > 1e-6:
+        raise InputError(f"{place}.{eye}: stiffening: {own.stiffening:g}; that of this eye is {stiffening:g}")
     modulus = Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="population")
     return replace(known, modulus=modulus, thickness_m=own.thickness_m)

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink import Image
-from scleraforce.openigtlink.decoder import MAX_BODY_BYTES
+from scleraforce.openigtlink import MAX_BODY_BYTES, Image
 from scleraforce.recording.pixels import Pixels
 from scleraforce.units import to_si
 

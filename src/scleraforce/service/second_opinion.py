@@ -8,7 +8,7 @@ skips frames that come meanwhile, and takes no more than half of a core: it runs
 history of tissue that relaxes. With `learns`, it also learns E (`service.learning`), which its later readings use.
 """
 
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, nullcontext
 from select import select
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
@@ -30,9 +30,8 @@ LEAST_S = 0.02  # from frame to frame
 
 def serve(channel: Channel, settings: OpinionSettings) -> None:
     """Read the frames that the monitor names, until its channel closes."""
-    with ExitStack() as until_ended:
-        reader = load_model(settings.model)
-        learner = until_ended.enter_context(_learner(reader, settings, channel)) if settings.learns else None
+    reader = load_model(settings.model)
+    with _learner(reader, settings, channel) as learner:
         _serve(channel, settings, reader, learner)
 
 
@@ -66,16 +65,19 @@ def _serve(channel: Channel, settings: OpinionSettings, reader: Reader, learner:
         sleep(max(LEAST_S - took_s, took_s))
 
 
-def _learner(reader: Reader, settings: OpinionSettings, channel: Channel) -> "AbstractContextManager[EyeLearner]":
-    """Start to learn the eye. What this imports, nothing else here needs."""
+def _learner(
+    reader: Reader, settings: OpinionSettings, channel: Channel
+) -> "AbstractContextManager[EyeLearner | None]":
+    """Start to learn the eye, if the settings ask for it. What this imports, nothing else here needs."""
+    if not settings.learns:
+        return nullcontext()
     from scleraforce.calibration.eye_posterior import EyePosterior
     from scleraforce.reader.kinds import ForceReader
-    from scleraforce.service.learning import LearnedEye, learning
+    from scleraforce.service.learning import Fitting, learning
 
-    assert settings.learns
     assert isinstance(reader, ForceReader)
     begun = EyePosterior(known=settings.known, study=reader.study, library=reader.library_for(settings.known))
-    return learning(begun, LearnedEye(eye=settings.learns, record=settings.record), (channel,))
+    return learning(Fitting(begun, settings.learns, settings.record), channel)
 
 
 if __name__ == "__main__":
