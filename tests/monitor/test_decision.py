@@ -13,7 +13,7 @@ from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import InputError
 from scleraforce.monitor import rise
-from scleraforce.monitor.decision import Decision, decide
+from scleraforce.monitor.decision import Decision, PlanesState, decide, decide_planes
 from scleraforce.monitor.events import (
     LATCHED,
     MOVES,
@@ -940,3 +940,116 @@ def test_before_a_reset_that_follows_it_the_second_opinion_counts_anew() -> None
     frames = [frame(n, 0.007) for n in range(7, 13)]
     assert play([*frames, Reset(0.121)], state, limits).state is State.PIERCED
     assert play([*both(*range(7, 13), force_n=0.007), Reset(0.126)], state, limits).state is State.WATCHING
+
+
+CROSS = ("along", "across")
+
+
+def of_plane(plane: str, event: Any) -> Any:
+    return replace(event, plane=plane)
+
+
+def play_planes(
+    planed: Sequence[MonitorEvent], planes: PlanesState | None = None, limits: MonitorLimits = LIMITS
+) -> tuple[PlanesState, Decision]:
+    planes = planes or PlanesState.of(CROSS)
+    for event in planed:
+        planes, decision = decide_planes(planes, event, limits)
+    return planes, decision
+
+
+def cross(numbers: Sequence[int], along_n: float = 0.01, across_n: float = 0.01) -> list[FrameRead]:
+    """Frames of both planes at 100 Hz, each plane with a force."""
+    forces_n = zip(CROSS, (along_n, across_n), strict=True)
+    return [of_plane(plane, frame(n, force_n)) for n, (plane, force_n) in product(numbers, forces_n)]
+
+
+def test_nothing_is_ok_before_every_plane_has_sent_a_frame_in_any_order() -> None:
+    for first in CROSS:
+        planes, decision = play_planes([of_plane(first, frame(n)) for n in range(1, 9)])
+        missing = next(plane for plane in CROSS if plane != first)
+        assert (decision.state, f"plane {missing}: no good frame yet" in decision.message) == (State.NOT_READY, True)
+        _, decision = play_planes([of_plane(missing, frame(9))], planes)
+        assert decision.code == 1
+
+
+def test_a_constant_difference_between_planes_neither_rises_nor_pierces_and_the_worst_one_counts() -> None:
+    """Frames of the planes come in blocks of eight, which in one history would rise by 12 mN and fall again."""
+    forces_n = {"along": 0.012, "across": 0.024}
+    blocks = [plane for _ in range(10) for plane in CROSS for _ in range(8)]
+    turns = [of_plane(plane, frame(n, forces_n[plane], 0.005 * n)) for n, plane in enumerate(blocks, 1)]
+    planes = PlanesState.of(CROSS)
+    for event in turns:
+        planes, decision = decide_planes(planes, event, LIMITS)
+        assert decision.cause is None
+    assert decision.message == "WATCHING: class 1; 24.0 mN"
+    alone = play([replace(event, plane=None) for event in turns])
+    assert alone.cause in (Cause.RISING, Cause.PIERCED), "the same frames of one plane are a cause"
+
+
+@pytest.mark.parametrize("plane", CROSS)
+def test_each_plane_rises_and_is_pierced_by_its_own_frames(plane: str) -> None:
+    rising = [of_plane(name, frame(n, 0.012 + (name == plane) * 0.0005 * n)) for n in range(1, 30) for name in CROSS]
+    _, decision = play_planes(rising)
+    assert decision.cause is Cause.RISING
+    assert f"plane {plane}: " in decision.message
+    fell = [of_plane(name, replace(one, verdict=one.verdict if name == plane else frame(1).verdict))
+            for one in THROUGH for name in CROSS]  # fmt: skip
+    _, decision = play_planes(fell)
+    assert (decision.cause, f"plane {plane}: pierced" in decision.message) == (Cause.PIERCED, True)
+
+
+@pytest.mark.parametrize("silent", CROSS)
+def test_a_plane_that_falls_silent_is_a_cause_although_the_other_sends(silent: str) -> None:
+    planes, decision = play_planes(cross(range(1, 6)))
+    assert decision.code == 1
+    other = next(plane for plane in CROSS if plane != silent)
+    _, decision = play_planes([of_plane(other, frame(n)) for n in range(6, 15)], planes)
+    assert decision.code == 1
+    _, decision = play_planes([of_plane(other, frame(n)) for n in range(6, 17)], planes)
+    assert decision.cause is Cause.SILENCE
+    assert decision.message.startswith(f"WITHDRAW: plane {silent}: no frame for 100 ms")
+
+
+def test_a_withdrawal_of_one_plane_is_everybodys_until_all_grant_the_reset() -> None:
+    withdrawn, decision = play_planes([*cross(range(1, 6)), of_plane("across", frame(6, 0.031))])
+    assert decision.cause in (Cause.BOUND, Cause.RISING)
+    first = decision.message.partition(";")[0]
+    held, decision = play_planes([of_plane("along", frame(6, 0.031)), *cross(range(7, 11))], withdrawn)
+    assert decision.message.startswith(first), "the first cause stays, although the other plane withdraws as well"
+    _, decision = play_planes([Reset(0.105)], held)
+    assert (decision.code, "reset refused" in decision.message) == (3, True)
+    fresh, _ = play_planes([*cross(range(11, 13)), of_plane("along", frame(13))], held)
+    _, decision = play_planes([of_plane("across", unusable(13)), Reset(0.135)], fresh)
+    assert (decision.code, "plane across: reset refused" in decision.message) == (3, True)
+    _, decision = play_planes([of_plane("across", frame(13)), Reset(0.135)], fresh)
+    assert decision.code == 1
+
+
+def test_a_contact_that_one_plane_shows_is_that_of_all() -> None:
+    begun = cross(range(1, 6), along_n=0.004, across_n=0.0)
+    for frames, cause in ((begun, Cause.UNUSABLE), (cross(range(1, 6), 0.0, 0.0), None)):
+        planes, _ = play_planes(frames)
+        _, decision = play_planes([of_plane("across", unusable(6))], planes)
+        assert (decision.cause, decision.code != 1) == (cause, True)
+    lifted, _ = play_planes([*begun, *cross(range(6, 70), 0.0, 0.0)])
+    _, decision = play_planes([of_plane("across", unusable(70))], lifted)
+    assert decision.state is State.NOT_READY, "it ends with the last frame that shows it"
+
+
+def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() -> None:
+    limits = replace(LIMITS, expects_opinion=True)
+    planes, decision = play_planes([*cross(range(1, 6)), of_plane("along", opinion(5)), *cross([6])], limits=limits)
+    assert (decision.state, decision.message) == (
+        State.NOT_READY, "NOT_READY: plane across: the second opinion has not answered yet; class 1; 10.0 mN",
+    )  # fmt: skip
+    watching, decision = play_planes([of_plane("across", opinion(6)), *cross([7])], planes, limits)
+    assert decision.code == 1
+    doubts = [of_plane("across", replace(no_opinion(n), at_s=0.08)) for n in (4, 5, 6)]
+    _, decision = play_planes(doubts, watching, limits)
+    assert (decision.cause, "plane across: second opinion" in decision.message) == (Cause.UNUSABLE, True)
+    for stray in (frame(8), of_plane("up", frame(8)), of_plane("up", opinion(6)), object()):
+        _, decision = play_planes([stray], watching, limits)
+        assert decision.state is State.WITHDRAW
+    _, decision = play_planes([Fault(0.08, Cause.CHECKSUM, "CRC")], watching, limits)
+    assert decision.message.startswith("WITHDRAW: CRC;")

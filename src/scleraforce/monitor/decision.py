@@ -1,7 +1,8 @@
 """The decision: from a state, an event and the limits to the next state and the message to the robot."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import isfinite, nan
 from typing import assert_never
 
 from scleraforce.monitor import events
@@ -51,18 +52,97 @@ def decide(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> t
     It never raises: an exception in here is a cause of a withdrawal like any other. At the start, the state is
     `MonitorState()`.
     """
+    remembered, finding = _judged(state, event, limits)
+    moved = _move(remembered, finding, limits)
+    return moved, _decision(moved, finding)
+
+
+@dataclass(frozen=True)
+class PlanesState:
+    """The state of each of several planes of a scanner, by name: the histories of one plane never mix with another's.
+
+    The decision on the plane `leading` counts: the worst one, or the first that was latched until the reset.
+    """
+
+    states: Mapping[str, MonitorState]
+    leading: str
+
+    @classmethod
+    def of(cls, names: Sequence[str]) -> "PlanesState":
+        """Return the state at the start."""
+        states = {name: MonitorState(reason=f"plane {name}: no good frame yet") for name in names}
+        return cls(states, names[0])
+
+    @property
+    def lost(self) -> int:
+        """Frames of all planes that were lost since the start."""
+        return sum(state.lost for state in self.states.values())
+
+
+def decide_planes(planes: PlanesState, event: MonitorEvent, limits: MonitorLimits) -> tuple[PlanesState, Decision]:
+    """Return the next state of several planes and the message to the robot: `decide`, on each plane.
+
+    What is of one plane, such as a frame, is a tick for the others. A contact is that of all planes. A reset is granted
+    if every plane grants it.
+    """
+    own = getattr(event, "plane", None)
+    if own not in planes.states and not isinstance(event, (events.Tick, events.Fault, events.Reset)):
+        event, own = events.Fault(getattr(event, "at_s", nan), Cause.EXCEPTION, f"a frame of plane {own}"), None
+    findings, remembered = dict[str, _Finding](), dict[str, MonitorState]()
+    for name, state in planes.states.items():
+        of_plane = event if own in (None, name) else events.Tick(event.at_s)
+        remembered[name], finding = _judged(state, of_plane, limits)
+        is_named = finding.reason and not isinstance(of_plane, events.Fault)
+        findings[name] = replace(finding, reason=f"plane {name}: {finding.reason}") if is_named else finding
+    if isinstance(event, FrameRead) and own and event.verdict.usable and _in_contact(remembered[own]):
+        remembered = {name: _touched(state) for name, state in remembered.items()}
+    refusal = next((one for one in findings.values() if one.signal is not Signal.RESET_GRANTED), None)
+    if isinstance(event, events.Reset) and refusal:
+        refused = _Finding(Signal.RESET_REFUSED, refusal.reason)
+        findings = {name: refused if one.signal is Signal.RESET_GRANTED else one for name, one in findings.items()}
+    states = {name: _move(state, findings[name], limits) for name, state in remembered.items()}
+    leading = _leading(states, planes.leading)
+    each = states[leading], *states.values()
+    doubted = max(each, key=lambda state: (bool(state.present_cause), bool(state.present_reason)))
+    decision = replace(
+        _decision(states[leading], findings[leading]), to_bound=findings[own].to_bound if own else None,
+        present_cause=doubted.present_cause, present=doubted.present_reason,
+    )  # fmt: skip
+    return PlanesState(states, leading), decision
+
+
+def _in_contact(state: MonitorState) -> bool:
+    return state.touched and state.clear_s is None
+
+
+def _touched(state: MonitorState) -> MonitorState:
+    return state if _in_contact(state) else replace(state, touched=True, clear_s=None)
+
+
+def _leading(states: Mapping[str, MonitorState], before: str) -> str:
+    """Return the plane whose decision counts; of planes in one state that of the largest force."""
+
+    def rank(name: str) -> tuple[int, bool, int, float]:
+        state = states[name]
+        verdict = state.frame.verdict if state.frame and state.frame.verdict.usable else None
+        stays = name == before and state.state in events.LATCHED
+        force = (verdict.predicted, upper_end(verdict) or 0.0) if verdict else (-1, 0.0)
+        return events.BY_SEVERITY.index(state.state), stays, *force
+
+    return max(states, key=rank)
+
+
+def _judged(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> tuple[MonitorState, _Finding]:
+    """Return the state that remembers an event, and its meaning."""
     try:
         remembered = remember(state, event, limits)
-        finding = (
+        return remembered, (
             _clock(state, event, limits)
             or _waiting(remembered, event, limits)
             or _meaning(state, remembered, event, limits)
         )
     except Exception as error:  # any doubt ends in a withdrawal, also an object that is not an event
-        remembered = state
-        finding = _alarm(Cause.EXCEPTION, f"{type(error).__name__}: {error}")
-    moved = _move(remembered, finding, limits)
-    return moved, _decision(moved, finding)
+        return state, _alarm(Cause.EXCEPTION, f"{type(error).__name__}: {error}")
 
 
 def _alarm(cause: Cause, reason: str) -> _Finding:

@@ -43,6 +43,7 @@ MOVES = {
     (State.WITHDRAW, Signal.RESET_GRANTED): State.WATCHING,
 }
 LATCHED = (State.PIERCED, State.WITHDRAW)  # until the operator's reset
+BY_SEVERITY = (State.WATCHING, State.NOT_READY, *LATCHED)
 TRANSITIONS: Mapping[tuple[State, Signal], State] = MappingProxyType(
     {(state, signal): MOVES.get((state, signal), state) for state in State for signal in Signal}
 )  # a signal without a move leaves the state unchanged
@@ -100,7 +101,8 @@ class FrameRead:
     `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: the number of frames since
     its picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock;
     None if it states none. `pixel_type`: of its pixels as sent, such as "uint16". `travel_m`: the needle's travel
-    along its axis, as its robot stated it `travel_age_s` before the frame; None if it states none.
+    along its axis, as its robot stated it `travel_age_s` before the frame; None if it states none. `plane`: the name
+    of its plane, if there are several.
     """
 
     at_s: float
@@ -113,6 +115,7 @@ class FrameRead:
     pixel_type: str | None = None
     travel_m: float | None = None
     travel_age_s: float = 0.0
+    plane: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +125,7 @@ class SecondOpinion:
     at_s: float
     frame_id: int
     verdict: Verdict
+    plane: str | None = None
 
 
 @dataclass(frozen=True)
@@ -130,6 +134,11 @@ class OvertakenRead:
 
     at_s: float
     read: FrameRead
+
+    @property
+    def plane(self) -> str | None:
+        """The frame's plane."""
+        return self.read.plane
 
 
 @dataclass(frozen=True)
@@ -163,6 +172,7 @@ class QueueLoss:
     lost: int
     unread_s: float
     row: int
+    plane: str | None = None
 
 
 @dataclass(frozen=True)
