@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 import yaml
 from analytic_frames import image, tip_of, wall_section
-from commands import cache_of_its_own
-from effects import fresh_home
+from effects import cache_of_its_own, fresh_home
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name

@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from commands import cache_of_its_own
+from effects import cache_of_its_own
 from small_recordings import write_notebook_folder
 
 import scleraforce

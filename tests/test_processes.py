@@ -17,13 +17,14 @@ from pathlib import Path
 import pytest
 import workers as tasks
 from waiting import alive, wait_until
-from workers import NEEDS_DASK, Cluster, large, no_preparation, slowly_tripled, tripled, waits_for_ever
+from workers import NEEDS_DASK, Cluster, large, no_preparation, tripled, waits_for_ever
 
 from scleraforce import processes as processes_module
 from scleraforce.errors import InputError, SolverError
 from scleraforce.processes import cluster_workers, next_unit, split_runs, work_in_order, work_units
 
 HEAVY = partial(tripled, bytes(2**20))  # more than a pipe holds
+SLOW = partial(tripled, late_s=0.2)
 
 PROGRAM = """
 from scleraforce.processes import work_units
@@ -163,20 +164,20 @@ def mortal(tmp_path: Path) -> Iterator[Cluster]:
 @on_cluster
 def test_a_cluster_does_each_unit_once_and_in_order_on_request(cluster: Cluster) -> None:
     workers = cluster_workers(cluster.address)
-    assert dict(work_units(slowly_tripled, range(5, 12), workers)) == {unit: 3 * unit for unit in range(5, 12)}
-    assert list(work_in_order(slowly_tripled, range(12, 5, -1), workers, ahead=3)) == [36 - 3 * n for n in range(7)]
-    assert list(work_units(slowly_tripled, [], workers)) == []
-    assert list(work_in_order(slowly_tripled, [], workers, ahead=3)) == []
+    assert dict(work_units(SLOW, range(5, 12), workers)) == {unit: 3 * unit for unit in range(5, 12)}
+    assert list(work_in_order(SLOW, range(12, 5, -1), workers, ahead=3)) == [36 - 3 * n for n in range(7)]
+    assert list(work_units(SLOW, [], workers)) == []
+    assert list(work_in_order(SLOW, [], workers, ahead=3)) == []
 
 
 @on_cluster
 def test_a_cluster_drops_the_units_of_a_caller_that_leaves(cluster: Cluster) -> None:
     workers = cluster_workers(cluster.address)
-    work = work_units(slowly_tripled, range(10_000), workers)
+    work = work_units(SLOW, range(10_000), workers)
     next(work)
     work.close()
     start = time.monotonic()
-    assert dict(work_units(slowly_tripled, [1], workers)) == {1: 3}
+    assert dict(work_units(SLOW, [1], workers)) == {1: 3}
     assert time.monotonic() - start < 20.0  # the units that were handed out before would take minutes
 
 
@@ -191,7 +192,7 @@ def test_a_failure_on_a_cluster_reaches_the_caller(cluster: Cluster, monkeypatch
         list(work_units(tasks.ends_its_process, [7], workers))
     monkeypatch.setattr(processes_module, "_version", lambda: "0.0.1")
     with pytest.raises(InputError, match=r"a worker has scleraforce \d.*, this process 0\.0\.1"):
-        list(work_units(slowly_tripled, [1], workers))
+        list(work_units(SLOW, [1], workers))
 
 
 @on_cluster
@@ -200,7 +201,7 @@ def test_work_waits_for_workers_and_outlives_one(mortal: Cluster) -> None:
     assert workers == 1
     victim, _ = mortal.worker(), mortal.worker()
     results = []
-    for result in work_in_order(slowly_tripled, range(60), workers, ahead=20):
+    for result in work_in_order(SLOW, range(60), workers, ahead=20):
         results.append(result)
         if len(results) == 5:
             victim.send_signal(signal.SIGKILL)
@@ -211,7 +212,7 @@ def test_work_waits_for_workers_and_outlives_one(mortal: Cluster) -> None:
 @on_cluster
 def test_a_scheduler_that_ends_is_one_clear_error(mortal: Cluster) -> None:
     mortal.worker()
-    done = work_units(slowly_tripled, range(10_000), cluster_workers(mortal.address))
+    done = work_units(SLOW, range(10_000), cluster_workers(mortal.address))
     next(done)
     mortal.scheduler.kill()
     with pytest.raises(SolverError, match="the scheduler has ended"):

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
+from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, THICKNESS_M, image, recording_toml, tip_of, wall_section
 from small_models import write_fixed_reader
 
-from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.folder import RecordingInfo
 from scleraforce.recording.writing import RecordingWriter
+from scleraforce.study import parse_record
 from speed.lock import alone as alone_on_this_machine
 
 BINS, BIN = 64, 20
@@ -39,20 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
     wall = wall_section(tip_of(FORCE_N))
     shown = [image(wall, seed) for seed in range(FRAMES)]  # no scanner shows a picture again
-    rows, columns = shown[0].shape
-    scanner = OctInfo(
-        columns=columns,
-        rows=rows,
-        bits=12,
-        width_m=columns * SCALE.lateral_m,
-        depth_m=rows * SCALE.depth_m,
-        refractive_index=1.0,
-    )
-    info = RecordingInfo(
-        EyeInfo("mine", thickness_m=THICKNESS_M, iop_pa=IOP_PA),
-        scanner,
-        NeedleInfo(gauge=22, slice_gap_m=GAP_M, polar_angle_rad=0.6),
-    )
+    info = parse_record(RecordingInfo, recording_toml("mine", needle="polar_angle_rad = 0.6", globe=""), "a test")
     writer = RecordingWriter(folder / "eye", info, "Of a test.")
     for number in range(FRAMES):
         writer.add(f"{number:04}.png", 0.01 * number, shown[number])

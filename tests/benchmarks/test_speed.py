@@ -26,23 +26,13 @@ from speed.solvers.problem import peak_mb
 
 ROOT = Path(__file__).parents[2]
 ROW = Row(
-    what="ours, default",
-    value=0.5,
-    unit="s",
-    spread=(0.4, 0.75),
-    beside="theirs",
-    beside_value=0.25,
-    goal=0.4,
-    settings="one thread",
-    more={"unknowns": 43929.0, "error, %": -1.0},
-)
+    what="ours, default", value=0.5, unit="s", spread=(0.4, 0.75), beside="theirs", beside_value=0.25, goal=0.4,
+    settings="one thread", more={"unknowns": 43929.0, "error, %": -1.0},
+)  # fmt: skip
 RESULTS = Results(
-    made="*Made by hand.*",
-    quick=False,
-    machine={"cores": "2"},
-    seconds=90.0,
+    made="*Made by hand.*", quick=False, machine={"cores": "2"}, seconds=90.0,
     tables={"static_solve": Table("Solve", "In turns.", (ROW,)), "wire": failed_table("wire", "code 1")},
-)
+)  # fmt: skip
 PARTS = (
     "static_solve", "another_load", "finite_strain", "axisymmetric", "dataset", "classifier", "reader_training",
     "frame", "network", "wire", "commands", "pipeline",
@@ -55,10 +45,8 @@ def test_a_page_has_each_row_beside_its_goal_and_names_a_failed_part(tmp_path: P
     page = (tmp_path / "RESULTS.md").read_text(encoding="utf-8")
     assert "| ours, default | 0.5 s | 0.4 to 0.75 | theirs: 0.25 s | 2 | 0.4 s, **missed** | 43,929 | -1 |" in page
     assert "## Wire\n\n**This part failed**: code 1" in page
-    assert ("figures say only" in page, "figures say only" in as_markdown(replace(RESULTS, quick=True))) == (
-        False,
-        True,
-    )
+    pages = (page, as_markdown(replace(RESULTS, quick=True)))
+    assert ["figures say only" in each for each in pages] == [False, True]
     assert "| 0.5 s (not of this run) |" in as_markdown(with_row(replace(ROW, source="NUMBERS, another day")))
     assert "| - |" in as_markdown(with_row(replace(ROW, value=None)))
     assert (tmp_path / "static_solves.png").stat().st_size > 10_000
@@ -142,14 +130,9 @@ def test_an_interrupted_run_writes_nothing(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_a_quick_run_measures_every_row(tmp_path: Path) -> None:
     pytest.importorskip("torch")
-    done = subprocess.run(
-        [sys.executable, "-m", "speed", "--quick", "--out", str(tmp_path / "out")],
-        env=environment(tmp_path),
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=900,
-    )
+    command = [sys.executable, "-m", "speed", "--quick", "--out", str(tmp_path / "out")]
+    given = {"env": environment(tmp_path), "timeout": 900}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, **given)
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "out" / "RESULTS.md").read_text(encoding="utf-8")
     plain = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))

@@ -20,9 +20,6 @@ from scleraforce.cli.main import run
 from scleraforce.recording import importing
 from scleraforce.recording.folder import Recording, read_recording
 
-REAL = Path(__file__).parents[3] / "shared" / "recordings" / "sample-a"
-NIFTI = ["--axes", "lateral,depth,frame"]
-
 
 def stack(path: Path, **stated: object) -> Path:
     """A TIFF that states its scale and when its frames were taken."""
@@ -224,24 +221,6 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(import
     assert entry["values"]["times"] == "header.stamp of /oct/image"
     rmtree(tmp_path / "r")
     assert "(--clock-offset-s)" in refused(bag, *options_of(*size, "--rate-hz", 4))  # other clocks then
-
-
-@pytest.mark.real
-@pytest.mark.skipif(not REAL.exists(), reason="no ../shared/recordings")
-def test_frames_of_a_real_recording_come_back_from_every_format(imported, tmp_path: Path, shell) -> None:
-    nibabel = pytest.importorskip("nibabel")
-    recording = read_recording(REAL)
-    frames = np.stack([recording.frame(entry) for entry in recording.frames[:3]])
-    tifffile.imwrite(tmp_path / "a.tif", frames, photometric="minisblack")
-    write_dicom(tmp_path / "a.dcm", frames, PixelSpacing=[4.0 / 512, 15.0 / 512], BitsStored=12, HighBit=11)
-    nibabel.save(nibabel.Nifti1Image(frames.T, np.diag([15.0 / 512, 4.0 / 512, 1.0, 1.0])), tmp_path / "a.nii.gz")
-    like = ["--like", REAL, "--eye", "sample-a", "--thickness-um", 700, "--rate-hz", 1]
-    for name in ("a.tif", "a.dcm", "a.nii.gz"):
-        _, found = imported(tmp_path / name, *like, *(NIFTI if name == "a.nii.gz" else []), out=f"{name}-out")
-        np.testing.assert_array_equal(np.stack([found.frame(entry) for entry in found.frames]), frames)
-        assert found.info.oct == recording.info.oct
-    segmented = shell.json("segment", tmp_path / "a.dcm-out", "--out", tmp_path / "masks")
-    assert all(frame["usable"] for frame in segmented["frames"])
 
 
 def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(imported, refused, tmp_path: Path) -> None:

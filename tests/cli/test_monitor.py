@@ -370,23 +370,6 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
     assert not any("without notice" in text for text in texts)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("sent", ["Ctrl-Z", "kill"])
-def test_a_monitor_that_is_stopped_in_its_terminal_is_ended_by_its_watchdog(
-    folder: Path, tmp_path: Path, sent: str
-) -> None:
-    """Ctrl-Z stops all processes of a terminal's session; the watchdog and the black box have their own."""
-    with started(folder, "--black-box", str(tmp_path / "box")) as monitor, Peer(monitor.port) as robot:
-        robot.hear(lambda peer: bool(peer.statuses()))  # the monitor has taken the connection
-        children = children_of(monitor.process.pid)
-        assert {os.getsid(child) for child in children} == set(children)
-        os.kill(monitor.process.pid, signal.SIGSTOP if sent == "Ctrl-Z" else signal.SIGKILL)
-        assert robot.wait_for_code(3).name == "WATCHDOG"
-        robot.link.close()
-        assert monitor.process.wait(FUSE_S) == -signal.SIGKILL
-        wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in children))
-
-
 def read_until(terminal: int, word: str, within_s: float = FUSE_S) -> None:
     said, end_s = "", monotonic() + within_s
     while word not in said:

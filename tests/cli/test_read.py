@@ -127,16 +127,6 @@ def test_a_frame_has_the_pressure_at_its_dent_which_is_higher_in_a_sealed_eye(re
     assert evaluated["pressure_mmhg"] == pytest.approx(read(frame)["pressure_mmhg"])
 
 
-def test_a_rigidity_needs_a_sealed_globe(model, frame, shell) -> None:
-    for options, words in (
-        (["--rigidity", 0.03], "--rigidity: of a sealed globe"),
-        (["--globe", "open", "--rigidity", 0.03], "--rigidity: of a sealed globe"),
-        (["--globe", "sealed", "--rigidity", 5], "'--rigidity': 5 is above the largest allowed value 1"),
-        (["--globe", "sealed", "--rigidity", "nan"], "'--rigidity': nan is not a finite number"),
-    ):
-        assert words in shell.refused("read", model, frame, *options)
-
-
 def test_a_calibration_gives_the_modulus_as_it_gives_it_to_python(read, model, frame, tmp_path, shell) -> None:
     file = tmp_path / "modulus.json"
     file.write_text(calibration_text(eyes={"mine": {"mean_mpa": 0.31}, "other": {"mean_mpa": 0.29}}))
@@ -152,7 +142,7 @@ def test_a_calibration_gives_the_modulus_as_it_gives_it_to_python(read, model, f
     assert "note: nobody is not in" in nobody
 
 
-def test_contradictions_to_a_calibration_are_refused_by_their_option(model, loose, tmp_path, shell) -> None:
+def test_options_that_contradict_each_other_are_refused_by_name(model, loose, tmp_path, shell) -> None:
     file = tmp_path / "modulus.json"
     file.write_text(calibration_text(eyes={"mine": {"mean_mpa": 0.31}}))
     for options, words in (
@@ -161,6 +151,9 @@ def test_contradictions_to_a_calibration_are_refused_by_their_option(model, loos
         (["--calibration", file], "error: --eye: missing"),
         (["--eye", "mine"], "error: --eye: 'mine' names an eye"),
         (["--calibration", "nowhere.json"], "nowhere.json"),
+        (["--rigidity", 0.03], "--rigidity: of a sealed globe"),
+        (["--globe", "open", "--rigidity", 0.03], "--rigidity: of a sealed globe"),
+        (["--globe", "sealed", "--rigidity", 5], "'--rigidity': 5 is above the largest allowed value 1"),
     ):
         assert words in shell.refused("read", model, loose, *SIZE, *options)
 
@@ -208,15 +201,6 @@ def test_bad_files_are_reported_and_the_others_are_answered(model, frame, tmp_pa
         f"error: {missing}: File name too long",
         f"error: {tmp_path / 'pipe.png'}: a named pipe; give a regular file",
     ]
-
-
-OCT = Path(__file__).parents[3] / "shared" / "real-oct" / "anterior-segment" / "107.jpg"
-
-
-@pytest.mark.real
-@pytest.mark.skipif(not OCT.is_file(), reason="no ../shared")
-def test_a_real_scan_whose_size_is_not_stated_is_refused(model, shell) -> None:
-    assert "give --width-mm and --depth-mm" in shell.refused("read", model, OCT)
 
 
 RELAXING = "relaxation = [[0.12, 1.2], [0.15, 12.0]]"

@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import pytest
 from analytic_frames import drawn_counts
-from commands import cache_of_its_own
+from effects import cache_of_its_own
 from small_recordings import write_notebook_folder
 from waiting import ends
 

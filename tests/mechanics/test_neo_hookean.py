@@ -7,7 +7,6 @@ import pytest
 import skfem
 from energy import LAMBDA, MU, NU, STEP, energy, stress
 from numpy.typing import NDArray
-from scikit_fem import scikit_fem_basis
 from scipy.optimize import brentq
 from skfem.helpers import ddot, grad, identity, inv, transpose
 
@@ -29,6 +28,7 @@ from scleraforce.mechanics.material import burst_tension, growth, lame_constants
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
+from scleraforce.mechanics.shapes import node_positions
 
 R, T, B = 12e-3, 1e-3, 12.0
 ORDERS = (1, 2)
@@ -162,6 +162,24 @@ def test_forces_and_tangent_agree_with_scikit_fem(order: int, element: type, mes
     forces, K = solid.forces(u).ravel(), stiffness_matrix(mesh, solid.tangents(u))
     np.testing.assert_allclose(residual, forces[ours_of_theirs], atol=1e-12 * np.abs(forces).max())
     assert abs(K[ours_of_theirs][:, ours_of_theirs] - matrix).max() < 1e-12 * abs(K).max()
+
+
+def scikit_fem_basis(mesh: HexMesh, element: type, mesh_type: type) -> tuple[skfem.CellBasis, np.ndarray]:
+    """Their basis on our mesh, and our unknown (3 n + c: node n, component c) for each of theirs."""
+    reference = node_positions(3, mesh.cells_en.shape[1]) / 2 + 0.5
+    ours_for = [int(np.argmin(np.linalg.norm(reference - place, axis=1))) for place in element.doflocs]
+    corners, vertex_of = np.unique(mesh.cells_en[:, ours_for[:8]], return_inverse=True)
+    linear = skfem.MeshHex1(mesh.points_nc[corners].T, vertex_of.reshape(-1, 8).T.astype(np.int32))
+    scalar = skfem.CellBasis(linear, element(), intorder=2)
+    places = np.empty((scalar.N, 3))
+    places[scalar.element_dofs.T] = mesh.points_nc[mesh.cells_en[:, ours_for]]
+    curved = mesh_type(places.T, linear.t) if mesh.order == 2 else linear
+    # 5: three Gauss points along each direction; 3, for trilinear elements: two.
+    basis = skfem.CellBasis(curved, skfem.ElementVector(element()), intorder=5 if mesh.order == 2 else 3)
+    ours = np.empty(basis.N, dtype=int)
+    unknowns = 3 * mesh.cells_en[:, ours_for][..., None] + np.arange(3)
+    ours[basis.element_dofs.T] = unknowns.reshape(len(mesh.cells_en), -1)
+    return basis, ours
 
 
 def scikit_fem_assembly(basis: skfem.CellBasis, u: np.ndarray):

@@ -71,10 +71,6 @@ def test_a_declared_globe_decides_the_pressure_at_the_dent() -> None:
             read(force_reader(), FRAME, globe=globe, rigidity_pa13_per_m3=k, **given)
 
 
-def test_an_array_is_segmented() -> None:
-    assert segment(FRAME, **SIZE).thickness_m == pytest.approx(0.65e-3, rel=0.03)
-
-
 def test_a_frame_that_cannot_be_used_is_one_clear_line() -> None:
     cases: list[tuple[Any, dict[str, float], str]] = [
         (FRAME, {}, "give width_m and depth_m"),
@@ -92,16 +88,18 @@ def test_a_frame_that_cannot_be_used_is_one_clear_line() -> None:
             read(force_reader(), frame, **size)
 
 
-def test_inputs_that_would_be_ignored_are_refused() -> None:
-    with pytest.raises(InputError, match="eye: 'eye-a' names an eye of a calibration"):
-        read(force_reader(), FRAME, eye="eye-a", **SIZE)
-    with pytest.raises(InputError, match="youngs_modulus_pa: the calibration gives the modulus"):
-        read(force_reader(), FRAME, youngs_modulus_pa=0.3e6, calibration="modulus.json", **SIZE)
-
-
-def test_a_path_in_the_place_of_a_model_says_how_to_load_it() -> None:
-    with pytest.raises(InputError, match=r"give sf\.load_model\('reader'\)"):
-        read("reader", FRAME, **SIZE)  # type: ignore[arg-type]  # the mistake
+def test_inputs_that_would_be_ignored_and_a_path_for_a_model_are_refused() -> None:
+    for model, given, words in (
+        (force_reader(), {"eye": "eye-a"}, "eye: 'eye-a' names an eye of a calibration"),
+        (
+            force_reader(),
+            {"youngs_modulus_pa": 0.3e6, "calibration": "modulus.json"},
+            "the calibration gives the modul",
+        ),
+        ("reader", {}, r"give sf\.load_model\('reader'\)"),
+    ):
+        with pytest.raises(InputError, match=words):
+            read(model, FRAME, **given, **SIZE)
     with pytest.raises(InputError, match=r"give sf\.load_model\('reader'\)"):
         evaluate("reader", "eye-a")  # type: ignore[arg-type]  # the mistake
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from commands import cache_of_its_own
+from effects import cache_of_its_own
 
 SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 from analytic_frames import MODULUS_PA, SMALL_LIBRARY, THICKNESS_M
-from platformdirs import user_cache_path
 from small_models import write_fixed_reader
 from small_recordings import calibration_text
 from waiting import ends
@@ -23,15 +22,6 @@ def said(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> s
     assert run([str(word) for word in words]) == code
     printed = capsys.readouterr()
     return printed.err if code else printed.out
-
-
-def cache_of_its_own(folder: Path) -> dict[str, str]:
-    """Return the environment of commands whose cache is a folder; only the compiled loops are shared."""
-    shared = user_cache_path("scleraforce") / "compiled"
-    shared.mkdir(parents=True, exist_ok=True)
-    (folder / "scleraforce").mkdir(parents=True, exist_ok=True)
-    (folder / "scleraforce" / "compiled").symlink_to(shared)
-    return {"XDG_CACHE_HOME": str(folder)}
 
 
 BINS, BIN = 64, 20

@@ -51,10 +51,13 @@ class Traced:
     written: frozenset[Path]
 
 
-def share_machine_code(cache: Path) -> None:
-    """Link the loops that are compiled already into a new cache: to compile them again takes a minute."""
-    (cache / "scleraforce").mkdir(parents=True)
-    (cache / "scleraforce" / "compiled").symlink_to(user_cache_path("scleraforce") / "compiled")
+def cache_of_its_own(folder: Path) -> dict[str, str]:
+    """Return the environment of commands whose cache is a folder; it shares the compiled loops, which take a minute."""
+    shared = user_cache_path("scleraforce") / "compiled"
+    shared.mkdir(parents=True, exist_ok=True)
+    (folder / "scleraforce").mkdir(parents=True, exist_ok=True)
+    (folder / "scleraforce" / "compiled").symlink_to(shared)
+    return {"XDG_CACHE_HOME": str(folder)}
 
 
 def fresh_home(folder: Path) -> dict[str, str]:
@@ -63,7 +66,7 @@ def fresh_home(folder: Path) -> dict[str, str]:
     for place in places.values():
         place.mkdir(parents=True, exist_ok=True)
     if not (places["HOME"] / ".cache").exists():
-        share_machine_code(places["HOME"] / ".cache")
+        cache_of_its_own(places["HOME"] / ".cache")
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ORT_", "MPL"))}
     return kept | {name: str(place) for name, place in places.items()} | {"PYTHONDONTWRITEBYTECODE": "1"}
 

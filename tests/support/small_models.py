@@ -50,38 +50,27 @@ def write_fixed_reader(
     path: Path, library: Library, shares: Sequence[float], contact_m: float = 0.0, default: str = "fit"
 ) -> Study:
     """Write the folder; returns its study."""
-    import onnx
-    from onnx.helper import make_graph, make_model, make_node, make_opsetid, make_tensor_value_info, set_model_props
+    from onnx import numpy_helper, parser
+    from onnx.helper import set_model_props
 
     study = fixed_study(len(shares))
-    values = {
-        "none": np.zeros((len(GIVEN), len(shares)), dtype=np.float32),
+    given, bins, rows, columns = len(GIVEN), len(shares), study.slice.rows, study.slice.columns
+    model = parser.parse_model(f"""<ir_version: 8, opset_import: ["" : 17]>
+        fixed (uint8[n, {rows}, {columns}] {SLICES}, float[n, {given}] {GIVEN_INPUT})
+            => (float[n, {bins}] {HISTOGRAM}, float[n] {CONTACT}) {{
+            logits = Gemm({GIVEN_INPUT}, none, shares)
+            {HISTOGRAM} = Softmax<axis = 1>(logits)
+            places = Gemm({GIVEN_INPUT}, no_place, place)
+            {CONTACT} = Squeeze(places, second)
+        }}""")
+    for name, value in {
+        "none": np.zeros((given, bins), dtype=np.float32),
         "shares": np.log(np.maximum(np.asarray(shares, dtype=np.float32), np.float32(1e-12))),
-        "no_place": np.zeros((len(GIVEN), 1), dtype=np.float32),
+        "no_place": np.zeros((given, 1), dtype=np.float32),
         "place": np.array([contact_m], dtype=np.float32),
         "second": np.array([1], dtype=np.int64),
-    }
-    nodes = [
-        make_node("Gemm", [GIVEN_INPUT, "none", "shares"], ["logits"]),
-        make_node("Softmax", ["logits"], [HISTOGRAM], axis=1),
-        make_node("Gemm", [GIVEN_INPUT, "no_place", "place"], ["places"]),
-        make_node("Squeeze", ["places", "second"], [CONTACT]),
-    ]
-    float32 = onnx.TensorProto.FLOAT
-    graph = make_graph(
-        nodes,
-        "fixed",
-        [
-            make_tensor_value_info(SLICES, onnx.TensorProto.UINT8, ["n", study.slice.rows, study.slice.columns]),
-            make_tensor_value_info(GIVEN_INPUT, float32, ["n", len(GIVEN)]),
-        ],
-        [
-            make_tensor_value_info(HISTOGRAM, float32, ["n", len(shares)]),
-            make_tensor_value_info(CONTACT, float32, ["n"]),
-        ],
-        [onnx.numpy_helper.from_array(value, name) for name, value in values.items()],
-    )
-    model = make_model(graph, opset_imports=[make_opsetid("", 17)], ir_version=8)
+    }.items():
+        model.graph.initializer.append(numpy_helper.from_array(value, name))
     set_model_props(model, {"study_sha256": study_hash(study)})
     folder = path.parent / f"{path.name}.library"
     save_library(library, folder)

@@ -88,11 +88,11 @@ def large(size: int):
     return lambda _: bytes(size)
 
 
-def tripled(weight: bytes):
-    """Work that triples a number, some of them late; `weight` is only carried along."""
+def tripled(weight: bytes = b"", late_s: float = 0.05):
+    """Work that triples a number, every second one late; `weight` is only carried along."""
 
     def work(unit: int) -> int:
-        time.sleep(0.05 * (unit % 2))
+        time.sleep(late_s * (unit % 2))
         return 3 * unit + 0 * len(weight)
 
     return work
@@ -115,16 +115,6 @@ def fails_oddly():
 
     def work(unit: int) -> int:
         raise OddError(unit, "this")
-
-    return work
-
-
-def slowly_tripled():
-    """Work that triples a number in a while."""
-
-    def work(unit: int) -> int:
-        time.sleep(0.1)
-        return 3 * unit
 
     return work
 
