@@ -27,7 +27,7 @@ nitpick_ignore_regex = [
         "py:class",
         r"scleraforce\.(monitor\.rise\.TimeToBound|mechanics\.globe\.Globe|reader\.where\.Places)|GivenCalibration|Mask",
     ),
-    ("py:class", r"scleraforce\.(reader\.kinds\.TrainedModel|known\.relaxation\.KnownRelaxation)"),
+    ("py:class", r"scleraforce\.known\.relaxation\.KnownRelaxation"),
     ("py:class", r"scleraforce\.recording\.walls\.RecordedWalls"),
     ("py:class", r"scleraforce\.library\.(splines|stiffened)\..*"),
 ]

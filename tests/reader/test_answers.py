@@ -32,7 +32,7 @@ from scleraforce.library.unknowns import GAP
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader import intervals, load_model
 from scleraforce.reader.answer import Answer, Reading
-from scleraforce.reader.kinds import SHIFTS, ForceReader, TrainedModel
+from scleraforce.reader.kinds import SHIFTS, ForceReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.segmentation.wall import find_wall
@@ -365,7 +365,7 @@ STIFFENED = made_up_library()
 
 @pytest.fixture
 def reader() -> ForceReader:
-    return ForceReader(TrainedModel(Path("model"), STUDY), FixedNetwork(FIVE_MN), STIFFENED, "fit")
+    return ForceReader(Path("model"), STUDY, FixedNetwork(FIVE_MN), STIFFENED, "fit")
 
 
 def test_an_eye_is_read_with_walls_of_its_tissue_at_its_contact(reader: ForceReader) -> None:

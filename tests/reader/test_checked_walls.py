@@ -37,7 +37,7 @@ from scleraforce.mechanics.contact import Section
 from scleraforce.reader import load_classifier, load_force_reader
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
-from scleraforce.reader.kinds import ForceReader, TrainedModel
+from scleraforce.reader.kinds import ForceReader
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study.fields import fixed
@@ -63,7 +63,7 @@ def blind(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_loop_reads_what_the_second_opinion_refuses() -> None:
     frame = image(wall_section(tip_of(0.02)))
     elsewhere = fixed_finder(np.full(HALF, 100.0), np.full(HALF, 110.0), sd=0.3)
-    reader = ForceReader(TrainedModel(Path("model"), STUDY, finder=elsewhere), FixedNetwork(FIVE_MN), LIBRARY, "fit")
+    reader = ForceReader(Path("model"), STUDY, FixedNetwork(FIVE_MN), LIBRARY, "fit", finder=elsewhere)
     answer = reader.read(frame, SCALE, KNOWN)
     assert not answer.usable
     assert answer.predicted == 2

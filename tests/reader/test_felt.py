@@ -1,17 +1,18 @@
-"""The force on the needle from readings of dents, in tissue that remembers."""
+"""The force on the needle from readings of dents, in tissue that remembers; the pressure of an eye that leaks."""
 
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from relaxing_eyes import BOUNDS_N, FORCES_N, TISSUE, found_in, pushed, read_as
 
-from scleraforce.known import NINETY_PERCENT, Known, Modulus
+from scleraforce.known import NINETY_PERCENT, Known, Modulus, known_globe
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath
 from scleraforce.reader.answer import Reading, unusable
-from scleraforce.reader.felt import DENSE_S, LEAN_SD, History, Lean
+from scleraforce.reader.felt import DENSE_S, LEAN_SD, History, Leak, Lean
 
 MOST_N = 60e-3
 DECLARED = KnownRelaxation.declared(TISSUE.terms)
@@ -245,3 +246,47 @@ def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_c
         found = Lean.of(known, seen)
         assert found.ends_rad == known.lean_rad
         assert bool(found.doubts) == contradicts
+
+
+GLOBE = known_globe("sealed", 1e8)
+LAW = GLOBE.globe(GLOBE.mean)
+LEAKING = Known(iop_pa=300.0, globe=GLOBE, leak_time_s=20.0)
+DENT_M3 = 10e-9
+
+
+@pytest.mark.parametrize("every_s", [0.1, 5.0])
+def test_a_dent_that_stays_leaks_in_dense_sequences_and_in_sparse_ones_whose_holds_are_known(every_s: float) -> None:
+    leak, rests_pa = Leak(LEAKING), []
+    times_s = np.arange(0.0, 30.0, every_s).tolist()
+    for time_s in times_s:
+        (answer,), leak = leak.read(lambda now: (shown(now.iop_pa),), time_s, every_s)
+        rests_pa.append(answer.rest_pa)
+    expected_pa = LAW.pressure(300.0, -DENT_M3 * (1.0 - np.exp(-np.array(times_s) / 20.0)))
+    assert rests_pa == pytest.approx(expected_pa, rel=2e-3)
+
+
+def test_frames_that_are_refused_show_no_dent_and_the_pressure_comes_back() -> None:
+    leak = Leak(LEAKING)
+    for time_s in (0.0, 0.2, 10.0, 20.0):
+        (low,), leak = leak.read(lambda now: (shown(now.iop_pa),), time_s, 10.0)
+    rests_pa = []
+    for time_s in np.arange(20.2, 140.0, 0.2).tolist():
+        _, leak = leak.read(
+            lambda now: rests_pa.append(now.iop_pa) or (SimpleNamespace(iop_at_dent_pa=None),), time_s, None
+        )
+    assert low.rest_pa < 0.9 * 300.0
+    assert rests_pa[-1] == pytest.approx(300.0, rel=0.01)
+
+
+def test_an_eye_that_does_not_leak_keeps_its_pressure() -> None:
+    for known in (
+        replace(LEAKING, leak_time_s=None),
+        replace(LEAKING, globe=known_globe("open")),
+        Known(leak_time_s=9.0),
+    ):
+        leak = Leak(known)
+        assert leak.read(lambda now: now, 5.0, None) == (known, leak)
+
+
+def shown(rest_pa: float) -> SimpleNamespace:
+    return SimpleNamespace(rest_pa=rest_pa, iop_at_dent_pa=float(LAW.pressure(rest_pa, DENT_M3)))

@@ -15,7 +15,7 @@ from scleraforce.known import Known
 from scleraforce.library import Library, save_library
 from scleraforce.models import LIBRARY_FILE, write_folder
 from scleraforce.reader.answer import Reading
-from scleraforce.reader.kinds import ForceReader, TrainedModel
+from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
@@ -97,7 +97,7 @@ class FixedNetwork:
 
 
 def force_reader(reading: Reading = FIVE_MN, default: str = "fit") -> ForceReader:
-    return ForceReader(TrainedModel(Path("model"), STUDY), FixedNetwork(reading), LIBRARY, default)
+    return ForceReader(Path("model"), STUDY, FixedNetwork(reading), LIBRARY, default)
 
 
 RAW_STUDY = replace(

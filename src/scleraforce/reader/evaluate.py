@@ -23,10 +23,9 @@ from scleraforce.monitor.rise import TimeToBound, rise_of, time_to_bound
 from scleraforce.monitor.state import DENTS, NOISE_WINDOWS
 from scleraforce.reader import metrics
 from scleraforce.reader.answer import Answer
-from scleraforce.reader.felt import History
+from scleraforce.reader.felt import History, Leak
 from scleraforce.reader.intervals import Score, score, traits_of
 from scleraforce.reader.kinds import Reader
-from scleraforce.reader.leak import Leak
 from scleraforce.reader.model import suited
 from scleraforce.recording import labels
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces

@@ -1,5 +1,6 @@
 """The kinds of models that read frames: the paper's classifier, the reader with its library, the raw reader."""
 
+import reprlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +21,7 @@ from scleraforce.library.planes import SeenPlane, fit_planes
 from scleraforce.library.prior import Prior, prior_of
 from scleraforce.library.responses import Library
 from scleraforce.library.unknowns import GAP
-from scleraforce.models import NETWORK_FILE, check_interface, run_network
+from scleraforce.models import NETWORK_FILE, RECORD_FILE, check_interface, run_network
 from scleraforce.reader import verdicts
 from scleraforce.reader.answer import (
     METHODS,
@@ -33,7 +34,6 @@ from scleraforce.reader.answer import (
     together,
     unusable,
 )
-from scleraforce.reader.at_rest import unless_at_rest
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.networks import ForceNetwork
@@ -48,29 +48,15 @@ from scleraforce.study import Range, ReaderStudy, Study
 INPUT, OUTPUT = "slices", "probabilities"
 
 
-@dataclass(frozen=True, eq=False)
-class TrainedModel:
-    """The parts that models of every kind have.
-
-    `path` is the folder, `study` the study of the training, `record` the content of `model.json`, `provenance` the
-    metadata of `model.onnx` (hashes of study and data set, seed, versions, class bounds), and `finder` the wall finder
-    that checks the walls it reads.
-    """
-
-    path: Path
-    study: Study
-    record: Mapping[str, Any] = field(default_factory=dict)
-    provenance: Mapping[str, str] = field(default_factory=dict)
-    finder: WallFinder | None = None
-
-
+@dataclass(eq=False, repr=False)
 class Reader(ABC):
     """A trained model that reads raw frames. Made by `load_model`; its parts belong together.
 
-    `path`, `study`, `record` and `provenance` are `TrainedModel`'s, `kind` is the folder's word for it ("classifier",
-    "reader" or "raw-reader"), `classes` the number of force classes. `reads_force`: answers have a force with its
-    interval, not the class alone. `serves_loop`: it may serve the control loop. The `finder` checks the wall of `read`,
-    not of `read_live`: the control loop does not wait for it.
+    `path` is the folder, `study` the study of the training, `record` the content of `model.json`, `provenance` the
+    metadata of `model.onnx` (hashes of study and data set, seed, versions, class bounds). `kind` is the folder's word
+    for it ("classifier", "reader" or "raw-reader"), `classes` the number of force classes. `reads_force`: answers have
+    a force with its interval, not the class alone. `serves_loop`: it may serve the control loop. The `finder` checks
+    the wall of `read`, not of `read_live`: the control loop does not wait for it.
     """
 
     kind: ClassVar[str]
@@ -78,9 +64,13 @@ class Reader(ABC):
     serves_loop: ClassVar[bool] = True
     _shifts: ClassVar[tuple[float, ...]] = (0.0,)
 
-    def __init__(self, trained: TrainedModel) -> None:
-        self.path, self.study, self.record = trained.path, trained.study, trained.record
-        self.provenance, self.finder = trained.provenance, trained.finder
+    path: Path
+    study: Study
+    record: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+    provenance: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    finder: WallFinder | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
         self.classes = len(self.study.classes.bounds_n) + 1
 
     def __repr__(self) -> str:
@@ -126,9 +116,13 @@ class Reader(ABC):
             raise ModelError(f"{self.path}: a {self.kind} reads single planes; several need a model of kind {READER!r}")
         return (self.read(frames[0], scale, known, walls[0]),)
 
-    @abstractmethod
+    def outside(self, known: Known) -> str | None:
+        """Return the known value outside the training, where a gap may be 0, in a sentence; None: all are inside."""
+        return outside_training(known, verdicts.read_by_fit(self.study.reader), self.study.library)
+
     def refusal(self, known: Known) -> str | None:
         """Return why the model cannot read an eye: a known value lies outside the training; None: it can."""
+        return self.outside(known)
 
     def steepest_n_m(self, known: Known) -> float | None:  # noqa: ARG002
         """Return the steepest rise of force with the dent, N/m, as far as the model knows: None."""
@@ -149,6 +143,7 @@ class Reader(ABC):
 
 
 @final
+@dataclass(eq=False, repr=False)
 class Classifier(Reader):
     """Reads the force class from slices.
 
@@ -159,11 +154,14 @@ class Classifier(Reader):
     kind = CLASSIFIER
     reads_force = False
 
-    def __init__(self, trained: TrainedModel, session: onnxruntime.InferenceSession) -> None:
-        super().__init__(trained)
-        self._session = session
+    session: onnxruntime.InferenceSession
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         inputs = {INPUT: ("tensor(uint8)", [self.study.slice.rows, self.study.slice.columns])}
-        check_interface(session, inputs, {OUTPUT: ("tensor(float)", [self.classes])}, str(self.path / NETWORK_FILE))
+        check_interface(
+            self.session, inputs, {OUTPUT: ("tensor(float)", [self.classes])}, str(self.path / NETWORK_FILE)
+        )
 
     def probabilities(self, slices: Bytes) -> Floats:
         """Return the probability of each force class (slice, class); rows sum to 1.
@@ -181,7 +179,7 @@ class Classifier(Reader):
             raise ModelError(f"{self.path}: slices: a value other than 0 (no wall) and 255 (wall)")
         if not len(slices):
             return np.empty((0, self.classes))
-        (answer,) = run_network(self._session, [OUTPUT], {INPUT: np.ascontiguousarray(slices)}, str(self.path))
+        (answer,) = run_network(self.session, [OUTPUT], {INPUT: np.ascontiguousarray(slices)}, str(self.path))
         if answer.shape != (len(slices), self.classes):
             raise ModelError(f"{self.path}: the network answers {answer.shape} to {len(slices)} slices")
         # float32 leaves the sum at 1 to some 1e-7; double makes it exact to the last digits that are printed.
@@ -220,6 +218,7 @@ TOO_LITTLE = "too little of the wall is seen"
 
 
 @final
+@dataclass(eq=False, repr=False)
 class ForceReader(Reader):
     """Reads force, interval and contact from a wall.
 
@@ -230,21 +229,17 @@ class ForceReader(Reader):
     kind = READER
     _shifts = SHIFTS
 
-    def __init__(
-        self,
-        trained: TrainedModel,
-        network: ForceNetwork,
-        library: Library,
-        default: str,
-        factors: IntervalFactors = NO_FACTORS,
-    ) -> None:
-        if default not in METHODS:
-            raise ValueError(f"default: found {default!r}, expected {' or '.join(METHODS)}")
-        super().__init__(trained)
-        self.library = library
-        self.default = default
-        self.factors = factors
-        self.network = network
+    network: ForceNetwork
+    library: Library
+    default: str
+    factors: IntervalFactors = NO_FACTORS
+
+    def __post_init__(self) -> None:
+        if self.default not in METHODS:
+            place = f"{self.path / RECORD_FILE}: default: found {reprlib.repr(self.default)}"
+            raise ModelError(f"{place}, expected {' or '.join(METHODS)}")
+        super().__post_init__()
+        library = self.library
         self._library_of = lru_cache(maxsize=CONTACTS)(
             lambda polar_rad, stiffening: library.for_stiffening(stiffening).nearest_contact(polar_rad)
         )
@@ -296,10 +291,9 @@ class ForceReader(Reader):
 
     def _not_fitted(self, seen: verdicts.Look, boundaries: Boundaries, known: Known) -> str | None:
         """Return why a wall is not fitted, None if it is."""
-        outside = outside_training(known, verdicts.read_by_fit(self.study.reader), self.study.library)
         places = boundaries.lateral_m, boundaries.depth_m[0]
         return (
-            outside
+            self.outside(known)
             or verdicts.needle_elsewhere(seen.needle, known, self.library.needle_radius_m)
             or verdicts.too_little_wall(*places, self.study.slice, known.has_calibrated_modulus)
         )
@@ -411,7 +405,7 @@ class ForceReader(Reader):
         else:
             answer = self._checked({"network": self.network.read(seen.cuts, known), "fit": by_fit}, leaves, default)
         if may_rest and not seen.dent_leaves:  # an eye at rest does not leave the frame in its middle
-            answer = unless_at_rest(answer, fit, boundaries, self.study)
+            answer = verdicts.unless_at_rest(answer, fit, boundaries, self.study)
         if answer.usable:
             beside = fit.unknown.copy()
             beside[GAP] = abs(beside[GAP])
@@ -440,6 +434,7 @@ class ForceReader(Reader):
 
 
 @final
+@dataclass(eq=False, repr=False)
 class RawReader(Reader):
     """Reads force, interval and contact from a raw frame.
 
@@ -450,14 +445,11 @@ class RawReader(Reader):
     kind = RAW_READER
     serves_loop = False  # its own second opinion would be that of the same network
 
-    def __init__(self, trained: TrainedModel, network: ForceNetwork) -> None:
-        super().__init__(trained)
-        self.network = network
-        self._window = FrameWindow.of(self.study.raw_reader)
+    network: ForceNetwork
 
-    def refusal(self, known: Known) -> str | None:
-        """Return the known value outside the training, in a sentence."""
-        return outside_training(known, verdicts.read_by_fit(self.study.reader), self.study.library)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._window = FrameWindow.of(self.study.raw_reader)
 
     def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         reason = (

@@ -1,7 +1,6 @@
 """Load a trained model from its folder (ONNX Runtime only; PyTorch is not needed), and read in the control loop."""
 
-import reprlib
-from copy import copy
+from dataclasses import replace
 from functools import cache
 from os import PathLike
 from pathlib import Path
@@ -15,12 +14,11 @@ from scleraforce.errors import InputError, ModelError
 from scleraforce.known import Known
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
-from scleraforce.reader.answer import METHODS, Answer
+from scleraforce.reader.answer import Answer
 from scleraforce.reader.intervals import parse_factors
-from scleraforce.reader.kinds import Classifier, ForceReader, RawReader, Reader, TrainedModel
-from scleraforce.reader.limits import CLASSIFIER, KINDS, RAW_READER, outside_training
+from scleraforce.reader.kinds import Classifier, ForceReader, RawReader, Reader
+from scleraforce.reader.limits import CLASSIFIER, KINDS, RAW_READER
 from scleraforce.reader.networks import ForceNetwork
-from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
@@ -56,19 +54,21 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = mod
         raise ModelError(f"{folder.path}: kind: found {kind!r}, {wanted} is needed here")
     study, place = models.folder_study(folder), str(folder.path / models.NETWORK_FILE)
     session = models.network_session(folder.files[models.NETWORK_FILE], place, threads)
-    walls = None if finder is None else load_wall_finder(finder, threads)
-    trained = TrainedModel(folder.path, study, folder.record, models.network_metadata(session, place), walls)
-    model: Reader
+    provenance = models.network_metadata(session, place)
     if kind == CLASSIFIER:
-        model = Classifier(trained, session)
+        model: Reader = Classifier(folder.path, study, session)
     else:
         factors = parse_factors(folder.record, str(folder.path / models.RECORD_FILE))
         network = ForceNetwork(session, study, place, factors, raw=kind == RAW_READER)
         if kind == RAW_READER:
-            model = RawReader(trained, network)
+            model = RawReader(folder.path, study, network)
         else:
-            model = ForceReader(trained, network, _library(folder), _default(folder), factors)
-    models.check_provenance(folder, trained.provenance)
+            model = ForceReader(
+                folder.path, study, network, _library(folder), folder.record.get("default", ""), factors
+            )
+    models.check_provenance(folder, provenance)
+    model.record, model.provenance = folder.record, provenance
+    model.finder = None if finder is None else load_wall_finder(finder, threads)
     return model
 
 
@@ -78,18 +78,10 @@ def suited(reader: Reader, known: Known) -> Reader:
     The reader is changed only if it refuses the eye and the other one does not.
     """
     others = {models.SHIPPED_READER: models.SHIPPED_LIVING, models.SHIPPED_LIVING: models.SHIPPED_READER}
-    if reader.path not in others or _outside(reader, known) is None:
+    if reader.path not in others or reader.outside(known) is None:
         return reader
     other = _bundled(others[reader.path])
-    if _outside(other, known) is not None:
-        return reader
-    found = copy(other)
-    found.finder = reader.finder
-    return found
-
-
-def _outside(reader: Reader, known: Known) -> str | None:
-    return outside_training(known, read_by_fit(reader.study.reader), reader.study.library)
+    return reader if other.outside(known) else replace(other, finder=reader.finder)
 
 
 @cache
@@ -131,14 +123,6 @@ def _library(folder: models.ModelFolder) -> Library:
     thickness_m = library.thickness_m[:1]
     library.at_tip(thickness_m, library.iop_ratio_ends(thickness_m)[0], library.tip_m[:1])
     return library
-
-
-def _default(folder: models.ModelFolder) -> str:
-    default = folder.record.get("default")
-    if default not in METHODS:
-        place = folder.path / models.RECORD_FILE
-        raise ModelError(f"{place}: default: found {reprlib.repr(default)}, expected {' or '.join(METHODS)}")
-    return str(default)
 
 
 THICKNESS_M = 0.6e-3  # of the wall, if unknown
