@@ -5,7 +5,6 @@ never reads a user's files: they are read as regular ones, checked, and decoded 
 """
 
 import json
-import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -13,6 +12,7 @@ from functools import cached_property
 from hashlib import sha256
 from itertools import zip_longest
 from math import prod
+from os.path import lexists
 from pathlib import Path
 from typing import Any
 
@@ -286,21 +286,14 @@ class CheckedStore:
         for name in kind.same:
             if found.get(name) != attributes[name]:
                 raise kind.error(f"{path}: begun with another {name}; remove it or choose another path")
-        if special := next((entry for entry in path.rglob("*") if not _ordinary(entry)), None):
-            raise kind.error(f"{special}: neither a regular file nor a folder; remove {path} or choose another path")
+        for entry in path.rglob("*"):
+            if not entry.is_file() and not entry.is_dir() and lexists(entry):  # else a temporary file that has gone
+                raise kind.error(f"{entry}: neither a regular file nor a folder; remove {path} or choose another path")
         return zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
 
     def _chunk(self, array: StoredArray, index: tuple[int, ...]) -> bytes:
         kind = replace(KINDS["store chunk"], error=self.kind.error, max_bytes=max(MIB, 2 * array.size(array.chunks)))
         return read_bytes(self.path / array.file(index), kind)
-
-
-def _ordinary(path: Path) -> bool:
-    try:
-        mode = path.stat().st_mode
-    except FileNotFoundError:  # a link to nowhere, or a temporary file that has gone
-        return not path.is_symlink()
-    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
 
 
 def _decoded_bytes(data: bytes) -> int | None:

@@ -275,10 +275,8 @@ def encode(
 ) -> bytes:
     """Return a whole message as bytes, with a header of the peer's version, 1 to 3.
 
-    The name of the device is ASCII, at most 20 characters. Version 1 has neither message id nor metadata.
-
-    Raises:
-        ProtocolError: something does not fit into the message.
+    The name of the device is ASCII, at most 20 characters. Version 1 has neither message id nor metadata. What does
+    not fit into the message is a ProtocolError.
     """
     name, content = _pack(message)
     body = wrap_body(content, version, message_id, metadata)

@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from itertools import islice, pairwise
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
@@ -265,11 +265,9 @@ def _version() -> str:
     return version("scleraforce")
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
+def one_thread() -> AbstractContextManager[None]:
     """Give processes that start in the block one thread of BLAS each: there is a process for every core."""
-    with _environment(dict.fromkeys(THREAD_SETTINGS, "1")):
-        yield
+    return _environment(dict.fromkeys(THREAD_SETTINGS, "1"))
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import InputError
-from scleraforce.monitor import rise
+from scleraforce.monitor import trend
 from scleraforce.monitor.decision import Decision, PlanesState, decide, decide_planes
 from scleraforce.monitor.events import (
     LATCHED,
@@ -717,8 +717,8 @@ def test_a_steep_ramp_is_foreseen() -> None:
 
 
 def risen_force(history: tuple[tuple[float, float], ...], ahead_s: float, deviations: float) -> float | None:
-    line = rise.rise_of(history, 10)
-    return None if line is None else rise.risen_force(line, ahead_s, deviations)
+    line = trend.rise_of(history, 10)
+    return None if line is None else trend.risen_force(line, ahead_s, deviations)
 
 
 def test_a_rise_that_slows_down_is_not_foretold_from_how_it_began() -> None:
@@ -755,8 +755,8 @@ def test_ten_frames_in_a_line_by_chance_do_not_rise_steeply_after_rough_ones() -
 
 def bound_ms(forces_mn: list[float], interval_s: float = 0.01, share: float = 0.9) -> tuple[float | None, ...]:
     """Early end, median and late end of the time until 30 mN; forces are a share of the upper end."""
-    line = rise.rise_of([(n * interval_s, force_mn * 1e-3) for n, force_mn in enumerate(forces_mn)], 10)
-    found = rise.time_to_bound(line, forces_mn[-1] * 1e-3, forces_mn[-1] * 1e-3 / share, LIMITS.bound_n)
+    line = trend.rise_of([(n * interval_s, force_mn * 1e-3) for n, force_mn in enumerate(forces_mn)], 10)
+    found = trend.time_to_bound(line, forces_mn[-1] * 1e-3, forces_mn[-1] * 1e-3 / share, LIMITS.bound_n)
     return (None, None, None) if found is None else tuple(at and at * 1e3 for at in vars(found).values())
 
 
@@ -798,7 +798,7 @@ def test_a_decision_on_a_frame_says_when_the_bound_is_reached() -> None:
     assert decision.to_bound is not None
     assert decision.to_bound.median_s == pytest.approx(left_n / 0.01, rel=1e-6)
     assert decide(state, Tick(0.295), LIMITS)[1].to_bound is None
-    assert decide(state, frame(30, 0.0299), LIMITS)[1].to_bound == rise.REACHED
+    assert decide(state, frame(30, 0.0299), LIMITS)[1].to_bound == trend.REACHED
 
 
 def test_limits_that_pass_everything_or_nothing_are_refused() -> None:

@@ -8,9 +8,8 @@ from typing import assert_never
 from scleraforce.monitor import events
 from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, Signal, State
 from scleraforce.monitor.limits import MonitorLimits, harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
-from scleraforce.monitor.piercing import OUTSIDE, unexplained_fall
-from scleraforce.monitor.rise import TimeToBound, rise_of, risen_force, time_to_bound
 from scleraforce.monitor.state import MonitorState, remember
+from scleraforce.monitor.trend import OUTSIDE, TimeToBound, rise_of, risen_force, time_to_bound, unexplained_fall
 from scleraforce.units import from_si
 
 
@@ -176,7 +175,9 @@ def _meaning(before: MonitorState, now: MonitorState, event: MonitorEvent, limit
         case FrameRead():
             return _transport(before, now, event, limits) or _reading(now, event, limits)
         case events.SecondOpinion():
-            return _opinion(now, event, limits)
+            if now.frame is None or not event.frame_id <= now.frame.frame_id:
+                return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {event.frame_id}, which was not read yet")
+            return _only_doubts(now, event.verdict, "second opinion", now.doubted, limits.unusable_opinions, limits)
         case events.OvertakenRead(read=read):
             name = f"frame {read.frame_id}, overtaken"
             return _only_doubts(now, read.verdict, name, now.unusable + 1, limits.unusable_frames, limits)
@@ -249,13 +250,6 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
     doubt = _doubt(now, frame.at_s, limits)
     signal = Signal.HARMLESS if not doubt else Signal.TOLERATED if now.touched else Signal.UNJUDGED
     return _Finding(signal, doubt or "", to_bound=to_bound)
-
-
-def _opinion(now: MonitorState, opinion: events.SecondOpinion, limits: MonitorLimits) -> _Finding:
-    """Return the meaning of a second opinion: a doubt, or nothing new."""
-    if now.frame is None or not opinion.frame_id <= now.frame.frame_id:
-        return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {opinion.frame_id}, which was not read yet")
-    return _only_doubts(now, opinion.verdict, "second opinion", now.doubted, limits.unusable_opinions, limits)
 
 
 def _only_doubts(

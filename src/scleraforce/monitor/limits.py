@@ -19,10 +19,7 @@ class MonitorLimits:
     which gives no force; otherwise a frame without a force is a cause. `expects_opinion` is True if another process
     gives second opinions: then nothing is OK before the first one, and an overdue one is a cause. Losses are limited by
     the time that the lost frames represent, so that the limits fit any frame rate. `reports_pierced` is True if a
-    pierced wall is not to end in a withdrawal.
-
-    Raises:
-        InputError: a limit that lets everything pass, or nothing.
+    pierced wall is not to end in a withdrawal. A limit that lets everything pass, or nothing, is an InputError.
     """
 
     withdraw_class: int = 2

@@ -274,11 +274,9 @@ def _double_buffer(stage: _Stage) -> list[Act]:
 
 def _burned_in_clock(stage: _Stage) -> list[Act]:
     """The last picture with a corner that changes: a clock, or a single pixel."""
-    last = stage.pixels(-1)
-    rows, columns = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
-    if stage.rng.random() < 0.5:
-        rows, columns = 1, 1
-    pictures = []
+    last, pictures = stage.pixels(-1), []
+    clock = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
+    rows, columns = (1, 1) if stage.rng.random() < 0.5 else clock
     for place in range(stage.count):
         burned_in = last.copy()
         digits = stage.rng.integers(0, 2, (rows, columns)) * (2**stage.recording.info.oct.bits - 1)
@@ -321,10 +319,10 @@ def _persistence(stage: _Stage) -> list[Act]:
 def _pixel_type(stage: _Stage) -> list[Act]:
     last = stage.pixels(-1)
     if last.dtype == np.uint8:
-        turns: tuple[Pixels, Pixels] = last.astype(np.uint16), last
+        other: Pixels = last.astype(np.uint16)
     else:
-        turns = (last >> max(0, stage.recording.info.oct.bits - 8)).astype(np.uint8), last
-    return stage.shown(turns[place % 2] for place in range(stage.count))
+        other = (last >> max(0, stage.recording.info.oct.bits - 8)).astype(np.uint8)
+    return stage.shown(last if place % 2 else other for place in range(stage.count))
 
 
 def _like(pixels: Pixels, values: NDArray[np.generic]) -> Pixels:

@@ -4,7 +4,7 @@ import json
 import socket
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, replace
 from heapq import merge
@@ -400,18 +400,13 @@ class Player:
         """Yield frames in order, with `ahead` of them read in advance, also before the first one is yielded."""
         numbers = {entry.file: number for number, entry in enumerate(self.recording.frames, start=1)}
         with ThreadPoolExecutor(READERS) as pool:
-            waiting: deque[Future[Timed]] = deque()
-            left = iter(entries)
-
-            def read_ahead(count: int) -> None:
-                waiting.extend(pool.submit(self._read, entry, numbers[entry.file]) for entry in islice(left, count))
-
+            left = (pool.submit(self._read, entry, numbers[entry.file]) for entry in entries)
+            waiting = deque(islice(left, self.ahead))
             try:
-                read_ahead(self.ahead)
                 wait(waiting)
                 while waiting:
                     yield waiting.popleft().result()
-                    read_ahead(1)
+                    waiting.extend(islice(left, 1))
             finally:
                 pool.shutdown(cancel_futures=True)
 

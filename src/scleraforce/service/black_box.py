@@ -403,26 +403,19 @@ class BlackBox:
             return
         select([self._channel], [], [], pause_s)
         for _ in range(MOST_MESSAGES):
-            if not self._hear_one():
-                break
-
-    def _hear_one(self) -> bool:
-        """Act on the next message; return whether there was one."""
-        try:
-            heard = self._channel.receive(1)
-            for message in heard:
-                self._take(message)
-        except MessageError as fault:  # reported for good: it is never mended
-            self._journal.fault("message", fault)
-            return True
-        except ChannelClosedError:
-            if not self.ended:
-                self._journal.note("the monitor ended without notice")
-                if self._entry is not None:
-                    self._keep("monitor_died", self._entry)
-            self.ended = True
-            return False
-        return bool(heard)
+            try:
+                if not (heard := self._channel.receive(1)):
+                    return
+                self._take(heard[0])
+            except MessageError as fault:  # reported for good: it is never mended
+                self._journal.fault("message", fault)
+            except ChannelClosedError:
+                if not self.ended:
+                    self._journal.note("the monitor ended without notice")
+                    if self._entry is not None:
+                        self._keep("monitor_died", self._entry)
+                self.ended = True
+                return
 
     def _take(self, message: messages.CompanionMessage) -> None:
         match message:

@@ -119,9 +119,8 @@ class Channel:
     def receive(self, most: int = 1000) -> list[CompanionMessage]:
         """Return the messages that wait, oldest first, `most` at most.
 
-        Raises:
-            ChannelClosedError: the other end is closed, and no message is left.
-            MessageError: one of them is not a message; earlier ones are lost, later ones still wait.
+        Raise ChannelClosedError if the other end is closed and no message is left, MessageError if one of them is not
+        a message; earlier ones are lost, later ones still wait.
         """
         messages: list[CompanionMessage] = []
         while len(messages) < most:

@@ -68,10 +68,8 @@ def read_log(path: str | PathLike[str]) -> Iterator[LogPart]:
 class DecisionLog:
     """Appends records to the numbered files of a folder, for one process at a time.
 
-    A file has at most `file_bytes`; beyond `total_bytes` the oldest files are removed, never the newest.
-
-    Raises:
-        OSError: the folder cannot be used, or another process uses it. The methods raise it as well.
+    A file has at most `file_bytes`; beyond `total_bytes` the oldest files are removed, never the newest. It raises
+    OSError if the folder cannot be used, or another process uses it; so do its methods.
     """
 
     def __init__(self, folder: Path, file_bytes: int = FILE_BYTES, total_bytes: int = TOTAL_BYTES) -> None:

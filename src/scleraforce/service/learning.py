@@ -178,10 +178,9 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
 
 
 def resumed(known: Known, path: Path, eye: str) -> Known:
-    """Return the known eye with the E of an earlier session as its prior.
+    """Return the known eye with the E of an earlier session as its prior, or raise InputError.
 
-    Raises:
-        InputError: the file is of another eye, IOP or tissue, or no monitor has learned it.
+    A file of another eye, IOP or tissue is refused, and one that no monitor has learned.
     """
     file = open_calibration(path)
     eyes, place = summary_of(file).eyes, f"--resume {path}: eyes"

@@ -38,7 +38,7 @@ class Entry:
 
     `withdrawn_s` is when the withdrawal began. `frame` is the number in this session, from 1, `frame_id` the sender's;
     `latency_ms` runs from the frame's last byte to the answer on the wire; `verdict` is also None for a frame that
-    could not be read. `time_to_bound_ms` is the median, an end of the interval None beyond 2 s (`monitor.rise`).
+    could not be read. `time_to_bound_ms` is the median, an end of the interval None beyond 2 s (`monitor.trend`).
     `modulus_mpa` is E as learned in this session (mean, SD, number of frames), None if it is not.
     `overtaken` counts the frames since the start that newer ones overtook, `lost` the unread ones.
     """

@@ -84,10 +84,8 @@ def monitor_service(
     """Start all processes, yield the server and its address, and end all processes.
 
     Call the server's `run` at once: from here on the watchdog expects signs of life. The second opinion loads the
-    folder `model` by itself; `note` is called with a line for the operator.
-
-    Raises:
-        InputError: an address cannot be listened on, a folder cannot be written, or there is too little memory.
+    folder `model` by itself; `note` is called with a line for the operator. It raises InputError if an address cannot
+    be listened on, a folder cannot be written, or there is too little memory.
     """
     limits, known = settings.limits, settings.known
     rows, columns = limits.size or (0, 0)
@@ -182,11 +180,7 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
 
 
 def listen(host: str, port: int, prefix: str = "") -> socket.socket:
-    """Return a socket that listens; port 0 takes a free one; `prefix` is that of the options' names ("web-").
-
-    Raises:
-        InputError: the address cannot be listened on.
-    """
+    """Return a socket that listens, or raise InputError; `prefix` is that of the options' names ("web-")."""
     if not host.strip():
         raise InputError(f"--{prefix}host: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for all its networks")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -207,8 +201,7 @@ def listen(host: str, port: int, prefix: str = "") -> socket.socket:
 def try_folders(black_box: Path, record: Path | None) -> None:
     """Create the folder of the black box, and test that both folders can be written; the recording's is created later.
 
-    Raises:
-        InputError: a folder cannot be written or is in use by another monitor, or `record` exists.
+    A folder that another monitor uses, or a `record` that exists, is an InputError, too.
     """
     if record is not None:
         _try_record(record.absolute(), black_box.absolute())

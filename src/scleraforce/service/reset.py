@@ -89,8 +89,7 @@ class ResetCode:
 def ask_reset(host: str, port: int, token: str, within_s: float = ANSWER_S) -> tuple[bool, str]:
     """Ask a monitor to end a withdrawal; return whether it did, and its message, which must come within `within_s`.
 
-    Raises:
-        InputError: no monitor answers at this address, or the token cannot be sent.
+    It raises InputError if no monitor answers at this address, or the token cannot be sent.
     """
     if not host.strip():
         raise InputError("--host: empty; give the address of the monitor, 127.0.0.1 for this machine")

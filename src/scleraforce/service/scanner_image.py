@@ -43,11 +43,8 @@ class FrameAssembler:
     def add(self, image: Image) -> ScannerFrame | None:
         """Take the next image of the scanner; return the frame that it completes, None if parts are still missing.
 
-        A whole image is not copied.
-
-        Raises:
-            ProtocolError: the image is not a B-scan, or does not belong to the parts before it, which are forgotten. A
-                new frame begins with the image if it has the first pixel.
+        A whole image is not copied. A ProtocolError refuses an image that is not a B-scan, or does not belong to the
+        parts before it, which are forgotten; a new frame begins with the image if it has the first pixel.
         """
         begun, self._begun = self._begun, None
         frame, part = _frame(image), _Part.of(image)

@@ -35,13 +35,10 @@ OPINION_PRIORITY, MONITOR_PRIORITY, WATCHDOG_PRIORITY = 5, 10, 20
 
 
 def parts_of(data: bytes) -> tuple[bytes, int, bytes]:
-    """Return the letter of a datagram, the number after it (0 without one), and the rest.
+    """Return the letter of a datagram, the number after it (0 without one), and the rest, or raise MessageError.
 
     >>> parts_of(b"V7 2")
     (b'V', 7, b'2')
-
-    Raises:
-        MessageError: it is not a message.
     """
     if len(data) > MOST_BYTES or not FORM.fullmatch(data):
         raise MessageError(f"{data[:20]!r}, {len(data)} bytes: not a message to the watchdog")

@@ -3,7 +3,6 @@
 import re
 import tomllib
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
 from itertools import takewhile
@@ -63,9 +62,9 @@ class Step:
             return
         self.predicted = max(entry.verdict.predicted, self.predicted or 0)
         low_mn, high_mn = entry.interval_mn or (None, None)
-        self.force_mn = _farther(max, self.force_mn, entry.force_mn)
-        self.low_mn = _farther(min, self.low_mn, low_mn)
-        self.high_mn = _farther(max, self.high_mn, high_mn)
+        self.force_mn = max(_numbers(self.force_mn, entry.force_mn), default=None)
+        self.low_mn = min(_numbers(self.low_mn, low_mn), default=None)
+        self.high_mn = max(_numbers(self.high_mn, high_mn), default=None)
 
     def as_json(self) -> list[Any]:
         """Return the step for the page, rounded to tenths of a micronewton, which is finer than the page shows."""
@@ -94,11 +93,9 @@ class History:
         return late[::-1]
 
 
-def _farther(which: Callable[[float, float], float], one_mn: float | None, other_mn: float | None) -> float | None:
-    """Return `which`, the larger or the smaller, of two forces; what is missing or NaN does not count."""
-    if other_mn is None or not isfinite(other_mn):
-        return one_mn
-    return other_mn if one_mn is None else which(one_mn, other_mn)
+def _numbers(*forces_mn: float | None) -> list[float]:
+    """Return the forces that are neither missing nor NaN or infinite."""
+    return [force_mn for force_mn in forces_mn if force_mn is not None and isfinite(force_mn)]
 
 
 class Board:
