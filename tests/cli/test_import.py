@@ -17,8 +17,10 @@ from small_recordings import looked_at_frames, write_small_recording
 from scleraforce.cli import import_ as terminal
 from scleraforce.cli.import_ import import_
 from scleraforce.cli.main import run
+from scleraforce.errors import InputError
+from scleraforce.notebook.importing import import_recording
 from scleraforce.recording import importing
-from scleraforce.recording.folder import Recording, read_recording
+from scleraforce.recording.folder import Plane, Recording, read_recording
 
 
 def stack(path: Path, **stated: object) -> Path:
@@ -117,6 +119,69 @@ def test_a_recording_comes_back_from_its_own_files(imported, tmp_path: Path) -> 
         np.testing.assert_array_equal(second.frame(frame), first.frame(frame))
     np.testing.assert_allclose(second.forces.force_n("fz"), first.forces.force_n("fz"), rtol=1e-6)
     assert entry["values"]["times"] == str(folder / "frames.csv")
+
+
+PLANES = Plane("along", 0.1e-3, 0.0), Plane("across", 0.0, np.pi / 2)
+ALONG, ACROSS = ("--plane", "along:0.1:0"), ("--plane=across:0:90",)
+NEEDLE = ["--eye", "eye-1", "--gauge", 22, "--refractive-index", 1, "--bits", 13]
+
+
+@pytest.fixture
+def cross(tmp_path: Path) -> list[Path]:
+    """A log, and two frames of each of two planes, as folders of pictures whose names repeat."""
+    for folder, first in (("along", 0), ("across", 2)):
+        (tmp_path / folder).mkdir()
+        for nth in range(2):
+            cv2.imwrite(str(tmp_path / folder / f"{nth}.png"), FRAMES[first + nth])
+    write_log(tmp_path / "log.csv")
+    return [tmp_path / name for name in ("log.csv", "along", "across")]
+
+
+def test_folders_of_planes_become_one_recording_of_moments(imported, cross, tmp_path: Path) -> None:
+    log, along, across = cross
+    scale = ["--width-mm", 9, "--depth-mm", 8, "--rate-hz", 0.5, "--clock-offset-s", 0.5, "--contact-sign", -1]
+    entry, recording = imported(log, *ALONG, along, *ACROSS, across, *NEEDLE, *scale)
+    shown = [(frame.time_s, frame.plane) for frame in recording.frames]
+    assert shown == [(0.5, "along"), (0.5, "across"), (2.5, "along"), (2.5, "across")]
+    for frame, nth in zip(recording.frames, (0, 2, 1, 3), strict=True):
+        np.testing.assert_array_equal(recording.frame(frame), FRAMES[nth])
+    assert (entry["frames"], recording.info.oct.plane, recording.info.needle.slice_gap_m) == (4, PLANES, None)
+    python = import_recording(
+        cross, tmp_path / "s", planes=(None, *PLANES), eye="eye-1", gauge=22, bits=13, refractive_index=1.0,
+        width_m=9e-3, depth_m=8e-3, rate_hz=0.5, clock_offset_s=0.5, axis="fz", contact_sign=-1,
+    )  # fmt: skip
+    assert (python.info, python.frames) == (recording.info, recording.frames)
+
+
+def test_times_of_planes_are_shared_and_must_agree(imported, refused, tmp_path: Path) -> None:
+    for name, step_s in (("a", 1.0), ("b", 1.1), ("c", 1.5)):
+        stack(tmp_path / f"{name}.tif", finterval=step_s)
+    _, recording = imported(*ALONG, tmp_path / "a.tif", *ACROSS, tmp_path / "b.tif", *NEEDLE, out="t")
+    assert [frame.time_s for frame in recording.frames] == np.repeat(np.arange(COUNT), 2).tolist()
+    apart = [*ALONG, tmp_path / "a.tif", *ACROSS, tmp_path / "c.tif", *NEEDLE]
+    assert "frames of one moment differ by 2 s between the planes; give --rate-hz" in refused(*apart)
+    assert len(imported(*apart, "--rate-hz", 2, out="s")[1].frames) == 2 * COUNT
+
+
+def test_planes_that_do_not_fit_together_are_refused_in_one_line(refused, cross, tmp_path: Path) -> None:
+    log, along, across = cross
+    for arguments, words in (
+        ((*ALONG, along), "--plane: only one"),
+        ((*ALONG, *ACROSS, along), "--plane: 'along': no frames follow it"),
+        ((*ALONG, along, *ACROSS, across, "--plane", "b:1:0", log), "'across' has 2, 'b' has 0"),
+        ((*ALONG, along, "--plane", "along:0:90", across), "--plane: name: 'along' is there twice"),
+        ((along, *ACROSS, across, "--plane", "b:0:0", along), f"--plane: missing for {along / '0.png'}"),
+        ((*ALONG, along, *ACROSS, across / "0.png"), "'along' has 2, 'across' has 1"),
+        ((*ALONG, along, *ACROSS, across, "--gap-mm", 0.4), "--gap-mm: several planes show their gaps"),
+    ):
+        assert words in refused(*arguments, *NEEDLE, "--width-mm", 9, "--depth-mm", 8, "--rate-hz", 0.5)
+    for sources, planes, words in (
+        ((along, across), PLANES[:1], "^planes: 1 for 2 sources"),
+        ((along, along), PLANES[:1] * 2, "^plane: only one"),
+        ((along, across / "0.png"), PLANES, "^planes: as many frames of each .* 'along' has 2"),
+    ):
+        with pytest.raises(InputError, match=words):
+            import_recording(sources, tmp_path / "r", planes=planes)
 
 
 def test_damage_is_reported_in_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -232,4 +232,6 @@ def test_a_missing_source_is_one_line(tmp_path: Path) -> None:
 
 def test_every_option_of_the_command_is_an_argument_in_si() -> None:
     arguments = {SI_NAMES.get(field.name, field.name) for field in fields(ImportOptions)}
-    assert set(inspect.signature(sf.import_recording).parameters) == arguments | {"sources", "out", "like", "progress"}
+    assert set(inspect.signature(sf.import_recording).parameters) == arguments | {
+        "sources", "out", "like", "planes", "progress",
+    }  # fmt: skip

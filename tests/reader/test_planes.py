@@ -128,7 +128,7 @@ def test_the_command_reads_the_frames_of_a_moment_together(model, recording, cap
         (("--plane", "a:0", "f.png"), "'a:0' is not NAME:OFFSET_MM:DIRECTION_DEG"),
         (("--plane", "a:99:0", "f.png"), "offset_m: 0.099 is above the largest"),
         (("--plane", "a:0:0", "f.png"), "--plane: only one"),
-        (("--plane", "a:0:0", "f.png", "--plane", "a:0:9", "g.png"), "'a' is given twice, at two places"),
+        (("--plane", "a:0:0", "f.png", "--plane", "a:0:9", "g.png"), "--plane: name: 'a' is there twice"),
         (("--plane", "a:0:0", "f.png", "--plane", "b:0:90", "g.png", "h.png"), "'a' has 1, 'b' has 2"),
     ],
 )

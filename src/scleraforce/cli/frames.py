@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 import scleraforce as sf
-from scleraforce.cli.options import EYE, FRAME_SIZE, LEAN_DEFAULT, PATH, PLANE, options, parse_plane
+from scleraforce.cli.options import EYE, FRAME_SIZE, LEAN_DEFAULT, PATH, PLANE, PlacedPlane, options, planes_of
 from scleraforce.cli.output import Command, Report, each_of, is_json, progress_bar, say
 from scleraforce.errors import InputError
 from scleraforce.known import NOTHING_KNOWN, Known, completed
@@ -239,22 +239,6 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             yield f"of {count} of {len(entries)} frames nothing states the {', the '.join(words)}"
 
 
-class _Placed(click.Option):
-    """An option whose values carry the number of arguments to their left on the command line."""
-
-    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
-        """Add the option."""
-        super().add_to_parser(parser, ctx)
-        for name in self.opts:
-            option = parser._long_opt[name]
-            option.process = lambda value, state, take=option.process: take(f"{len(state.largs)}:{value}", state)
-
-    def type_cast_value(self, ctx: click.Context, value: Any) -> tuple[tuple[int, str], ...]:
-        """Return the number of arguments before each value, and the value."""
-        given = (one.split(":", 1) for one in super().type_cast_value(ctx, value))
-        return tuple((int(count), words) for count, words in given)
-
-
 @click.command(cls=Command)
 @click.argument("model", type=PATH)
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
@@ -265,7 +249,7 @@ class _Placed(click.Option):
 @click.option("--eye", help="Name of the eye in the calibration; default: the recording's.")
 @click.option("--held-s", type=click.FloatRange(0.0), help="Time since the needle's push, in tissue that relaxes; "
               "default: as in the frames of the calibration.")  # fmt: skip
-@click.option("--plane", "planes", cls=_Placed, metavar=PLANE, multiple=True,
+@click.option("--plane", "planes", cls=PlacedPlane, metavar=PLANE, multiple=True,
               help="Plane of the frames that follow: its distance from the scanner's axis, and the direction of its "
               "columns. The n-th frames of all planes are read together.")  # fmt: skip
 @click.option("--mask", "masks", multiple=True, type=PATH,
@@ -374,25 +358,14 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[M
         for path, one in ((path, stated(path)) for path in frames):
             found.setdefault(path if one is None else one[:2], []).append((path, one[2] if one else None))
         return [tuple(moment) for moment in found.values()]
-    planes = dict[str, Plane]()
-    of_plane = dict[str, list[Path]]()
-    ends = [before for before, _ in given[1:]] + [len(frames) + 1]
     if given[0][0] > 1:
         raise InputError(f"--plane: after {frames[0]}, whose plane is not given")
-    for (first, words), end in zip(given, ends, strict=True):
-        plane = parse_plane(words)
-        if planes.setdefault(plane.name, plane) != plane:
-            raise InputError(f"--plane: {plane.name!r} is given twice, at two places")
-        of_plane.setdefault(plane.name, []).extend(frames[first - 1 : end - 1])
-    try:
-        folder.check_planes(tuple(planes.values()))
-    except InputError as fault:
-        raise InputError(f"--plane: {str(fault).removeprefix('plane: ')}") from None
-    counts = {name: len(paths) for name, paths in of_plane.items()}
-    if len(set(counts.values())) > 1:
-        words = ", ".join(f"{name!r} has {count}" for name, count in counts.items())
-        raise InputError(f"--plane: as many frames of each plane are read together; {words}")
-    return [tuple(zip(paths, planes.values(), strict=True)) for paths in zip(*of_plane.values(), strict=True)]
+    of_plane = dict[Plane | None, list[Path]]()
+    after_model = [(max(count - 1, 0), words) for count, words in given]
+    for path, plane in zip(frames, planes_of(frames, after_model), strict=True):
+        of_plane.setdefault(plane, []).append(path)
+    folder.check_counts({plane.name: len(paths) for plane, paths in of_plane.items() if plane})
+    return [tuple(zip(paths, of_plane, strict=True)) for paths in zip(*of_plane.values(), strict=True)]
 
 
 def _entry(path: Path, one: "Reading") -> dict[str, Any]:

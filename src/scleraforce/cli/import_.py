@@ -10,7 +10,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from scleraforce.cli.options import GLOBE, PATH, Quantity, added
+from scleraforce.cli.options import GLOBE, PATH, PLANE, PlacedPlane, Quantity, added, planes_of
 from scleraforce.cli.output import Command, Report, count_bar, is_json
 from scleraforce.models import SHIPPED_READER
 from scleraforce.plain_text import wrapped
@@ -71,12 +71,16 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
               help="Recording folder to write; must not exist.")  # fmt: skip
 @click.option("--like", type=PATH, is_eager=True, callback=_like, metavar="RECORDING",
               help="Take scanner, needle, sensor and the columns of the log from another recording.")  # fmt: skip
+@click.option("--plane", "planes", cls=PlacedPlane, metavar=PLANE, multiple=True,
+              help="Plane of the frames that follow: its distance from the scanner's axis, and the direction of its "
+              "columns. The n-th frames of all planes are of one moment.")  # fmt: skip
 @added(OPTIONS)
 @click.option("--model", type=PATH, help="Model whose training limits are noted; default: the bundled reader.")
 @click.pass_context
 def import_(
-    ctx: click.Context, /, sources: tuple[Path, ...], out: Path, like: Path | None, model: Path | None, **given: Any
-) -> Report:
+    ctx: click.Context, /, sources: tuple[Path, ...], out: Path, like: Path | None, planes: tuple[tuple[int, str], ...],
+    model: Path | None, **given: Any,
+) -> Report:  # fmt: skip
     """Write a laboratory's frames and force log as a recording folder.
 
     A SOURCE is an image, a stack, a volume, a film, a ROS bag, a force log, or
@@ -87,20 +91,24 @@ def import_(
     RECORDING/preview.png shows the first frames with scale bars, and the force
     curve: look at it. RECORDING/import.json says where each value comes from.
 
-    Example: scleraforce import scan.dcm forces.csv --out eye-3 --like eye-2
+    Examples: scleraforce import scan.dcm forces.csv --out eye-3 --like eye-2
+
+    scleraforce import forces.csv --plane along:0:0 along --plane across:0:90
+    across --out eye-4
     """
     from scleraforce.notebook.importing import PREVIEW, write_imported  # with ONNX Runtime and Numba
 
     words = {ParameterSource.COMMANDLINE: OPTION, ParameterSource.DEFAULT_MAP: f"like {like}"}
     origins = {name: words[origin] for name in ctx.params if (origin := ctx.get_parameter_source(name)) in words}
     asker = _asker({param.name or "": param.type for param in ctx.command.params})
-    done = write_imported(sources, out, ImportOptions(**given), origins, count_bar, asker, model or SHIPPED_READER)
+    to = sources, out, ImportOptions(**given), origins, count_bar, asker, model or SHIPPED_READER
+    done = write_imported(*to, planes_of(sources, planes) if planes else ())
     scanner, preview = done.info.oct, out / PREVIEW
     return Report(
         {
             "recording": str(out),
             "preview": str(preview),
-            "frames": len(done.gathered.scan.names),
+            "frames": len(done.gathered.frames.names),
             "force_samples": None if done.log is None else len(done.log.time_s),
             "width_mm": from_si(scanner.width_m, "mm"),
             "depth_mm": from_si(scanner.depth_m, "mm"),
@@ -114,7 +122,8 @@ def import_(
 
 def _lines(done: Import) -> list[str]:
     scan, scanner, source, greys, log = done.gathered.scan, done.info.oct, done.sources, done.greys, done.log
-    count = "1 frame" if len(scan.names) == 1 else f"{len(scan.names)} frames"
+    shown, planes = len(done.gathered.frames.names), len(scanner.plane)
+    count = "1 frame" if shown == 1 else f"{shown} frames{f' in {planes} planes' * bool(planes)}"
     first_s, last_s = done.times.time_s[0], done.times.time_s[-1]
     begin = f"; 0 s is {done.origin_s:.0f} s of the sources' clock" if done.origin_s else ""
     found = [

@@ -193,3 +193,36 @@ def parse_plane(words: str) -> "Plane":
         raise InputError(f"--plane: {words!r}: {fault}") from None
     except ValueError:
         raise InputError(f"--plane: {words!r} is not {PLANE}, like across:0:90") from None
+
+
+class PlacedPlane(click.Option):
+    """The option --plane, whose values carry the number of arguments to their left on the command line."""
+
+    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
+        """Add the option."""
+        super().add_to_parser(parser, ctx)
+        for name in self.opts:
+            option = parser._long_opt[name]
+            option.process = lambda value, state, take=option.process: take(f"{len(state.largs)}:{value}", state)
+
+    def type_cast_value(self, ctx: click.Context, value: Any) -> tuple[tuple[int, str], ...]:
+        """Return the number of arguments before each value, and the value."""
+        given = (one.split(":", 1) for one in super().type_cast_value(ctx, value))
+        return tuple((int(count), words) for count, words in given)
+
+
+def planes_of(paths: Sequence[Path], given: Sequence[tuple[int, str]]) -> "list[Plane | None]":
+    """Return the plane of each path, None before the first --plane; `given`: the number of paths before each."""
+    from scleraforce.recording.folder import check_planes
+
+    planes = [parse_plane(words) for _, words in given]
+    try:
+        check_planes(tuple(dict.fromkeys(planes)))
+    except InputError as fault:
+        raise InputError(f"--plane: {str(fault).removeprefix('plane: ')}") from None
+    found: list[Plane | None] = [None] * len(paths)
+    for (before, _), plane in zip(given, planes, strict=True):
+        found[before:] = [plane] * (len(paths) - before)
+    if unused := [plane for plane in planes if plane not in found]:
+        raise InputError(f"--plane: {unused[0].name!r}: no frames follow it; give it before the frames of its plane")
+    return found

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import fields
 from functools import partial
-from itertools import islice
+from itertools import islice, product
 from math import degrees
 from os import PathLike
 from pathlib import Path
@@ -21,7 +21,7 @@ from scleraforce.notebook import Counting, counting_for
 from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording import importing
-from scleraforce.recording.folder import OctInfo, Recording, read_recording
+from scleraforce.recording.folder import OctInfo, Plane, Recording, read_recording
 from scleraforce.recording.importing import Asker, Import, answers_like
 from scleraforce.recording.labels import labels_n, unit_fault
 from scleraforce.recording.pixels import Greys, PixelScale, Scan, UnansweredError, find_greys
@@ -70,6 +70,7 @@ def import_recording(
     iop_pa: float | None = None,
     globe: str | None = None,
     polar_angle_rad: float | None = None,
+    planes: Sequence[Plane | None] = (),
     progress: Callable[[int], object] | None = None,
 ) -> Recording:
     """Write frames and force log of other programs as a recording folder (docs/formats.md lists what is read).
@@ -105,6 +106,8 @@ def import_recording(
         iop_pa: pressure at rest, where it was measured.
         globe: "open" or "sealed"; None: not known.
         polar_angle_rad: of the contact, from the pole, where it is known.
+        planes: that the scanner took at once, one for each of the sources (None: a force log). The n-th frames of all
+            planes are of one moment; the gap is then found, not given.
         progress: called with 1 after each frame that is written.
 
     Raises:
@@ -131,16 +134,18 @@ def import_recording(
     try:
         if not paths:
             raise InputError("sources: none; give at least one")
+        if planes and len(planes) != len(paths):
+            raise InputError(f"planes: {len(planes)} for {len(paths)} sources; give one for each, or None for a log")
         others = {} if like is None else answers_like(Path(like))
         answers = ImportOptions(**(others | given))
         origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
-        write_imported(paths, Path(out), answers, origins, counting_for(progress, "frames"))
+        write_imported(paths, Path(out), answers, origins, counting_for(progress, "frames"), planes=planes)
     except InputError as fault:
         text = str(fault)
         if isinstance(fault, UnansweredError) and fault.forms:
             text = f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
         arguments = {option_name(field.name): SI_NAMES.get(field.name, field.name) for field in fields(ImportOptions)}
-        arguments["--out"] = "out"
+        arguments |= {"--out": "out", "--plane": "planes"}
         text = re.sub(r"(?<![\w/-])--[a-z-]+", lambda option: arguments.get(option[0], option[0]), text)
         raise InputError(text) from fault
     return read_recording(out)
@@ -154,24 +159,30 @@ def write_imported(
     counting: Counting,
     asker: Asker | None = None,
     model: Path = SHIPPED_READER,
+    planes: Sequence[Plane | None] = (),
 ) -> Import:
-    """Write a recording folder, whole or not at all; counts "sources", "grey levels", "frames"."""
+    """Write a recording folder, whole or not at all; counts "sources", "grey levels", "frames".
+
+    Of several `planes` there is one for each source.
+    """
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: exists already; remove it or choose another --out")
     with folder_when_whole(out) as part:
-        gathered, answers = _gathered(sources, answers, counting, asker)
-        scan = gathered.scan
+        gathered, answers = _gathered(sources, answers, counting, asker, planes)
+        scan = gathered.frames
         with counting("grey levels", len(scan.names)) as advance:
             greys = find_greys(_counted(scan.pictures(), advance), answers.grey_range, scan.names[0])
         done = importing.complete(gathered, greys, answers, origins, asker, partial(_wall_um, scan, greys))
         done = done.with_notes(limit_notes(model, done.info))
         comment = f"imported by scleraforce {__version__}; import.json names the sources"
-        with counting("frames", len(scan.names)) as advance, closing(RecordingWriter(part, done.info, comment)) as to:
-            pictures = _counted(scan.pictures(), advance)
-            for file, time_s, picture in zip(
-                frame_files(scan.names), done.times.time_s.tolist(), pictures, strict=True
-            ):
-                to.add(file, time_s, greys.counts(picture))
+        with (
+            counting("frames", len(scan.names)) as advance,
+            closing(RecordingWriter(part, done.info, comment, ("plane",) if gathered.planes else ())) as to,
+        ):
+            shown: list[tuple[str, ...]] = [(plane.name,) for plane in gathered.planes] or [()]
+            entries = zip(frame_files(scan.names), product(done.times.time_s.tolist(), shown), strict=True)
+            for (file, (time_s, more)), picture in zip(entries, _counted(scan.pictures(), advance), strict=True):
+                to.add(file, time_s, greys.counts(picture), more)
         if done.log is not None:
             write_log(part, done.log)
         (part / importing.IMPORT_RECORD).write_text(importing.record_text(done, answers, __version__), encoding="utf-8")
@@ -188,14 +199,18 @@ def write_imported(
 
 
 def _gathered(
-    sources: Sequence[Path], answers: ImportOptions, counting: Counting, asker: Asker | None
+    sources: Sequence[Path],
+    answers: ImportOptions,
+    counting: Counting,
+    asker: Asker | None,
+    planes: Sequence[Plane | None],
 ) -> tuple[Gathered, ImportOptions]:
     """Read the sources, asking until they leave nothing open; an answer that they contradict is asked for again."""
     last: tuple[ImportOptions, UnansweredError] | None = None
     while True:
         try:
             with counting("sources", len(files_of(sources))) as seen:
-                return gather(sources, answers, seen), answers
+                return gather(sources, answers, seen, planes), answers
         except UnansweredError as open_point:
             if asker is None:
                 raise

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from itertools import groupby
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.errors import FrameError, RecordingError, StudyError
+from scleraforce.errors import FrameError, InputError, RecordingError, StudyError
 from scleraforce.recording.images import read_frame, read_image
 from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
 from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
@@ -99,6 +100,13 @@ def check_planes(planes: tuple[Plane, ...]) -> None:
                 raise StudyError(f"plane: name: {plane.name!r} is there twice")
             if (before.offset_m, before.direction_rad) == (plane.offset_m, plane.direction_rad):
                 raise StudyError(f"plane: {before.name!r} and {plane.name!r} are at one place")
+
+
+def check_counts(counts: Mapping[str, int]) -> None:
+    """Raise an `InputError` unless there are as many frames of each plane."""
+    if len(set(counts.values())) > 1:
+        words = ", ".join(f"{name!r} has {count}" for name, count in counts.items())
+        raise InputError(f"--plane: as many frames of each plane are read together; {words}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -123,6 +123,8 @@ def complete(
 ) -> Import:
     """Combine options (`origins`), then the sources' values, then another recording's; ask for the rest."""
     _check_used(gathered, origins)
+    if gathered.planes and origins.get("gap_mm") == OPTION:
+        raise InputError("--gap-mm: several planes show their gaps; leave it out")
     times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
     needed = _needed(gathered, answers, times)
     stated = _stated(gathered, greys)
@@ -204,7 +206,8 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
 
 
 def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> set[str]:
-    needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge", "gap_mm"}
+    needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge"}
+    needed |= set() if gathered.planes else {"gap_mm"}
     if times is None and len(gathered.scan.names) > 1:
         needed.add("rate_hz")
     if gathered.log is not None:
@@ -233,10 +236,11 @@ def _stated(gathered: Gathered, greys: Greys) -> Known:
 def _info(gathered: Gathered, answers: ImportOptions, values: dict[str, Any]) -> RecordingInfo:
     scan = gathered.scan
     try:
-        width_m, depth_m, gap_m = (to_si(values[name], "mm") for name in ("width_mm", "depth_mm", "gap_mm"))
-        used = {name: values[name] for name in ("bits", "refractive_index")}
+        width_m, depth_m = (to_si(values[name], "mm") for name in ("width_mm", "depth_mm"))
+        used = {name: values[name] for name in ("bits", "refractive_index")} | {"plane": gathered.planes}
         oct_info = OctInfo(columns=scan.columns, rows=scan.rows, width_m=width_m, depth_m=depth_m, **used)
         thickness_m, iop_pa = to_si(answers.thickness_um, "um"), to_si(answers.iop_mmhg, "mmhg")
+        gap_m = None if gathered.planes else to_si(values["gap_mm"], "mm")
         eye = EyeInfo(values["eye"], thickness_m=thickness_m, iop_pa=iop_pa, globe=answers.globe)
         polar_rad = to_si(answers.polar_angle_deg, "deg")
         needle = NeedleInfo(gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad)

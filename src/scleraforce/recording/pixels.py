@@ -363,6 +363,28 @@ def joined(scans: Sequence[Scan]) -> Scan:
     )
 
 
+def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
+    """Return the scan of the first of several planes, which has the moments' times, and all frames moment by moment.
+
+    The n-th frames of all planes show one moment. Times that differ by half of the shortest step are a fault.
+    """
+    whole = joined(scans)
+    first = replace(scans[0], notes=whole.notes, scale_fault=whole.scale_fault, times_fault=whole.times_fault)
+    times = [scan.times.time_s for scan in scans if scan.times is not None]
+    if first.times is not None and len(first.names) > 1:
+        apart_s = float(np.ptp(times, axis=0).max())
+        if apart_s > 0.5 * float(np.diff(first.times.time_s).min()):
+            fault = f"{scans[0].names[0]}: frames of one moment differ by {apart_s:g} s between the planes"
+            first = replace(first, times=None, times_fault=fault)
+
+    def pictures() -> PictureStream:
+        each = [_checked(scan) for scan in scans]
+        return (picture for moment in zip(*each, strict=True) for picture in moment)
+
+    names = tuple(name for moment in zip(*(scan.names for scan in scans), strict=True) for name in moment)
+    return first, replace(first, names=names, pictures=pictures)
+
+
 def _checked(scan: Scan) -> PictureStream:
     """Yield a scan's frames, and check their stated number and size, which damaged files break."""
     count = 0

@@ -5,13 +5,15 @@ import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
+from itertools import zip_longest
 from pathlib import Path, PurePath
 
 import numpy as np
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording import bags, dicom, force_log, images, log_text, tables, tiff, volumes
-from scleraforce.recording.pixels import Scan, Times, joined, parse_axes, rising
+from scleraforce.recording.folder import Plane, check_counts, check_planes
+from scleraforce.recording.pixels import Scan, Times, joined, of_moments, parse_axes, rising
 from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import FileKind, check_regular
 
@@ -178,27 +180,43 @@ def _known_kind(name: str, head: bytes) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """The files with their kinds, all frames, the force log and its columns (None: no source has forces), and notes."""
+    """The files with their kinds, the frames, the force log and its columns (None: no source has forces), and notes.
+
+    Of several `planes`, `scan` is that of the first one, with the moments' times; `frames` has all, moment by moment.
+    """
 
     files: tuple[tuple[Path, str], ...]
     scan: Scan
     log: ForceLog | None
     columns: tuple[force_log.LogColumn, ...]
     notes: tuple[str, ...]
+    frames: Scan
+    planes: tuple[Plane, ...] = ()
 
 
-def gather(sources: Sequence[Path], options: ImportOptions, seen: Callable[[int], None] = lambda _: None) -> Gathered:
-    """Read all sources; `seen` is called with 1 after each. Ask for answers that `options` do not give."""
+def gather(
+    sources: Sequence[Path],
+    options: ImportOptions,
+    seen: Callable[[int], None] = lambda _: None,
+    planes: Sequence[Plane | None] = (),
+) -> Gathered:
+    """Read all sources, of several `planes` one for each source; `seen` is called with 1 after each file.
+
+    Ask for answers that `options` do not give.
+    """
     axes = None if options.axes is None else parse_axes(options.axes)
     given = [force_log.parse_column(text) for text in options.columns]
-    files = [(path, source_kind(path)) for path in files_of(sources)]
-    scans: list[Scan] = []
+    sources_of, scans = dict[Plane | None, list[Path]](), dict[Plane | None, list[Scan]]()
+    for source, plane in zip_longest(sources, planes):
+        sources_of.setdefault(plane, []).append(source)
+    files = [(path, source_kind(path), plane) for plane, of_plane in sources_of.items() for path in files_of(of_plane)]
     logs: list[tuple[Path, ForceLog]] = []
     columns: tuple[force_log.LogColumn, ...] = ()
-    for path, kind in files:
+    for path, kind, plane in files:
         if kind == "bag":
             scan, log = bags.read_bag(path, options.image_topic, options.force_topic, options.by_arrival)
-            scans += [] if scan is None else [_oriented(path, scan, axes)]
+            if scan is not None:
+                scans.setdefault(plane, []).append(_oriented(path, scan, axes))
             if log is not None:
                 log = replace(log, notes=(*log.notes, *tables.gap_notes(path, log.wrench_sc)))
                 logs.append((path, tables.checked_samples(log, path, f"{path}: message {{}} of the forces".format)))
@@ -206,19 +224,29 @@ def gather(sources: Sequence[Path], options: ImportOptions, seen: Callable[[int]
             log, columns = force_log.read_force_text(log_text.read_log_text(path), given)
             logs.append((path, log))
         else:
-            scans.append(read_scan(path, kind, axes, options.array))
+            scans.setdefault(plane, []).append(read_scan(path, kind, axes, options.array))
         seen(1)
     if not scans:
         raise InputError(f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images")
     if len(logs) > 1:
         raise InputError(f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time")
-    scan, log = joined(scans), logs[0][1] if logs else None
+    of_planes = {plane: joined(found) for plane, found in scans.items() if plane}
+    if of_planes and None in scans:
+        raise InputError(f"--plane: missing for {scans[None][0].names[0]}; give one before the frames of each plane")
+    check_planes(tuple(of_planes))
+    counts = {plane.name: sum(len(scan.names) for scan in scans.get(plane, ())) for plane in sources_of if plane}
+    check_counts(counts)
+    whole = joined([one for found in scans.values() for one in found])
+    scan, frames = of_moments(list(of_planes.values())) if of_planes else (whole, whole)
+    log = logs[0][1] if logs else None
     notes = [*scan.notes, *(log.notes if log else ())]
-    shown = [path for path, kind in files if kind not in ("bag", "log")]
-    if scan.times is None and shown != sorted(shown, key=_natural_order):
-        order = f"{shown[0].name} to {shown[-1].name}; their numbers have another"
-        notes.insert(len(scan.notes), f"frames are taken in the order given, {order}")
-    return Gathered(tuple(files), scan, log, columns, tuple(notes))
+    for of_plane in scans:
+        shown = [path for path, kind, plane in files if plane == of_plane and kind not in ("bag", "log")]
+        if scan.times is None and shown != sorted(shown, key=_natural_order):
+            order = f"{shown[0].name} to {shown[-1].name}; their numbers have another"
+            notes.insert(len(scan.notes), f"frames are taken in the order given, {order}")
+    kinds = tuple((path, kind) for path, kind, _ in files)
+    return Gathered(kinds, scan, log, columns, tuple(notes), frames, tuple(of_planes))
 
 
 def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[Times, ForceLog | None, float]:
