@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.finite_strain import BentEye, bend_eye
+from scleraforce.mechanics.finite_strain import LoadPath, bend_eye
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.mesh import HexMesh
@@ -62,7 +62,7 @@ def linear_tip(mesh: HexMesh, contact: Contact) -> float:
     return tip_displacement(mesh, contact, wall.needle_cnc([contact], NEEDLE_RADIUS_M)[0])
 
 
-def bent(study: Study, thickness_m: float, modulus_pa: float, max_force_mn: float) -> BentEye:
+def bent(study: Study, thickness_m: float, modulus_pa: float, max_force_mn: float) -> LoadPath:
     """The load path of one eye at the common contact and pressure."""
     return bend_eye(
         study,
@@ -74,9 +74,9 @@ def bent(study: Study, thickness_m: float, modulus_pa: float, max_force_mn: floa
     )
 
 
-def tips_mm(eye: BentEye, forces_mn: tuple[float, ...]) -> list[float]:
+def tips_mm(eye: LoadPath, forces_mn: tuple[float, ...]) -> list[float]:
     """The tip's displacement at forces."""
-    return [eye.path.tip_m(force_mn / 1e3) * 1e3 for force_mn in forces_mn]
+    return [eye.tip_m(force_mn / 1e3) * 1e3 for force_mn in forces_mn]
 
 
 def print_linear(rows: int | None, finest: tuple[int, int]) -> None:
@@ -101,7 +101,7 @@ def print_paths(fine: bool, rows: int | None, forces_mn: tuple[float, ...]) -> N
             print(
                 f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6} MPa, {core} x {rings}:",
                 f"{eye.mesh.points_nc.size} unknowns,",
-                f"{len(eye.path.tips_m)} states, {seconds:.1f} s, {memory_gb:.2f} GB;",
+                f"{len(eye.tips_m)} states, {seconds:.1f} s, {memory_gb:.2f} GB;",
                 np.round(tips_mm(eye, forces_mn), 3),
             )
 
@@ -114,7 +114,7 @@ def print_effects(rows: int | None, forces_mn: tuple[float, ...]) -> None:
         tips = np.array(tips_mm(eye, forces_mn))
         plain = tips if plain is None else plain
         cells = [f"{tip:.2f} ({100 * (tip / of - 1):+.1f} %)" for tip, of in zip(tips, plain, strict=True)]
-        print(f"| {name} |", " | ".join(cells), f"| {eye.path.pressure_pa(forces_mn[-1] / 1e3):.0f} Pa")
+        print(f"| {name} |", " | ".join(cells), f"| {eye.pressure_pa(forces_mn[-1] / 1e3):.0f} Pa")
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ def readings(
     if needles:
         drawn = with_needle(drawn, rng)
     computed = compute_eye(drawn)
-    path, mesh, plane = computed.bent[0].path, computed.bent[0].mesh, drawn.eye.plane
+    path, mesh, plane = computed.bent[0], computed.bent[0].mesh, drawn.eye.plane
     forces_n = (computed.largest_n * np.sqrt(rng.uniform(0.0, 1.0, frames))).tolist()
     plan = plan_phantom(drawn.eye, tuple(forces_n), drawn.study, seed)
     sections, _ = plan_sections(plan, computed.sections_at)

@@ -39,10 +39,10 @@ def sections(given: Study, kind: str) -> tuple[list[Section], list[float]]:
         iop_pa=study.eye.iop_pa,
         max_force_n=1e-3 * FORCES_MN[-1],
     )
-    states_fnc = np.stack([bent.path.displacement_nc(1e-3 * force) for force in FORCES_MN])
+    states_fnc = np.stack([bent.displacement_nc(1e-3 * force) for force in FORCES_MN])
     plane = ScanPlane(contact, gap_m=study.needle.gap_m)
     cut = cut_sections(bent.mesh, [plane], states_fnc, np.eye(len(FORCES_MN))[None])[0]
-    return cut, [1e3 * bent.path.tip_m(1e-3 * force) for force in FORCES_MN]
+    return cut, [1e3 * bent.tip_m(1e-3 * force) for force in FORCES_MN]
 
 
 def depths_mm(section: Section) -> Floats:

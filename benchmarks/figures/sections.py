@@ -12,7 +12,7 @@ from scleraforce.laboratory.virtual_eye import (
     farthest_turn_rad,
     turned_eyes,
 )
-from scleraforce.mechanics.finite_strain import BentEye, FiniteWall, bend_eye
+from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, bend_eye
 from scleraforce.mechanics.graded import graded_eye
 from scleraforce.mechanics.loads import Needle, needle_at, tip_at
 from scleraforce.study import Study
@@ -27,7 +27,7 @@ class ComputedEye:
 
     eye: PhantomEye
     study: Study
-    bent: tuple[BentEye, ...]
+    bent: tuple[LoadPath, ...]
     largest_n: float
 
     @property
@@ -39,7 +39,7 @@ class ComputedEye:
 
     def tips_m(self, forces_n: Sequence[float]) -> list[float]:
         """Return the depth of the dent for needle forces in N, with the eye as at the start."""
-        return [self.bent[0].path.tip_m(force_n) for force_n in forces_n]
+        return [self.bent[0].tip_m(force_n) for force_n in forces_n]
 
 
 def compute_eye(drawn: FigureEye) -> ComputedEye:
@@ -53,11 +53,11 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
         bent = tuple(_bend(eye, study, max_force_n) for eye, study in turned_eyes(drawn.eye, drawn.study))
     else:
         bent = (bend_leaning(drawn.eye, drawn.study, drawn.lean, max_force_n),)
-    reached_n = min(one.path.max_force_n for one in bent)
+    reached_n = min(one.max_force_n for one in bent)
     return ComputedEye(drawn.eye, drawn.study, bent, min(max_force_n, reached_n * (1.0 - ROOM)))
 
 
-def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> BentEye:
+def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> LoadPath:
     return bend_eye(
         study,
         eye.plane.contact,
@@ -70,7 +70,7 @@ def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> BentEye:
     )
 
 
-def bend_leaning(eye: PhantomEye, study: Study, lean: Lean, max_force_n: float) -> BentEye:
+def bend_leaning(eye: PhantomEye, study: Study, lean: Lean, max_force_n: float) -> LoadPath:
     """Compute the path of a plain eye under a needle that leans; a sensor along the needle feels its forces.
 
     The force is uniform over the needle's disc, seen along the needle, and keeps its direction (`Lean.push_rad`) and
@@ -89,4 +89,4 @@ def bend_leaning(eye: PhantomEye, study: Study, lean: Lean, max_force_n: float) 
         max_tip_m=DEEPEST_M,
         as_far_as_found=True,
     )
-    return BentEye(mesh, replace(path, forces_n=lean.felt * path.forces_n))
+    return replace(path, forces_n=lean.felt * path.forces_n)

@@ -126,7 +126,7 @@ def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imag
     for eye, paths in ((drawn, 3), (drawn.held_still(), 1)):
         computed = compute_eye(eye)
         assert len(computed.bent) == paths
-        assert computed.largest_n <= min(bent.path.max_force_n for bent in computed.bent)
+        assert computed.largest_n <= min(bent.max_force_n for bent in computed.bent)
         recordings.make_eye(folder, eye)
         truth = json.loads((folder.recording(eye) / "truth.json").read_text())
         assert ("turn" in truth["frames"][0]) == (paths == 3)
@@ -148,7 +148,7 @@ def test_a_dent_follows_the_part_of_the_force_along_the_normal():
     drawn = draw_eyes("plain", 1, STUDY)[0]
     study = replace(drawn.study, mesh=replace(drawn.study.mesh, core=2, rings=6))
     leans = {Lean(0.0, 0.0): 1.0, Lean(0.7, 1.0): cos(0.7), Lean(0.7, 1.0, 0.3): 1.0 / (cos(0.7) + 0.3 * sin(0.7))}
-    upright, *leaning = (bend_leaning(drawn.eye, study, lean, 0.015).path for lean in leans)
+    upright, *leaning = (bend_leaning(drawn.eye, study, lean, 0.015) for lean in leans)
     for path, part in zip(leaning, list(leans.values())[1:], strict=True):
         assert path.tip_m(0.01) == pytest.approx(upright.tip_m(0.01 * part), rel=0.05)
 

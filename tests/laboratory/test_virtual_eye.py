@@ -39,7 +39,7 @@ def test_each_section_is_that_of_its_state_alone() -> None:
     wall = {"thickness_m": 800e-6, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0}
     bent = bend_eye(STUDY, EYE.plane.contact, **wall, max_force_n=0.012)
     for force_n, section in zip(FORCES_N, together, strict=True):
-        alone = cut_section(bent.mesh, EYE.plane, bent.path.displacement_nc(force_n))
+        alone = cut_section(bent.mesh, EYE.plane, bent.displacement_nc(force_n))
         assert np.abs(section.outer - alone.outer).max() < 1e-8
         assert np.abs(section.inner - alone.inner).max() < 1e-8
     top = [section.outer[:, 1].min() for section in together]

@@ -36,7 +36,7 @@ from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
-from scleraforce.mechanics.slices import fill_section, slice_window
+from scleraforce.mechanics.section import fill_section, slice_window
 from scleraforce.study import Range, Study, format_study, parse_study
 
 RANGES = Range(min=0.35e-3, max=1e-3), Range(min=-0.1, max=0.1), Range(min=-2e-4, max=2e-4)

@@ -16,7 +16,7 @@ from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
 from scleraforce.mechanics.contact import SliceWindow
-from scleraforce.mechanics.slices import fill_section
+from scleraforce.mechanics.section import fill_section
 from scleraforce.study import ReaderStudy, SliceStudy, fixed
 
 READER, SLICE = ReaderStudy(), SliceStudy()

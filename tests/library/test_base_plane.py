@@ -41,7 +41,7 @@ def test_a_needle_beside_the_pole_meets_a_wall_that_is_stiffer_as_in_three_dimen
     tips, polar, modulus_pa = np.array([1e-3, 2e-3, 3e-3]), float(np.radians(52.0)), 0.3e6
     study = Study(mesh=MeshStudy(kind="graded", core=4, rings=8), eye=EyeStudy(density_kg_m3=0.0))
     given = {"thickness_m": 0.8e-3, "youngs_modulus_pa": modulus_pa, "iop_pa": 266.0, "max_force_n": 1.0}
-    paths = [bend_eye(study, Contact(polar_rad=angle), **given, max_tip_m=3e-3).path for angle in (0.0, polar)]
+    paths = [bend_eye(study, Contact(polar_rad=angle), **given, max_tip_m=3e-3) for angle in (0.0, polar)]
     even_n, beside_n = (np.interp(tips, path.tips_m, path.forces_n) for path in paths)
     even, beside = (forces_beside_the_pole(0.8e-3, 266.0 / modulus_pa, angle, tips) for angle in (0.0, polar))
     assert beside_n / even_n - 1.0 == pytest.approx(beside / even - 1.0, rel=0.25)

@@ -7,7 +7,7 @@ from analytic_library import curves
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import Framing, column_laterals, draw_slices, fill_boundaries, wall_boundaries
 from scleraforce.mechanics.contact import Section, SliceWindow
-from scleraforce.mechanics.slices import fill_section
+from scleraforce.mechanics.section import fill_section
 from scleraforce.study import SliceStudy
 
 STUDY = SliceStudy()

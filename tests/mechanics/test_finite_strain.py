@@ -15,7 +15,7 @@ from scleraforce import study as st
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.finite_strain import BentEye, FiniteWall, LoadPath, WallEquilibrium, bend_eye
+from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, WallEquilibrium, bend_eye
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
@@ -191,11 +191,17 @@ def test_a_sealed_globe_with_a_dead_pressure_is_an_input_error() -> None:
         wall.load_path(needle_at(mesh, CONTACT, WIDE), **LOADS, max_force_n=1e-3, globe=GLOBE)
 
 
+def path_through(tips_m: np.ndarray, forces_n: np.ndarray) -> LoadPath:
+    """Return a path of two nodes that move as the tip does."""
+    count = len(tips_m)
+    moved_snc = tips_m[:, None, None] * np.ones((count, 2, 3))
+    return LoadPath(coarse_mesh(), tips_m, forces_n, np.full(count, IOP), np.zeros(count), moved_snc)
+
+
 def made_up_path() -> LoadPath:
     """A path that turns: 0, 3, 2, 4 mN."""
     tips_m = np.linspace(0.0, 3e-3, 31)
-    forces_n = 1e-3 * np.interp(tips_m, [0.0, 1e-3, 2e-3, 3e-3], [0.0, 3.0, 2.0, 4.0])
-    return LoadPath(tips_m, forces_n, np.full(31, IOP), np.zeros(31), tips_m[:, None, None] * np.ones((31, 2, 3)))
+    return path_through(tips_m, 1e-3 * np.interp(tips_m, [0.0, 1e-3, 2e-3, 3e-3], [0.0, 3.0, 2.0, 4.0]))
 
 
 def test_of_several_states_with_one_force_the_first_is_taken() -> None:
@@ -210,7 +216,7 @@ def test_the_force_of_a_state_is_read_at_that_state_whatever_the_rounding() -> N
     for _ in range(200):
         tips_m = np.append(0.0, np.cumsum(random.uniform(0.1e-3, 0.5e-3, size=12)))
         forces_n = 5.0 * tips_m + random.uniform(0.1, 1.0) * 1e3 * tips_m**2
-        path = LoadPath(tips_m, forces_n, np.full(13, IOP), np.zeros(13), tips_m[:, None, None] * np.ones((13, 2, 3)))
+        path = path_through(tips_m, forces_n)
         for side in (0.0, 1.0):
             found_m = [path.tip_m(float(force_n)) for force_n in np.nextafter(forces_n[1:-1], side)]
             np.testing.assert_allclose(found_m, tips_m[1:-1], atol=1e-12)
@@ -327,7 +333,7 @@ OBLIQUE = Contact(polar_rad=radians(35), azimuth_rad=0.4)
 FORCE_N = 0.012
 
 
-def bent(study: st.Study, contact: Contact = OBLIQUE, **given: object) -> BentEye:
+def bent(study: st.Study, contact: Contact = OBLIQUE, **given: object) -> LoadPath:
     usual = {"thickness_m": 0.8e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0, "max_force_n": FORCE_N}
     return bend_eye(study, contact, **{**usual, **given})
 
@@ -342,7 +348,7 @@ def test_small_forces_on_an_odd_eye_bend_it_as_linear_mechanics_does() -> None:
     wall = LinearWall(eye.mesh, 0.45)
     needle_nc = wall.needle_cnc([OBLIQUE], 0.35e-3)[0]
     linear_m = tip_displacement(eye.mesh, OBLIQUE, needle_nc) * 2e-6 / 0.3e6
-    assert eye.path.tip_m(2e-6) == pytest.approx(linear_m, rel=5e-3)  # the needle's disc is laid on the form exactly
+    assert eye.tip_m(2e-6) == pytest.approx(linear_m, rel=5e-3)  # the needle's disc is laid on the form exactly
 
 
 @pytest.mark.slow
@@ -357,8 +363,8 @@ def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
     whole = st.RegionStudy(modulus_ratio=2.0, half_angle_rad=pi, edge_rad=radians(0.1))
     everywhere = with_form(st.FormStudy(region=(whole,)))
     np.testing.assert_allclose(
-        bent(everywhere, youngs_modulus_pa=0.2e6).path.displacement_nc(FORCE_N),
-        bent(WEIGHTLESS, youngs_modulus_pa=0.4e6).path.displacement_nc(FORCE_N),
+        bent(everywhere, youngs_modulus_pa=0.2e6).displacement_nc(FORCE_N),
+        bent(WEIGHTLESS, youngs_modulus_pa=0.4e6).displacement_nc(FORCE_N),
         atol=3e-8,  # other steps, between which the path interpolates
     )
 
@@ -370,7 +376,7 @@ def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> 
         Contact(polar_rad=radians(80), azimuth_rad=OBLIQUE.azimuth_rad + pi),
     )
     plain, near, far = (
-        bent(study).path.tip_m(FORCE_N)
+        bent(study).tip_m(FORCE_N)
         for study in (
             WEIGHTLESS,
             *(with_form(st.FormStudy(region=(replace(cap, **asdict(place)),))) for place in (OBLIQUE, away)),
@@ -385,8 +391,8 @@ def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
     """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about (1.1)^2 as stiff."""
     wave = st.WaveStudy(amplitude_fraction=0.1, degree=1, **asdict(OBLIQUE))
     uneven = with_form(st.FormStudy(wave=(wave,)))
-    even, thick = bent(WEIGHTLESS).path.tip_m(FORCE_N), bent(WEIGHTLESS, thickness_m=0.88e-3).path.tip_m(FORCE_N)
-    assert bent(uneven).path.tip_m(FORCE_N) == pytest.approx(thick, rel=0.02)
+    even, thick = bent(WEIGHTLESS).tip_m(FORCE_N), bent(WEIGHTLESS, thickness_m=0.88e-3).tip_m(FORCE_N)
+    assert bent(uneven).tip_m(FORCE_N) == pytest.approx(thick, rel=0.02)
     assert thick < 0.9 * even
 
 
@@ -394,16 +400,16 @@ def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the
     contact = replace(OBLIQUE, azimuth_rad=0.0)  # in the plane y = 0, in which the mesh is its own mirror image
     needles = [st.NeedleStudy(tilt_rad=radians(10), tilt_direction_rad=sign * radians(90)) for sign in (1, -1)]
     left, right = (bent(replace(COARSEST, needle=needle), contact) for needle in needles)
-    assert left.path.tip_m(FORCE_N) == pytest.approx(right.path.tip_m(FORCE_N), rel=1e-6)
+    assert left.tip_m(FORCE_N) == pytest.approx(right.tip_m(FORCE_N), rel=1e-6)
     at_contact = np.argmin(np.linalg.norm(left.mesh.points_nc - 12e-3 * contact.normal, axis=1))
     for eye, sign in ((left, 1.0), (right, -1.0)):
-        moved = eye.path.displacement_nc(FORCE_N)[at_contact] - eye.path.displacement_nc(0.0)[at_contact]
+        moved = eye.displacement_nc(FORCE_N)[at_contact] - eye.displacement_nc(0.0)[at_contact]
         assert sign * moved @ contact.parallel > 0.01e-3
-    mirrored = left.path.displacement_nc(FORCE_N) * (1.0, -1.0, 1.0)
+    mirrored = left.displacement_nc(FORCE_N) * (1.0, -1.0, 1.0)
     nearest = np.linalg.norm(
         (left.mesh.points_nc * (1.0, -1.0, 1.0))[:, None] - right.mesh.points_nc[None, :400], axis=2
     ).argmin(axis=0)
-    np.testing.assert_allclose(mirrored[nearest], right.path.displacement_nc(FORCE_N)[:400], atol=1e-8)
+    np.testing.assert_allclose(mirrored[nearest], right.displacement_nc(FORCE_N)[:400], atol=1e-8)
 
 
 @pytest.mark.slow
@@ -414,9 +420,9 @@ def test_in_a_sealed_globe_the_pressure_rises_and_a_dead_pressure_is_another() -
         "dead": {"mechanics": st.MechanicsStudy("finite-strain", follower=False)},
     }
     eyes = {name: bent(replace(WEIGHTLESS, **kind)) for name, kind in kinds.items()}
-    assert eyes["open"].path.pressure_pa(FORCE_N) == pytest.approx(266.0)
-    assert eyes["sealed"].path.pressure_pa(FORCE_N) > 270.0
-    tips = {name: eye.path.tip_m(FORCE_N) for name, eye in eyes.items()}
+    assert eyes["open"].pressure_pa(FORCE_N) == pytest.approx(266.0)
+    assert eyes["sealed"].pressure_pa(FORCE_N) > 270.0
+    tips = {name: eye.tip_m(FORCE_N) for name, eye in eyes.items()}
     assert tips["sealed"] < tips["open"]
     assert 1e-5 < abs(tips["dead"] / tips["open"] - 1.0) < 0.05
 
@@ -433,13 +439,13 @@ def test_an_eye_on_a_bed_is_a_whole_globe_that_gives_way() -> None:
     held, lying = bent(WEIGHTLESS), bent(replace(WEIGHTLESS, supports=st.SupportsStudy(kind="bed")))
     assert lying.mesh.points_nc[:, 2].min() < -0.9 * 12e-3
     below = lying.mesh.points_nc[:, 2] < -6e-3
-    pushed_nc = lying.path.displacement_nc(FORCE_N) - lying.path.displacement_nc(0.0)
+    pushed_nc = lying.displacement_nc(FORCE_N) - lying.displacement_nc(0.0)
     # 0.44 N/mm for the whole eye along its axis.
     assert 0.01e-3 < np.abs(pushed_nc[below]).max() < 0.1e-3
-    assert held.path.tip_m(FORCE_N) < lying.path.tip_m(FORCE_N) < 1.2 * held.path.tip_m(FORCE_N)
+    assert held.tip_m(FORCE_N) < lying.tip_m(FORCE_N) < 1.2 * held.tip_m(FORCE_N)
 
 
 def test_straps_hold_a_clamped_eye_a_little_more() -> None:
     firm = st.SupportsStudy(kind="straps", strap_stiffness_n_per_m=2e4)
     held, strapped = bent(COARSEST), bent(replace(COARSEST, supports=firm))
-    assert 0.9 * held.path.tip_m(FORCE_N) < strapped.path.tip_m(FORCE_N) < held.path.tip_m(FORCE_N)
+    assert 0.9 * held.tip_m(FORCE_N) < strapped.tip_m(FORCE_N) < held.tip_m(FORCE_N)

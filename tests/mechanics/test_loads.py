@@ -10,7 +10,7 @@ from reference_r1 import gaussian_load
 from reference_walls import rest_nc, stiffness_matrix, symmetric_base
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import FacePlaces, volume_points
+from scleraforce.mechanics.elements import volume_points
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
@@ -277,7 +277,7 @@ def test_the_blocks_in_the_matrix_are_the_forces() -> None:
     springs = elastic_bed(mesh, NORMAL, SHEAR) + rectus_straps(mesh, 20.0)
     nodes = mesh.cells_en.shape[1]
     elements = np.zeros((len(mesh.cells_en), 3, nodes, 3, nodes))
-    springs.add_to(elements, FacePlaces(mesh.cells_en, springs.nodes_qn), 0.5)
+    springs.add_to(elements, 0.5)
     u = np.random.default_rng(0).normal(size=mesh.points_nc.shape)
     K = stiffness_matrix(mesh, elements)
     np.testing.assert_allclose(2 * K @ u.ravel(), springs.forces(u).ravel(), atol=1e-12 * abs(K).max())

@@ -18,7 +18,6 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.elements import element_stiffness, volume_points
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.fibres import FibreLaw, fibre_law
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.frontal import FrontalFactor, dissect
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
@@ -27,7 +26,7 @@ from scleraforce.mechanics.loads import needle_at, pressure_load
 from scleraforce.mechanics.material import burst_tension, growth, lame_constants, strain_measure
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
+from scleraforce.mechanics.neo_hookean import FibreLaw, NeoHookeanSolid, fibre_law
 from scleraforce.mechanics.shapes import node_positions
 
 R, T, B = 12e-3, 1e-3, 12.0

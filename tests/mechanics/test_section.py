@@ -15,9 +15,8 @@ from scleraforce.mechanics.form import form_mesh
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
-from scleraforce.mechanics.section import cut_sections
+from scleraforce.mechanics.section import WALL, cut_sections, fill_section, slice_window
 from scleraforce.mechanics.shapes import shape_values
-from scleraforce.mechanics.slices import WALL, fill_section, slice_window
 from scleraforce.study import FormStudy, SliceStudy
 
 RADIUS, THICKNESS = 12e-3, 6e-4

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from scleraforce.mechanics.contact import Section, SliceWindow
-from scleraforce.mechanics.slices import fill_section
+from scleraforce.mechanics.section import fill_section
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.observations import (

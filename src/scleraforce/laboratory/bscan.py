@@ -28,7 +28,7 @@ from scleraforce.laboratory.light import (
     transmission,
 )
 from scleraforce.mechanics.contact import Section
-from scleraforce.mechanics.slices import columns_crossed
+from scleraforce.mechanics.section import columns_crossed
 from scleraforce.study import OctStudy
 
 SKIN_M = 10e-6  # thickness of the bright edge, and at least SKIN_COLUMNS of a column

@@ -13,14 +13,13 @@ from scleraforce.arrays import Bytes, Floats
 from scleraforce.errors import InputError, StudyError
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section, SliceWindow
 from scleraforce.mechanics.continuation import Progress
-from scleraforce.mechanics.finite_strain import BentEye, bend_eye
+from scleraforce.mechanics.finite_strain import LoadPath, bend_eye
 from scleraforce.mechanics.globe import study_globe
 from scleraforce.mechanics.graded import supported_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import study_springs
 from scleraforce.mechanics.mesh import HexMesh
-from scleraforce.mechanics.section import cut_sections
-from scleraforce.mechanics.slices import fill_section, slice_window
+from scleraforce.mechanics.section import cut_sections, fill_section, slice_window
 from scleraforce.study import PhantomStudy, Study, draw, refuse_unused
 from scleraforce.study.fields import check_quantity
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
@@ -189,14 +188,14 @@ class BentSections:
     """
 
     def __init__(
-        self, eye: PhantomEye, study: Study, progress: Progress | None = None, bent: BentEye | None = None
+        self, eye: PhantomEye, study: Study, progress: Progress | None = None, bent: LoadPath | None = None
     ) -> None:
         self.eye, self._study, self._progress, self._bent = eye, study, progress, bent
 
     def cut(self, forces_n: Sequence[float], planes: Sequence[ScanPlane]) -> Sequence[Section]:
         """Return the section by a plane of its own at each force."""
         bent = self._bent_to(forces_n)
-        states_nc = map(bent.path.displacement_nc, forces_n)
+        states_nc = map(bent.displacement_nc, forces_n)
         each = zip(states_nc, planes, strict=True)
         return [cut_sections(bent.mesh, [plane], nc[None], np.ones((1, 1, 1)))[0][0] for nc, plane in each]
 
@@ -205,21 +204,21 @@ class BentSections:
         bent, sections = self._bent_to(forces_n), list[Section]()
         for start in range(0, len(forces_n), FORCES_AT_ONCE):
             part = forces_n[start : start + FORCES_AT_ONCE]
-            states_fnc = np.stack([bent.path.displacement_nc(force_n) for force_n in part])
+            states_fnc = np.stack([bent.displacement_nc(force_n) for force_n in part])
             sections += cut_sections(bent.mesh, [self.eye.plane], states_fnc, np.eye(len(part))[None])[0]
         return sections
 
     def travels_m(self, forces_n: Sequence[float]) -> list[float]:
         """Return the tip's inward displacement from rest at each force, m."""
-        return list(map(self._bent_to(forces_n).path.travel_m, forces_n))
+        return list(map(self._bent_to(forces_n).travel_m, forces_n))
 
     def pressures_pa(self, forces_n: Sequence[float]) -> list[float]:
         """Return the eye pressure at each force in Pa."""
-        return list(map(self._bent_to(forces_n).path.pressure_pa, forces_n))
+        return list(map(self._bent_to(forces_n).pressure_pa, forces_n))
 
-    def _bent_to(self, forces_n: Sequence[float]) -> BentEye:
+    def _bent_to(self, forces_n: Sequence[float]) -> LoadPath:
         largest_n = max(forces_n, default=0.0)
-        if self._bent is None or self._bent.path.max_force_n < largest_n:
+        if self._bent is None or self._bent.max_force_n < largest_n:
             eye = self.eye
             self._bent = bend_eye(
                 self._study, eye.plane.contact, thickness_m=eye.thickness_m, youngs_modulus_pa=eye.youngs_modulus_pa,
@@ -392,12 +391,12 @@ def simulate_eye(
         mesh, pressure_pa = wall.mesh, iop_pa
         tip_m = dent_m = tip_displacement(mesh, contact, states_nc[1] - states_nc[0])
     else:
-        bent = bend_eye(
+        path = bend_eye(
             study, contact, thickness_m=thickness_m, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa,
             max_force_n=force_n if displacement_m is None else inf,
             max_travel_m=inf if displacement_m is None else displacement_m, progress=progress,
         )  # fmt: skip
-        mesh, path = bent.mesh, bent.path
+        mesh = path.mesh
         dent_m = path.tip_m(force_n) if displacement_m is None else path.tip_of_travel_m(displacement_m)
         states_nc = path.displacement_nc(0.0), path.displacement_at_tip_nc(dent_m)
         found_n, pressure_pa, tip_m = path.at_tip(dent_m)

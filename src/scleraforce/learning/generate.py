@@ -20,8 +20,7 @@ from scleraforce.library.slices import Framing, draw_slices
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.section import cut_sections
-from scleraforce.mechanics.slices import fill_section, slice_window
+from scleraforce.mechanics.section import cut_sections, fill_section, slice_window
 from scleraforce.processes import ClusterWorkers, available_cores, work_units
 from scleraforce.study import Study, format_study, parse_study, refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2

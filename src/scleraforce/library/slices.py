@@ -5,8 +5,8 @@ together; a place between two stations is then found without a search. A section
 column where X cos(turn) - Y(X) sin(turn) has the column's value: Newton's method finds it. A boundary that folds over
 is done alone. The motion of `sections.section_motion` moves the stations.
 
-The picture is that of `mechanics.slices.fill_section` for the same curves: a pixel is wall where its centre lies in the
-wall. Boundaries come separately, so that a segmentation's errors can be added before they are filled.
+The picture is that of `mechanics.section.fill_section` for the same curves: a pixel is wall where its centre lies in
+the wall. Boundaries come separately, so that a segmentation's errors can be added before they are filled.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ import numpy as np
 from scleraforce.arrays import Bytes, Flags, Floats, Places, Reals
 from scleraforce.library.sections import ACROSS, ALONG, DOWN, SectionMotion, cut_rings, cut_surfaces, section_curve
 from scleraforce.mechanics.contact import Section
-from scleraforce.mechanics.slices import SNAP, WALL, fill_section, slice_window
+from scleraforce.mechanics.section import SNAP, WALL, fill_section, slice_window
 from scleraforce.study import SliceStudy
 
 STATION_M = 0.05e-3  # where the wall bends with a radius of 1 mm, what lies between two stations is 0.3 um off

@@ -92,7 +92,11 @@ def trace(
     walk = _Walk(control, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP)
     kept = [walk.history[0]]
     for goal_m in [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]:
-        while walk.tip_m < goal_m and kept[-1][1] < max_force and control.travel_m(kept[-1][2]) < max_travel_m:
+        while (
+            walk.tip_m < goal_m
+            and control.force(kept[-1][1]) < max_force
+            and control.travel_m(kept[-1][1]) < max_travel_m
+        ):
             try:
                 walk.step_towards(goal_m)
             except SolverError:
@@ -100,7 +104,7 @@ def trace(
                     return _states(kept, len(start), control)
                 raise
             if progress is not None:
-                travel_m = control.travel_m(walk.history[-1][2])
+                travel_m = control.travel_m(walk.history[-1][1])
                 progress(min(max(control.largest_force / max_force, travel_m / max_travel_m), 1.0))
             if tips_m is None or walk.tip_m >= goal_m:
                 kept.append(walk.history[-1])
@@ -116,10 +120,9 @@ def _end(tips_m: Floats | None, max_tip_m: float | None, other: float) -> float:
     return min(ends, default=np.inf)
 
 
-def _states(kept: list[tuple[float, float, Floats]], unknowns: int, control: Dent) -> PathStates:
-    tips, forces = np.array([tip for tip, _, _ in kept]), np.array([force for _, force, _ in kept])
-    unknowns_sx = np.stack([x for _, _, x in kept])
-    displacement_su = unknowns_sx[:, :unknowns]
+def _states(kept: list[tuple[float, Floats]], unknowns: int, control: Dent) -> PathStates:
+    tips, unknowns_sx = np.array([tip for tip, _ in kept]), np.stack([x for _, x in kept])
+    forces, displacement_su = unknowns_sx[:, control.count], unknowns_sx[:, :unknowns]
     if isinstance(control, SealedDent):
         return PathStates(tips, forces, unknowns_sx[:, -1], displacement_su, unknowns_sx[:, unknowns : 2 * unknowns])
     undented_su = np.broadcast_to(control.start, displacement_su.shape)
@@ -127,13 +130,13 @@ def _states(kept: list[tuple[float, float, Floats]], unknowns: int, control: Den
 
 
 class _Walk:
-    """Steps along the path; each starts from a polynomial through the last states (tip in m, force, unknowns)."""
+    """Steps along the path; each starts from a polynomial through the last states (tip in m, unknowns)."""
 
     def __init__(self, control: Dent, largest_m: float, end_m: float, smallest: float) -> None:
         """`smallest`: of the path, or of its largest step, the shortest step that is tried."""
         self.control, self.step_m, self.largest_m = control, min(FIRST_STEP_M, largest_m), largest_m
         self.shortest_m = smallest * min(end_m, largest_m)
-        self.history: list[tuple[float, float, Floats]] = [(0.0, 0.0, control.unloaded)]
+        self.history: list[tuple[float, Floats]] = [(0.0, control.unloaded)]
 
     @property
     def tip_m(self) -> float:
@@ -153,18 +156,18 @@ class _Walk:
                 easy, self.step_m = 1.0, 0.5 * (tip_m - self.tip_m)
                 if self.step_m >= self.shortest_m:
                     continue
-                ratio = f"F/E = {from_si(self.history[-1][1], 'mm2'):.4g} mm^2"
+                ratio = f"F/E = {from_si(self.control.force(self.history[-1][1]), 'mm2'):.4g} mm^2"
                 reached = f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm, {ratio}; {self.control.remedy}"
                 raise SolverError(f"load path: no equilibrium found beyond {reached}") from fault
             self.step_m = min(self.largest_m, self.step_m * (easy if factors == 1 else 1.0 if factors <= 3 else 0.5))
-            self.control.largest_force = max(self.control.largest_force, abs(float(x[self.control.count])))
-            self.history = [*self.history[1 - STATES :], (tip_m, float(x[self.control.count]), x)]
+            self.control.largest_force = max(self.control.largest_force, abs(self.control.force(x)))
+            self.history = [*self.history[1 - STATES :], (tip_m, x)]
             return
 
     def _extrapolated(self, tip_m: float) -> Floats:
         """Lagrange's polynomial through the last states."""
-        tips = [tip for tip, _, _ in self.history]
-        guess = np.zeros_like(self.history[0][2])
-        for i, (own, _, x) in enumerate(self.history):
+        tips = [tip for tip, _ in self.history]
+        guess = np.zeros_like(self.history[0][1])
+        for i, (own, x) in enumerate(self.history):
             guess += x * np.prod([(tip_m - other) / (own - other) for j, other in enumerate(tips) if j != i])
         return guess

@@ -7,7 +7,7 @@ import numpy as np
 
 from scleraforce.arrays import Floats, Integers, Reals
 from scleraforce.errors import SolverError
-from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.mesh import COLUMN_NODES, HexMesh
 from scleraforce.mechanics.shapes import shape_gradients, shape_values
 
 
@@ -86,27 +86,17 @@ def element_stiffness(points: VolumePoints, lame_lambda: float, lame_mu: float) 
 
 
 class FacePlaces:
-    """The places of faces' unknowns in the matrices of the elements that the faces belong to."""
+    """The places of the unknowns of outer or inner quads in the matrices of the elements that they belong to."""
 
-    def __init__(self, cells_en: Integers, faces_qn: Integers) -> None:
-        """`faces_qn`: nodes of faces of the elements `cells_en`, (face, node); a face may occur more than once."""
-        from scipy import sparse  # imported here: few meshes have such faces
-
-        def incidence(nodes_en: Integers) -> sparse.csr_array:
-            """Return ones where an element (row) has a node (column)."""
-            starts = np.arange(len(nodes_en) + 1) * nodes_en.shape[1]
-            shape = (len(nodes_en), int(cells_en.max()) + 1)
-            return sparse.csr_array((np.ones(nodes_en.size), nodes_en.ravel(), starts), shape=shape)
-
-        common = (incidence(faces_qn) @ incidence(cells_en).T).tocoo()
-        whole = common.data == faces_qn.shape[1]
-        element_q = np.empty(len(faces_qn), dtype=np.int64)
-        element_q[common.coords[0][whole]] = common.coords[1][whole]
-        local_qn = np.argmax(cells_en[element_q][:, None, :] == faces_qn[:, :, None], axis=2)
-        unknown_qin = np.arange(3)[:, None] * cells_en.shape[1] + local_qn[:, None, :]
-        size = 3 * cells_en.shape[1]
-        row = (element_q[:, None, None] * size + unknown_qin) * size
-        self._entries = (row[..., None, None] + unknown_qin[:, None, None]).ravel()
+    def __init__(self, mesh: HexMesh, quads_q: Integers, layer: int) -> None:
+        """`quads_q`: numbers of quads of the outer (`layer` 2) or inner surface (0); one may occur more than once."""
+        nodes = mesh.cells_en.shape[1]
+        local_n = np.array([COLUMN_NODES.index((layer, node)) for node in range(mesh.outer_qn.shape[1])])
+        unknown_in = np.arange(3)[:, None] * nodes + local_n
+        # Elements come layer by layer, the outermost first.
+        element_q = quads_q + (0 if layer == 2 else len(mesh.cells_en) - len(mesh.inner_qn))
+        row_qin = (element_q[:, None, None] * 3 * nodes + unknown_in) * 3 * nodes
+        self._entries = (row_qin[..., None, None] + unknown_in).ravel()
 
     def add(self, element_eiajb: Reals, face_qiajb: Floats) -> None:
         """Add matrices of the faces (face, 3, node, 3, node) to element matrices, in place."""

@@ -109,6 +109,10 @@ class Dent(Balance):
         balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
         return bool(balanced and abs(defect[self.count]) <= BALANCE_TOLERANCE * self.tip_m)
 
+    def force(self, x: Floats) -> float:
+        """Return the needle's force."""
+        return float(x[self.count])
+
     def travel_m(self, x: Floats) -> float:
         """Return the tip's inward displacement from `start`; in a sealed globe it is less than the dent."""
         return float(self.problem.tip @ (x[: len(self.start)] - self.start))

@@ -18,9 +18,7 @@ from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import Progress, pressurise, trace
-from scleraforce.mechanics.elements import FacePlaces
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.fibres import FibreLaw, fibre_law
 from scleraforce.mechanics.form import element_modulus, form_mesh
 from scleraforce.mechanics.frontal import FrontalFactor, dissect, one_blas_thread
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, study_globe
@@ -37,7 +35,7 @@ from scleraforce.mechanics.loads import (
 )
 from scleraforce.mechanics.material import burst_tension
 from scleraforce.mechanics.mesh import HexMesh
-from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
+from scleraforce.mechanics.neo_hookean import FibreLaw, NeoHookeanSolid, fibre_law
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
@@ -48,13 +46,14 @@ LARGEST_STEP_M = 3e-4  # cubic interpolation between such states is off by 0.01 
 
 @dataclass(frozen=True, eq=False)
 class LoadPath:
-    """States of equilibrium along the needle's path, (state,) each; between them everything is cubic in the tip.
+    """A wall's states of equilibrium along the needle's path, (state,) each; between them all is cubic in the tip.
 
     `tips_m`: the tip's inward displacement from the undented wall at the state's pressure, ascending from 0; the forces
     need not ascend. `rises_m`: outward displacement of the undented wall's tip from rest to the state's pressure.
     `displacement_snc`: displacement from the undeformed wall, (state, node, 3) in m.
     """
 
+    mesh: HexMesh
     tips_m: Floats
     forces_n: Floats
     pressures_pa: Floats
@@ -155,7 +154,7 @@ class FiniteWall:
         `held_nc` holds displacement components at zero, (node, 3); by default the clamped base. `modulus_factor_ep`:
         modulus over E at every Gauss point, (element, point). `dead_pressure_nc`: nodal forces of 1 Pa that keep their
         direction, (node, 3) in m^2, in place of a pressure that follows the inner surface. `springs` hold what is left
-        free; `stiffening`: b of `mechanics.material`; `fibres`: a law of `mechanics.fibres`.
+        free; `stiffening`: b of `mechanics.material`; `fibres`: a law of `mechanics.neo_hookean`.
         """
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
@@ -166,7 +165,6 @@ class FiniteWall:
         _check_supports(mesh, self.held_nc, springs)
         self.free = np.flatnonzero(~self.held_nc.ravel())
         self.dissection = dissect(mesh, self.held_nc)
-        self.spring_places = None if springs is None else FacePlaces(mesh.cells_en, springs.nodes_qn)
 
     @cached_property
     def gravity_nc(self) -> Floats:
@@ -215,7 +213,7 @@ class FiniteWall:
         displacement_snc = np.stack([self.full_nc(u) for u in states.displacement_su])
         forces_n, pressures_pa = states.force * youngs_modulus_pa, states.pressure * youngs_modulus_pa
         rises_m = (states.displacement_su[0] - states.undented_su) @ problem.tip
-        return LoadPath(states.tip_m, forces_n, pressures_pa, rises_m, displacement_snc)
+        return LoadPath(self.mesh, states.tip_m, forces_n, pressures_pa, rises_m, displacement_snc)
 
     def full_nc(self, free: Floats) -> Floats:
         """Return the displacement (node, 3) whose free components are given, (unknown,); the held ones are zero."""
@@ -269,8 +267,8 @@ class WallEquilibrium:
         elements = wall.solid.tangents(displaced_nc, np.float32)
         if wall.dead_pressure_nc is None and pressure != 0.0:
             wall.inner.add_tangent(elements, displaced_nc, -pressure)
-        if wall.springs is not None and wall.spring_places is not None:
-            wall.springs.add_to(elements, wall.spring_places, self._per_modulus)
+        if wall.springs is not None:
+            wall.springs.add_to(elements, self._per_modulus)
         try:
             factor = FrontalFactor(wall.dissection, elements)
         except SolverError as fault:
@@ -294,14 +292,6 @@ LEAST_STATES = 4  # of a path: a cubic in the tip has 4 coefficients
 STEPS_TO_LINEAR_TIP = 3.0  # steps of the path over the dent that a linear wall would have; softer walls take more
 
 
-@dataclass(frozen=True, eq=False)
-class BentEye:
-    """A formed wall under the needle, and its states under growing force."""
-
-    mesh: HexMesh
-    path: LoadPath
-
-
 def bend_eye(
     study: Study,
     contact: Contact,
@@ -314,7 +304,7 @@ def bend_eye(
     max_travel_m: float = np.inf,
     as_far_as_found: bool = False,
     progress: Progress | None = None,
-) -> BentEye:
+) -> LoadPath:
     """Bend an eye at finite strain, up to a force or travel, with a graded mesh and all sections of the study.
 
     The thickness is nominal, the modulus that outside all regions, the pressure that without the needle. For the end of
@@ -357,7 +347,7 @@ def bend_eye(
         raise SolverError(f"{fault}{_burst(study, thickness_m, youngs_modulus_pa, iop_pa)}") from fault
     if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
         path = walk(largest_step_m=min(path.tip_m(min(goal_n, path.max_force_n)), travel_m) / LEAST_STATES)
-    return BentEye(mesh, path)
+    return path
 
 
 def _burst(study: Study, thickness_m: float, youngs_modulus_pa: float, iop_pa: float) -> str:

@@ -63,8 +63,7 @@ def dissect(mesh: HexMesh, held_nc: Flags) -> Dissection:
     shares: list[Integers] = []
     here: list[Integers] = []
     for elements, halves in parts:
-        own_elements = elements if not halves else elements[:0]
-        here_n = np.bincount(cells_en[own_elements].ravel(), minlength=nodes)
+        here_n = np.bincount(cells_en[elements].ravel(), minlength=nodes)
         for half in halves:
             here_n[shares[half]] += here[half]
         met = np.flatnonzero(here_n)
@@ -81,15 +80,14 @@ def dissect(mesh: HexMesh, held_nc: Flags) -> Dissection:
         shared = np.sort(number_nc[shared_nodes][~held_nc[shared_nodes]])
         everything = np.concatenate([np.arange(own.start, own.stop), shared])
         places = tuple(np.searchsorted(everything, fronts[half].shared) for half in halves)
-        own_elements = elements if not halves else elements[:0]
-        numbers = number_nc[cells_en[own_elements]].transpose(0, 2, 1).reshape(len(own_elements), 3 * cells_en.shape[1])
+        numbers = number_nc[cells_en[elements]].transpose(0, 2, 1).reshape(len(elements), 3 * cells_en.shape[1])
         element_places = np.where(numbers < 0, len(everything), np.searchsorted(everything, numbers))
-        fronts.append(Front(own, shared, halves, places, own_elements, element_places))
+        fronts.append(Front(own, shared, halves, places, elements, element_places))
     return tuple(fronts), number_nc[~held_nc]
 
 
 def _parts(mesh: HexMesh) -> Iterator[tuple[Integers, tuple[int, ...]]]:
-    """Yield the elements of each part and its halves' numbers in this order; halves come first."""
+    """Yield the elements of each part without halves, or its halves' numbers in this order; halves come first."""
     corners, corners_en = np.unique(mesh.cells_en[:, :CORNERS], return_inverse=True)
     centres_ec = mesh.sphere_nc[corners][corners_en].mean(axis=1)
     given = 0
@@ -102,7 +100,7 @@ def _parts(mesh: HexMesh) -> Iterator[tuple[Integers, tuple[int, ...]]]:
                 yield from halved(half)
                 halves.append(given - 1)
         given += 1
-        yield elements, tuple(halves)
+        yield (elements[:0] if halves else elements), tuple(halves)
 
     yield from halved(np.arange(len(corners_en)))
 

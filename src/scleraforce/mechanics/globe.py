@@ -17,13 +17,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import InputError
 from scleraforce.study.eye import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
 
-Floats = NDArray[np.float64]
 Values = Floats | float
 
 SAME_SLOPE_PA = to_si(15.0, "mmhg")  # where a logarithmic law is as steep as the cube-root law of its k

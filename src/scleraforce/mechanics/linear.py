@@ -8,7 +8,7 @@ import numpy as np
 from scleraforce.arrays import Flags, Floats, Integers
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import FacePlaces, element_stiffness, volume_points
+from scleraforce.mechanics.elements import element_stiffness, volume_points
 from scleraforce.mechanics.frontal import FrontalFactor, dissect
 from scleraforce.mechanics.loads import Springs, clamped_base, gravity_load, needle_loads, pressure_load, tip_at
 from scleraforce.mechanics.material import lame_constants
@@ -45,7 +45,7 @@ class LinearWall:
         self._free = np.flatnonzero(~self.held_nc.ravel())
         elements = element_stiffness(self._points, *lame_constants(1.0, poisson_ratio))
         if springs is not None:
-            springs.add_to(elements, FacePlaces(mesh.cells_en, springs.nodes_qn), 1.0 / springs_modulus_pa)
+            springs.add_to(elements, 1.0 / springs_modulus_pa)
         self._factor = _factorise(mesh, self.held_nc, elements)
 
     @cached_property

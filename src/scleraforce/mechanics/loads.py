@@ -11,6 +11,7 @@ other eyes at the same angles.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import asin, pi
 
 import numpy as np
@@ -174,7 +175,7 @@ class InnerSurface:
         self._values_pn = shape_values(places, nodes)
         self._slopes_kpn = shape_gradients(places, nodes).transpose(2, 0, 1)
         self._weights_p = weights
-        self._places = FacePlaces(mesh.cells_en, mesh.inner_qn)
+        self._places = FacePlaces(mesh, np.arange(len(mesh.inner_qn)), layer=0)
         # integral of N_a N_b,k for the derivative: w_p N_a N_b,k, (k, a, b, point)
         self._products = np.einsum("p,pa,kpb->kabp", weights, self._values_pn, self._slopes_kpn)
 
@@ -239,28 +240,34 @@ INSERTIONS = {
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """Springs between the wall and its undeformed place.
+    """Springs between a wall and its undeformed place.
 
-    `nodes_qn` (quad, node): the outer quads they act on; `blocks_qnnii` (quad, node, node, 3, 3): their stiffness in
-    N/m. A quad may occur more than once.
+    `quads_q` (quad,): the outer quads they act on; `blocks_qnnii` (quad, node, node, 3, 3): their stiffness in N/m. A
+    quad may occur more than once.
     """
 
-    nodes_qn: Integers
+    mesh: HexMesh
+    quads_q: Integers
     blocks_qnnii: Floats
 
     def __add__(self, other: "Springs") -> "Springs":
         """Return the springs of both."""
-        nodes = np.concatenate([self.nodes_qn, other.nodes_qn])
-        return Springs(nodes, np.concatenate([self.blocks_qnnii, other.blocks_qnnii]))
+        quads_q = np.concatenate([self.quads_q, other.quads_q])
+        return Springs(self.mesh, quads_q, np.concatenate([self.blocks_qnnii, other.blocks_qnnii]))
 
-    def add_to(self, element_eiajb: Reals, places: FacePlaces, factor: float) -> None:
-        """Add `factor` times the stiffness to element matrices, in place; `places` of `nodes_qn`."""
-        places.add(element_eiajb, factor * self.blocks_qnnii.transpose(0, 3, 1, 4, 2))
+    @cached_property
+    def _places(self) -> FacePlaces:
+        return FacePlaces(self.mesh, self.quads_q, layer=2)
+
+    def add_to(self, element_eiajb: Reals, factor: float) -> None:
+        """Add `factor` times the stiffness to element matrices, in place."""
+        self._places.add(element_eiajb, factor * self.blocks_qnnii.transpose(0, 3, 1, 4, 2))
 
     def forces(self, displacement_nc: Floats) -> Floats:
         """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m against the springs, in N."""
-        local_qni = np.einsum("qnmij,qmj->qni", self.blocks_qnnii, displacement_nc[self.nodes_qn], optimize=True)
-        return sum_at(self.nodes_qn, local_qni, len(displacement_nc))
+        nodes_qn = self.mesh.outer_qn[self.quads_q]
+        local_qni = np.einsum("qnmij,qmj->qni", self.blocks_qnnii, displacement_nc[nodes_qn], optimize=True)
+        return sum_at(nodes_qn, local_qni, len(displacement_nc))
 
 
 def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: float) -> Springs:
@@ -271,16 +278,16 @@ def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: floa
     """
     places, _ = gauss_points(2, BED_POINTS)
     heights_qp = mesh.sphere_nc[mesh.outer_qn][..., 2] @ shape_values(places, mesh.outer_qn.shape[1]).T
-    quads = mesh.outer_qn[np.any(heights_qp < 0.0, axis=1)]
+    quads = np.flatnonzero(np.any(heights_qp < 0.0, axis=1))
     if not len(quads):
         raise InputError("bed: this wall has no lower half to lie on it; use a whole globe")
-    values_pn, areas_qpc = surface_points(mesh, quads, BED_POINTS)
+    values_pn, areas_qpc = surface_points(mesh, mesh.outer_qn[quads], BED_POINTS)
     amounts_qp = np.linalg.norm(areas_qpc, axis=-1)
     normals_qpc = areas_qpc / amounts_qp[..., None]
     outer_qpii = normals_qpc[..., :, None] * normals_qpc[..., None, :]
     stiffness_qpii = shear_stiffness_pa_m * np.eye(3) + (stiffness_pa_m - shear_stiffness_pa_m) * outer_qpii
-    stiffness_qpii *= (amounts_qp * (heights_qp[np.any(heights_qp < 0.0, axis=1)] < 0.0))[..., None, None]
-    return Springs(quads, np.einsum("pn,pm,qpij->qnmij", values_pn, values_pn, stiffness_qpii, optimize=True))
+    stiffness_qpii *= (amounts_qp * (heights_qp[quads] < 0.0))[..., None, None]
+    return Springs(mesh, quads, np.einsum("pn,pm,qpij->qnmij", values_pn, values_pn, stiffness_qpii, optimize=True))
 
 
 def rectus_straps(mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float = 0.0) -> Springs:
@@ -297,7 +304,7 @@ def rectus_straps(mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float
     quads, values_pn = locate(mesh, np.array([contact.normal for contact in contacts]))
     weights_p, along_pc = np.tile(0.5 * weights, len(INSERTIONS)), np.array([contact.meridian for contact in contacts])
     blocks = np.einsum("p,pn,pm,pi,pj->pnmij", weights_p, values_pn, values_pn, along_pc, along_pc, optimize=True)
-    return Springs(mesh.outer_qn[quads], stiffness_n_m * blocks)
+    return Springs(mesh, quads, stiffness_n_m * blocks)
 
 
 def study_springs(supports: SupportsStudy, mesh: HexMesh) -> Springs | None:

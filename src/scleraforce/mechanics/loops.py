@@ -1,10 +1,14 @@
-"""The compiled loops of `locate`."""
+"""The compiled loops of `mesh.SurfaceLocator`."""
 
 import numpy as np
 
 from scleraforce.arrays import Floats, Integers
 from scleraforce.compiled import compiled
-from scleraforce.mechanics.locate import CONVERGED, CROSSINGS, NEWTON_STEPS, OUTSIDE
+
+OUTSIDE = 1e-9  # how far a local coordinate may exceed 1
+NEWTON_STEPS = 12
+CONVERGED = 1e-7  # the next step is below 1e-14
+CROSSINGS = 12
 
 
 @compiled

@@ -14,11 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import InputError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ ELASTIC = PronySeries((), ())
 
 
 def driven_back(
-    felt_n: Floats, time_s: Floats, contact: NDArray[np.bool_], shares: Floats, times_s: Sequence[float]
+    felt_n: Floats, time_s: Floats, contact: Flags, shares: Floats, times_s: Sequence[float]
 ) -> tuple[Floats, Floats]:
     """Return Fe (candidate, sample) and every m_i (candidate, sample, term) from F (sample,), at rest before it.
 

@@ -1,4 +1,4 @@
-"""The section: where the B-scan plane cuts the deformed wall (paper sec. 2.3, "a 2D cross-section of the 3D mesh").
+"""The section, where the B-scan plane cuts the deformed wall, and the binary slice drawn from it (paper sec. 2.3).
 
 The two surfaces of the wall are followed along material lines. Give the undeformed sphere latitude and longitude about
 the normal of the plane: the plane is then a circle of latitude, and the needle moves material only a little across it.
@@ -6,17 +6,24 @@ So every meridian (a *station*) is sampled on a few parallels around that circle
 passes through the plane is found between two of them. Positions are of the finite elements, from the surface
 quads' own shape functions. The points come in the order of the material, so a wall that folds over in the plane is
 right, and all stations, deformations and planes of a contact are computed at once.
+
+A pixel of the slice is wall exactly where its centre lies in the wall. OpenCV's `fillPoly` also paints every pixel that
+the outline touches, which fattens a 0.5 mm wall by about one pixel on each side (a disc of 20 pixels radius gains 6 %
+of its area), and supersampling only shrinks that error while it multiplies the time. So the winding number of the
+contour is counted at the pixel centres, column by column.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
-from scleraforce.arrays import Floats, Integers
+from scleraforce.arrays import Bytes, Floats, Integers, Places
 from scleraforce.errors import InputError, SolverError
-from scleraforce.mechanics.contact import ScanPlane, Section
+from scleraforce.mechanics.contact import ScanPlane, Section, SliceWindow
 from scleraforce.mechanics.mesh import HexMesh, locate
+from scleraforce.study import SliceStudy
 from scleraforce.units import from_si
 
 STATION_M = 0.12e-3  # between stations at the contact: a chord is 2 um off where the wall bends with a radius of 1 mm
@@ -208,3 +215,62 @@ def _parallel_below(fields_ptsm: Floats, weights_pfk: Floats, grid: _Grid, circl
     middles_pt = 0.5 * (grid.latitudes_pt[:, 1:] + grid.latitudes_pt[:, :-1])
     distance = np.abs(middles_pt - circle_p[:, None])[:, None, :, None]
     return np.argmin(np.where(rises, distance, np.inf), axis=2)
+
+
+WALL = 255  # the value of a pixel of the wall; 0 elsewhere
+SNAP = 2.0**20  # parts of a pixel: an edge meant to run through pixel centres is not moved off them by the last bit
+
+
+def slice_window(
+    study: SliceStudy, top_m: float, framing_lateral_m: float = 0.0, framing_depth_m: float = 0.0
+) -> SliceWindow:
+    """Place the window of a slice in the plane's frame: laterally centred, row 0 `margin_m` above the unloaded wall.
+
+    `top_m` is the smallest depth of the unloaded wall's section (with IOP and gravity, without the needle). The framing
+    moves the wall right and down in the slice.
+
+    >>> slice_window(SliceStudy(), top_m=0.0).left_m
+    -0.007
+    """
+    left_m, top_m = -0.5 * study.columns * study.pixel_m - framing_lateral_m, top_m - study.margin_m - framing_depth_m
+    return SliceWindow(left_m=left_m, top_m=top_m, columns=study.columns, rows=study.rows, pixel_m=study.pixel_m)
+
+
+def fill_section(section: Section, window: SliceWindow) -> Bytes:
+    """Draw a section, (rows, columns): `WALL` (255) in each pixel whose centre lies in the wall, else 0.
+
+    Where a section overlaps itself it is still wall (winding number not 0); parts of it that leave the window are cut
+    off. A centre on the contour belongs to the side to its right, or below it, so that walls that touch neither overlap
+    nor leave a seam.
+
+    >>> square = np.array([[0.0, 0.0], [3.0, 0.0]])
+    >>> window = SliceWindow(left_m=-1.0, top_m=0.0, columns=5, rows=3, pixel_m=1.0)
+    >>> fill_section(Section(square, square + [0.0, 2.0]), window)
+    array([[  0, 255, 255, 255,   0],
+           [  0, 255, 255, 255,   0],
+           [  0,   0,   0,   0,   0]], dtype=uint8)
+    """
+    # In pixels: the centre of column c, row r is at (c, r).
+    contour = np.concatenate([section.outer, section.inner[::-1], section.outer[:1]]).T
+    origin = np.array([[window.left_m], [window.top_m]])
+    across, down = np.rint((contour - origin) * (SNAP / window.pixel_m)) / SNAP - 0.5
+    # The winding number of a centre: the signed edges that the ray from there upwards meets.
+    edge, column, sense = columns_crossed(across, window.columns)
+    row = down[edge] + (column - across[edge]) * (np.diff(down)[edge] / np.diff(across)[edge])
+    first_below = np.clip(np.ceil(row - 0.5 / SNAP), 0, window.rows).astype(np.intp)
+    entered = np.bincount(first_below * window.columns + column, sense, (window.rows + 1) * window.columns)
+    winding = np.cumsum(entered.reshape(-1, window.columns)[:-1], axis=0, dtype=np.int8)
+    return np.asarray(cv2.threshold(winding.view(np.uint8), 0, WALL, cv2.THRESH_BINARY)[1], dtype=np.uint8)
+
+
+def columns_crossed(place: Floats, columns: int) -> tuple[Places, Places, Places]:
+    """Return edge, column, and sense (1: to growing columns, else -1) of a line's crossings with columns 0, 1, 2 ...
+
+    `place`, in columns: of the line's points. An edge crosses from ceil(start) to ceil(end) - 1, or the other way.
+    """
+    ends = np.clip(np.ceil(place), 0, columns).astype(np.intp)
+    steps = np.diff(ends)
+    crossed = np.abs(steps)
+    edge = np.repeat(np.arange(len(steps)), crossed)
+    nth = np.arange(len(edge)) - (np.cumsum(crossed) - crossed)[edge]
+    return edge, np.minimum(ends[:-1], ends[1:])[edge] + nth, np.sign(steps)[edge]

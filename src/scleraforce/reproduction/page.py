@@ -23,7 +23,7 @@ from scleraforce.learning.dataset import open_dataset
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.contact import Contact, Section
-from scleraforce.mechanics.slices import fill_section, slice_window
+from scleraforce.mechanics.section import fill_section, slice_window
 from scleraforce.models import SHIPPED_WALL_FINDER, model_name
 from scleraforce.reader import Classifier, load_classifier, load_model, metrics
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer

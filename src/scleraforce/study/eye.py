@@ -79,7 +79,7 @@ class TissueStudy(Section):
     tangent modulus is 0.92 E with b = 0, and 0.93, 1.12 and 1.62 E with 1, 10 and 30.
 
     `softer_through`: E along the wall over that of the matrix between the fibres, which shear through the wall meets;
-    `stiffer_around`: E around the eye's axis over E along the meridian, whose geometric mean is E (`mechanics.fibres`).
+    `stiffer_around`: E around the eye's axis over E along the meridian, whose geometric mean is E (`neo_hookean`).
 
     `relaxation` (term, 2): the share of a held force that is lost in the end, and its time constant in s, drawn for
     each eye (`mechanics.relaxation`); no terms: the tissue is elastic.
