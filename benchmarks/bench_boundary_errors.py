@@ -14,7 +14,7 @@ import numpy as np
 from boundary_errors.segmented import random_eyes, segmented_boundaries
 from boundary_errors.statistics import BoundaryStatistics, boundary_statistics
 from scleraforce.learning.walls import disturb
-from scleraforce.library.build import cached_library
+from scleraforce.library.store import cached_library
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.study import Study, read_study

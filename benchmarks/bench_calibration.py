@@ -25,7 +25,7 @@ from scleraforce.calibration.linear_eye import linear_eye
 from scleraforce.calibration.registration import EyeModel
 from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, SectionsAt
-from scleraforce.library.build import cached_library
+from scleraforce.library.store import cached_library
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.segmentation.observations import Boundaries

@@ -21,11 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.library import Library, load_library, save_library
-from scleraforce.library.build import build_library
 from scleraforce.library.plan import plan_library
-from scleraforce.library.sections import highest_depths
-from scleraforce.library.slices import Framing, fill_boundaries, wall_boundaries
-from scleraforce.library.store import open_library
+from scleraforce.library.sections import Framing, fill_boundaries, highest_depths, wall_boundaries
+from scleraforce.library.store import build_library, open_library
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import available_cores

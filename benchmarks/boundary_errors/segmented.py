@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.phantom import plan_phantom, render_frame
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
-from scleraforce.library.sections import cut_surfaces
-from scleraforce.library.slices import column_laterals
+from scleraforce.library.sections import column_laterals, cut_surfaces
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import Segmentation

@@ -27,9 +27,8 @@ from scleraforce.learning.samples import CHUNK, VALIDATION_CHUNK, ReaderSamples,
 from scleraforce.learning.virtual_eyes import STREAM, calibrated, draw_eye, draw_frames, measuring, trait_factors
 from scleraforce.learning.wall_finder import VALIDATION_SCENES, fit_wall_finder, scene_batch
 from scleraforce.library import Library, load_library, save_library
-from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
-from scleraforce.library.store import create_library, open_library, write_library_unit
+from scleraforce.library.store import create_library, open_library, solve_path, write_library_unit
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall

@@ -60,7 +60,7 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
         progress(10)
         return library
 
-    monkeypatch.setattr("scleraforce.library.build.cached_library", cached)
+    monkeypatch.setattr("scleraforce.library.store.cached_library", cached)
     out = tmp_path / "out.json"
     arguments = ["calibrate", str(made_up_folder), "--study", str(tmp_path / "study.toml"), "--out", str(out)]
     assert run([*arguments, "--frames", "2"]) == 0

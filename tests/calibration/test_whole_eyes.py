@@ -22,8 +22,8 @@ from scleraforce.laboratory.light import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.library import Library
-from scleraforce.library.build import cached_library
 from scleraforce.library.sealed import iop_ratio_at_dent, iop_ratio_under_force
+from scleraforce.library.store import cached_library
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import read_recording
 from scleraforce.segmentation.observations import Boundaries

@@ -18,8 +18,8 @@ from scleraforce.laboratory.phantom import draw_relaxation
 from scleraforce.laboratory.virtual_eye import PhantomEye, simulate_eye, study_sections
 from scleraforce.learning.dataset import draft_plan, plan_dataset
 from scleraforce.learning.generate import SampleSimulator, library_slices, near_library
-from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
+from scleraforce.library.store import solve_path
 from scleraforce.mechanics.contact import Contact
 from scleraforce.report.recording_figures import draw_calibration
 from scleraforce.study import UNUSED, Study, parse_study

@@ -19,7 +19,7 @@ from small_recordings import write_notebook_folder
 from waiting import ends
 
 from scleraforce.cli.main import COMMANDS
-from scleraforce.library import build as library_build
+from scleraforce.library import store as library_store
 
 pytest.importorskip("torch")
 
@@ -77,7 +77,7 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(folder)
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr(library_build, "build_library", lambda *_, **__: library_build.Building(144, 144, 1.0))
+    monkeypatch.setattr(library_store, "build_library", lambda *_, **__: library_store.Building(144, 144, 1.0))
     return folder
 
 

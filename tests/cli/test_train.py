@@ -23,7 +23,7 @@ from scleraforce.errors import ModelError
 from scleraforce.laboratory.scenes import draw_scene
 from scleraforce.learning import generate
 from scleraforce.learning.dataset import open_dataset
-from scleraforce.library import build, build as library_build
+from scleraforce.library import store as library_store
 from scleraforce.library.store import open_library
 from scleraforce.models import SHIPPED_WALL_FINDER, check_place
 from scleraforce.notebook.calibrating import library_for
@@ -78,7 +78,7 @@ def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(study, tmp
         raise KeyboardInterrupt
 
     monkeypatch.setattr(generate, "generate_dataset", interrupted)
-    monkeypatch.setattr(library_build, "build_library", interrupted)
+    monkeypatch.setattr(library_store, "build_library", interrupted)
     for command, kept in (("generate", "7 of 20 images"), ("library", "7 of 208 load paths")):
         said = shell.run(command, "--study", study, "--out", tmp_path / "d", code=130)[1]
         assert f"{kept} are kept; the same command completes them" in said
@@ -160,7 +160,7 @@ def files_up_to(size: int) -> Iterator[None]:
     ],
 )
 def test_a_store_on_a_full_disk_is_one_line(tmp_path: Path, shell, monkeypatch, command: str, size: int) -> None:
-    monkeypatch.setattr(build, "solve_path", solve_analytic)
+    monkeypatch.setattr(library_store, "solve_path", solve_analytic)
     study, out = tmp_path / "study.toml", tmp_path / "out"
     study.write_text(LIBRARY + DATASET)
     with files_up_to(size):

@@ -17,7 +17,7 @@ from scleraforce.learning import reader
 from scleraforce.learning.descent import chosen_device
 from scleraforce.learning.samples import Source
 from scleraforce.learning.train import train_reader
-from scleraforce.library.build import build_library
+from scleraforce.library.store import build_library
 from scleraforce.reader import load_model
 from scleraforce.reader.networks import force_distribution, ratio_edges
 from scleraforce.study import Choice, EyeStudy, LibraryStudy, Range, ReaderStudy, Study, format_study

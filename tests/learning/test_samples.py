@@ -12,8 +12,7 @@ from scleraforce.errors import InputError
 from scleraforce.known import SEALED, UNKNOWN
 from scleraforce.learning.samples import draw_eyes, draw_samples, library_of_tissue
 from scleraforce.library.base import pole_directions
-from scleraforce.library.sections import cut_surfaces
-from scleraforce.library.slices import column_laterals, fill_boundaries
+from scleraforce.library.sections import column_laterals, cut_surfaces, fill_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
 from scleraforce.mechanics.contact import SliceWindow
 from scleraforce.mechanics.section import fill_section

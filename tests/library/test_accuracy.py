@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from scleraforce.library.build import build_library
 from scleraforce.library.plan import plan_library
-from scleraforce.library.store import open_library
+from scleraforce.library.store import build_library, open_library
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import Study

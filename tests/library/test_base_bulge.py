@@ -13,9 +13,8 @@ from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import base_bulge, base_push, pole_directions, undented_motion
-from scleraforce.library.build import build_library
 from scleraforce.library.responses import Library
-from scleraforce.library.store import open_library
+from scleraforce.library.store import build_library, open_library
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.graded import graded_mesh

@@ -7,9 +7,8 @@ from analytic_library import RADIUS_M, analytic_library, bulging, force_ratio, s
 from reference_walls import polar_path
 from scleraforce.errors import InputError
 from scleraforce.library.base import contact_rises, rise_slope
-from scleraforce.library.build import build_library
 from scleraforce.library.plan import LARGEST_POLAR_DEG, plan_library
-from scleraforce.library.store import open_library
+from scleraforce.library.store import build_library, open_library
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import bend_eye

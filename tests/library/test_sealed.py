@@ -6,8 +6,7 @@ from scipy.interpolate import CubicSpline
 
 from scleraforce.errors import InputError
 from scleraforce.library import Library
-from scleraforce.library.build import build_library
-from scleraforce.library.store import open_library
+from scleraforce.library.store import build_library, open_library
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import FiniteWall

@@ -8,8 +8,7 @@ from predicted_walls import Walls, formed_wall
 from scleraforce.library import Library
 from scleraforce.library.base import pole_directions
 from scleraforce.library.placement import Places, curve_depths
-from scleraforce.library.sections import section_motion
-from scleraforce.library.slices import Framing, column_laterals, wall_boundaries
+from scleraforce.library.sections import Framing, column_laterals, section_motion, wall_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, ROTATION, SIZE, THICKNESS, TIP
 from scleraforce.study import SliceStudy
 

@@ -8,8 +8,8 @@ from analytic_library import analytic_library, solved_library
 
 from scleraforce.errors import InputError
 from scleraforce.library import Library
-from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
+from scleraforce.library.store import solve_path
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import LibraryStudy, Range, Study

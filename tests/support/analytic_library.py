@@ -11,10 +11,10 @@ import numpy as np
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR, FrameForces
 from scleraforce.errors import SolverError
 from scleraforce.library import Library
-from scleraforce.library.build import SolvedPath, solve_path
 from scleraforce.library.plan import plan_library
 from scleraforce.library.responses import library_of
 from scleraforce.library.stiffened import MixedCurves, StiffenedWalls, WholeCurves
+from scleraforce.library.store import SolvedPath, solve_path
 from scleraforce.study import LibraryStudy, Range, Study
 
 RADIUS_M = 12e-3
@@ -106,7 +106,7 @@ def draw_walls(rng, count):
 
 
 def solve_analytic(plan, number):
-    """Return a path of a plan like `library.build.solve_path`, for tests of the code around the solver."""
+    """Return a path of a plan like `library.store.solve_path`, for tests of the code around the solver."""
     path = plan.path(number)
     state = path.thickness_m, path.iop_ratio * (1.0 + 0.05 * np.log1p(path.stiffening)), path.tip_m
     forces = force_ratio(*state) * (1.0 + 0.05 * np.cos(path.support_rad))

@@ -4,8 +4,8 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
-from scleraforce.library.build import build_library, solve_path
 from scleraforce.library.plan import plan_library
+from scleraforce.library.store import build_library, solve_path
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.finite_strain import bend_eye
 from scleraforce.processes import available_cores

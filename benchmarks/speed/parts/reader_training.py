@@ -5,8 +5,7 @@ from time import perf_counter
 from typing import Any
 
 from scleraforce.library import Library
-from scleraforce.library.build import build_library
-from scleraforce.library.store import open_library
+from scleraforce.library.store import build_library, open_library
 from scleraforce.study import Study
 from speed.parts.axisymmetric import LIBRARY
 from speed.record import Row, Table

@@ -29,8 +29,8 @@ def library(study: Study, out: Path, scheduler: str | None, workers: int | None)
     is given. The same command resumes an interrupted run. The library does not
     depend on the number of workers.
     """
-    from scleraforce.library.build import build_library
     from scleraforce.library.plan import plan_library
+    from scleraforce.library.store import build_library
 
     refuse_unused(study, "library")
     with resumable_bar(out, "load paths", "library", plan_library(study).units) as advance:

@@ -15,8 +15,7 @@ from scleraforce.errors import DatasetError
 from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.learning import dataset
 from scleraforce.library import OUTER, Library
-from scleraforce.library.sections import highest_depths
-from scleraforce.library.slices import Framing, draw_slices
+from scleraforce.library.sections import Framing, draw_slices, highest_depths
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall

@@ -26,7 +26,7 @@ from scleraforce.learning.samples import RawSamples, Source, concatenated
 from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye
 from scleraforce.learning.wall_finder import WallFinderNetwork, finder_loss
 from scleraforce.library import OUTER, Library
-from scleraforce.library.slices import column_laterals
+from scleraforce.library.sections import column_laterals
 from scleraforce.models import NETWORK_FILE, network_session
 from scleraforce.reader import networks
 from scleraforce.reader.intervals import Score

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scleraforce.learning import descent
 from scleraforce.learning.descent import Fitted, Losses, Progress, tensor, torch
 from scleraforce.learning.samples import CHUNK, ForceSamples, ReaderSamples, Source, concatenated, validation_chunks
-from scleraforce.library.slices import column_laterals
+from scleraforce.library.sections import column_laterals
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, force_distribution, ratio_edges
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES

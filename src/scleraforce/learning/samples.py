@@ -14,8 +14,7 @@ from scleraforce.learning.walls import added_depths, disturb, draw_forms
 from scleraforce.library import Library
 from scleraforce.library.base import pole_directions
 from scleraforce.library.sealed import iop_ratio_under_force
-from scleraforce.library.sections import section_motion
-from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
+from scleraforce.library.sections import Framing, column_laterals, fill_boundaries, section_motion, wall_boundaries
 from scleraforce.mechanics.globe import Globe, sealed_globe
 from scleraforce.reader.networks import GIVEN, GivenEyes, given_inputs, given_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy

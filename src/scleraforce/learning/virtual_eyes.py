@@ -33,7 +33,7 @@ from scleraforce.library import Library
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.placement import Places, curve_depths
 from scleraforce.library.prior import prior_of
-from scleraforce.library.slices import column_laterals, fill_boundaries
+from scleraforce.library.sections import column_laterals, fill_boundaries
 from scleraforce.processes import work_in_order
 from scleraforce.reader import intervals
 from scleraforce.reader.answer import Reading, fit_reading

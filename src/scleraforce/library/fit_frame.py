@@ -16,7 +16,7 @@ from scleraforce.library.fit_starts import Surface
 from scleraforce.library.placement import NORMAL_MEDIAN, Stopping
 from scleraforce.library.sealed import VolumePaths, level_of, pressure_of_level
 from scleraforce.library.search_loops import MOVING, UNKNOWNS, Belief, Problem, Work
-from scleraforce.library.states import SplineTables
+from scleraforce.library.splines import SplineTables
 
 COLUMNS = 110  # of each boundary that are fitted
 OUTER_SD_M, INNER_SD_M = 5e-6, 9e-6  # of the boundaries along their normal

@@ -12,8 +12,7 @@ from scleraforce.compiled import compiled, compiled_in_place, compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import SHEARED
 from scleraforce.library.sealed import level_of
-from scleraforce.library.splines import SUPPORT
-from scleraforce.library.states import SplineTables, curves_at, state_weights, undented_at, value_of
+from scleraforce.library.splines import SUPPORT, SplineTables, curves_at, state_weights, undented_at, value_of
 
 Vector = tuple[float, float, float]
 

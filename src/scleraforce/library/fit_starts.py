@@ -16,7 +16,7 @@ from scleraforce.library import unknowns as at
 from scleraforce.library.fit_loops import cut_wall, find_curve, force_at, library_place, show_wall, without_folds
 from scleraforce.library.sealed import VolumePaths, level_of, pressure_at_dent
 from scleraforce.library.search_loops import UNKNOWNS, Problem, Work, dot, factorise, solve
-from scleraforce.library.states import value_of
+from scleraforce.library.splines import value_of
 from scleraforce.segmentation.loops import nth
 
 DENTS = 14

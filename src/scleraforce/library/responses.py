@@ -16,13 +16,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.arrays import Flags, Floats, Places
 from scleraforce.errors import InputError
 from scleraforce.library import splines
 from scleraforce.library.base import base_bulge, contact_rises, meridian_angles, rise_slope, undented_motion
-from scleraforce.library.states import Responses, SplineTables, curves_of, values_at
+from scleraforce.library.splines import Curves, SplineTables, curves_of, values_at
 from scleraforce.library.stiffened import MixedCurves, StiffenedWalls, WholeCurves
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.material import burst_tension
@@ -30,7 +29,7 @@ from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import HumanUnit, from_si
 
 if TYPE_CHECKING:
-    from scleraforce.library.eye import LibraryEye
+    from scleraforce.library.sealed import LibraryEye
 
 SLACK = 1e-9  # relative: two formulas for an end of a range may round otherwise
 
@@ -110,11 +109,25 @@ def check_arrays(library: "Library") -> None:
         raise InputError("library: values that are not finite")
 
 
-Curves = NDArray[np.float32]
 Walls = tuple[Places, Floats]  # rows of (thickness, tension) and their weights, each (sample, 16)
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
 OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 20 MB
+
+
+@dataclass(frozen=True)
+class Responses:
+    """States of walls, one for each sample.
+
+    `curves_sbnc` (sample, boundary, node, 2), m: distance from the needle axis and depth below the undeformed contact
+    of material points of the outer and the inner surface, from the axis outwards; float32, exact to 1 nm.
+    `tip_m` (sample,): inward displacement of the contact relative to the wall under IOP alone.
+    `force_ratio` (sample,): F/E, m^2.
+    """
+
+    curves_sbnc: Curves
+    tip_m: Floats
+    force_ratio: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,7 +329,7 @@ class Library:
         Raises:
             InputError: a value is outside the library's range.
         """
-        from scleraforce.library.eye import LibraryEye  # it needs libraries itself
+        from scleraforce.library.sealed import LibraryEye  # it needs libraries itself
 
         library = self if stiffening is None else self.for_stiffening(stiffening)
         if polar_angle_rad is not None:

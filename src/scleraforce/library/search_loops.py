@@ -13,7 +13,7 @@ from scleraforce.library import unknowns as at
 from scleraforce.library.fit_loops import Depths, Law, Scene, Wall, derive, empty_wall, off_the_law, show_wall
 from scleraforce.library.placement import CAUCHY, FIRST_DAMPING, UNSEEN_LOSS, Stopping
 from scleraforce.library.prior import HEAVY
-from scleraforce.library.states import SplineTables
+from scleraforce.library.splines import SplineTables
 
 UNKNOWNS = len(at.NAMES)
 BLOCK = 4  # columns that are added together

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scleraforce.arrays import Floats, Reals
 from scleraforce.errors import InputError
 from scleraforce.library.plan import stiffening_place
-from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients
+from scleraforce.library.splines import SUPPORT, CubicSpline, Curves, tensor_coefficients
 
 Steps = NDArray[np.signedinteger]
 
@@ -97,7 +97,6 @@ def _by_size(rows_rv: Reals, directions: list[NDArray[np.float32]], steps: list[
     return ReducedRows(basis_kv[order], tuple(tables))
 
 
-Curves = NDArray[np.float32]
 Splines = Sequence[CubicSpline]
 
 

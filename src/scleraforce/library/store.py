@@ -1,23 +1,39 @@
-"""The library on disk, written path by path, resumable, every array checked (`checked_store`).
+"""The library on disk: built on all cores or on a Dask cluster, read, and kept in the user's cache.
 
-A load path is a chunk of each array that it has a part in.
+It is written path by path, resumable, and every array is checked (`checked_store`); a load path is a chunk of each
+array that it has a part in. The cache is the folder that the system keeps for such files (`XDG_CACHE_HOME`, or
+~/.cache, on Linux), below `scleraforce`. A library is built beside its place and renamed when it is whole. A process
+that finds another one building the same library waits for it; an interrupted build is continued by the next.
 """
 
+import shutil
+from collections.abc import Callable
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
+from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
+from filelock import FileLock
 from numpy.typing import NDArray
+from platformdirs import user_cache_path
 
 from scleraforce.arrays import Floats
 from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
 from scleraforce.errors import InputError
 from scleraforce.library.base import base_stiffness
-from scleraforce.library.plan import LibraryPlan, parse_plan
+from scleraforce.library.plan import LibraryPlan, parse_plan, plan_library
 from scleraforce.library.responses import Library, library_of
 from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.meridian import MeridianSize
+from scleraforce.processes import available_cores, work_units
+from scleraforce.study import Study
 
 FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curves", "support_force_ratio"
 AXES = ("stiffening", "thickness_m", "tension", "tip_m")
@@ -66,7 +82,7 @@ def create_library(path: Path, plan: LibraryPlan) -> CheckedStore:
 def write_library_unit(
     store: CheckedStore, unit: int, force_d: Floats, displaced_d: Floats, curves_dbnc: NDArray[np.float32]
 ) -> None:
-    """Write the stored part of one load path (`build.SolvedPath`)."""
+    """Write the stored part of one load path (`SolvedPath`)."""
     store.write(unit, {FORCES: force_d, DISPLACED: displaced_d, CURVES: curves_dbnc, SUPPORT_FORCES: force_d})
 
 
@@ -119,3 +135,142 @@ def _arrays(plan: LibraryPlan) -> dict[str, StoredArray]:
         StoredArray(SUPPORT_FORCES, supports, (1, 1, 1, *supports[3:]), "float64"),
     )
     return {array.name: array for array in (*axes, *paths)}
+
+
+SOLVED_FORCES = 2.0  # over the largest F/E of the library: what is done beyond it is not felt below
+
+
+class SolvedPath(NamedTuple):
+    """F/E (tip,), m^2, displaced volume (tip,), m^3, and boundaries (tip, boundary, node, 2), m, of a unit."""
+
+    force_d: Floats
+    displaced_d: Floats
+    curves_dbnc: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Building:
+    """The outcome of a run: paths in the library, paths that this run solved, its duration."""
+
+    paths: int
+    solved: int
+    seconds: float
+
+
+PathSolver = Callable[[LibraryPlan, int], SolvedPath]
+
+
+def build_library(
+    study: Study,
+    out: Path,
+    *,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    solve: PathSolver | None = None,
+) -> Building:
+    """Build the library of a study, or the remaining part of an interrupted run.
+
+    The result is the same, byte for byte, for any number of workers and interruptions. Processes are spawned: a script
+    that calls this keeps its own work under `if __name__ == "__main__"`.
+
+    Args:
+        study: the study.
+        out: place of the store; an incomplete store of the same plan is completed.
+        workers: processes, here or on a cluster (`cluster_workers`); by default one for each core of this process.
+        progress: called with the number of paths that are newly done (or found done, at the start).
+        solve: solves a path, by default `solve_path`.
+
+    Raises:
+        InputError: `out` holds something else, another or a complete library.
+        SolverError: a path could not be followed.
+    """
+    start = perf_counter()
+    if workers is not None and workers < 1:
+        raise InputError(f"workers: {workers}; give at least 1")
+    report = progress or (lambda _: None)
+    plan = plan_library(study)
+    store = create_library(out, plan)
+    todo = store.missing()
+    report(plan.units - len(todo))
+    prepare = partial(partial, solve or solve_path, plan)
+    with closing(work_units(prepare, todo, workers or available_cores())) as results:
+        for unit, path in results:
+            write_library_unit(store, unit, *path)
+            report(1)
+    store.finish()
+    return Building(plan.units, len(todo), perf_counter() - start)
+
+
+def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
+    """Return the path of a unit in an open globe, extrapolated beyond twice the library's largest force."""
+    planned = plan.path(unit)
+    path = axisymmetric_path(
+        plan.radius_m,
+        planned.thickness_m,
+        plan.poisson_ratio,
+        plan.needle_radius_m,
+        planned.iop_ratio,
+        tips_m=planned.tip_m[1:],
+        max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
+        support_rad=planned.support_rad,
+        stiffening=planned.stiffening,
+        size=MeridianSize(plan.grid.elements, plan.grid.layers),
+    )
+    solved = (path.force_ratio_m2, path.displaced_m3, path.curves_sbnc)
+    force_d, displaced_d, curves_dbnc = (_extrapolated(values, path.tip_m, planned.tip_m) for values in solved)
+    return SolvedPath(force_d, displaced_d, curves_dbnc.astype(np.float32))
+
+
+def _extrapolated(values: Floats, solved_m: Floats, tips_m: Floats) -> Floats:
+    """Return values (solved tip, ...) at all tips (tip,): beyond the last one on the line through the last two."""
+    slope = (values[-1] - values[-2]) / (solved_m[-1] - solved_m[-2])
+    beyond_m = tips_m[len(solved_m) :] - solved_m[-1]
+    return np.concatenate([values, values[-1] + np.multiply.outer(beyond_m, slope)])
+
+
+KEY_LETTERS = 32  # of the key, in a file name
+
+
+def cached_library(
+    study: Study,
+    *,
+    folder: Path | None = None,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    solve: PathSolver | None = None,
+) -> Library:
+    """Return the library of a study; the first time it is built, which takes a minute or two.
+
+    `folder` is the cache, by default the user's; `progress` is called only if the library has to be built. Other
+    arguments and errors as for `build_library`; a cache that cannot be written raises `InputError`.
+    """
+    folder = folder or user_cache_path("scleraforce") / "libraries"
+    place = folder / f"{version('scleraforce')}-{plan_library(study).key[:KEY_LETTERS]}.zarr"
+    if found := _stored(place):
+        return found
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with FileLock(place.with_suffix(".lock")):  # it ends with the process that holds it
+            if found := _stored(place):  # another process has built it meanwhile
+                return found
+            begun = place.with_suffix(".begun")
+            build = partial(build_library, study, begun, workers=workers, progress=progress, solve=solve)
+            try:
+                build()
+            except InputError:  # the content of `begun` cannot be continued
+                shutil.rmtree(begun, ignore_errors=True)
+                build()
+            if place.exists():
+                shutil.rmtree(place)  # it was damaged
+            begun.rename(place)
+    except OSError as fault:
+        raise InputError(f"{folder}: {fault.strerror}; XDG_CACHE_HOME names another folder for caches") from fault
+    return open_library(place)
+
+
+def _stored(place: Path) -> Library | None:
+    """Return the library of a place; None if it is missing or damaged."""
+    if place.is_dir():
+        with suppress(InputError):
+            return open_library(place)
+    return None

@@ -141,7 +141,7 @@ def library_for(study: Study, mechanics: str, counting: Counting, workers: int |
     plan, shipped = plan_library(study), models.read_folder(models.SHIPPED_READER)
     if plan_library(models.folder_study(shipped)).key == plan.key:
         return load_library(shipped.path / models.LIBRARY_FILE, shipped.files[models.LIBRARY_FILE])
-    from scleraforce.library.build import cached_library  # with Zarr and the mechanics
+    from scleraforce.library.store import cached_library  # with Zarr and the mechanics
 
     with counting("library", plan.units) as advance:
         return cached_library(study, workers=workers, progress=advance)

@@ -8,8 +8,7 @@ from scleraforce.errors import InputError
 from scleraforce.learning.dataset import Dataset, open_dataset
 from scleraforce.learning.generate import generate_dataset
 from scleraforce.library import Library
-from scleraforce.library.build import build_library, cached_library
-from scleraforce.library.store import open_library
+from scleraforce.library.store import build_library, cached_library, open_library
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.calibrating import library_for
 from scleraforce.notebook.frames import load_model

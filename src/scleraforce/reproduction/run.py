@@ -20,7 +20,7 @@ from scleraforce import __version__
 from scleraforce.errors import InputError, StudyError
 from scleraforce.laboratory.virtual_eye import PhantomEye, paper_eyes
 from scleraforce.library import Library
-from scleraforce.library.build import cached_library
+from scleraforce.library.store import cached_library
 from scleraforce.models import SHIPPED_READER, folder_study, read_folder, sha256
 from scleraforce.reader import load_force_reader
 from scleraforce.study import Range, Study, format_study, study_hash

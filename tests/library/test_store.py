@@ -19,9 +19,16 @@ from small_models import rehash_store
 from workers import Cluster
 
 from scleraforce.errors import InputError, SolverError
-from scleraforce.library.build import build_library, cached_library, solve_path
 from scleraforce.library.plan import LibraryPlan, plan_library
-from scleraforce.library.store import create_library, library_store, open_library, write_library_unit
+from scleraforce.library.store import (
+    build_library,
+    cached_library,
+    create_library,
+    library_store,
+    open_library,
+    solve_path,
+    write_library_unit,
+)
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import cluster_workers
@@ -60,7 +67,7 @@ def script(folder, body):
     path = folder / "program.py"
     path.write_text(
         "import sys; from pathlib import Path; from analytic_library import solve_slowly\n"
-        "from scleraforce.library.build import build_library, cached_library\n"
+        "from scleraforce.library.store import build_library, cached_library\n"
         "from scleraforce.study import LibraryStudy, Study\n"
         f"if __name__ == '__main__':\n    {body}\n"
     )
