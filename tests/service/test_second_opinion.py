@@ -1,58 +1,88 @@
-"""The second opinion's process: it reads frames from the ring with all that a model has, and says what it finds."""
+"""The second opinion's process: it reads frames from the ring with all that a model has, and learns the eye's E."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from select import select
+from time import monotonic, sleep
 
 import pytest
 from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
 from small_models import write_fixed_reader
 from waiting import FUSE_S
 
+from scleraforce.errors import InputError
+from scleraforce.known import Known, Modulus
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.service import messages
 from scleraforce.service.channel import ChannelClosedError, Child
 from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.learning import LEARNED_FILE, SETTLES_S, resumed
 
 pytest.importorskip("torch")
 
 BINS, BIN = 64, 20  # what the network says always; the fit is the one that answers
+RELAXING = replace(KNOWN, relaxation=KnownRelaxation.declared([[0.2, 1.0]]))
+assert KNOWN.modulus is not None
+PRIOR = Modulus(mean_pa=1.15 * KNOWN.modulus.mean_pa, sd_pa=0.25 * KNOWN.modulus.mean_pa, source="population")
+EYE = replace(KNOWN, modulus=PRIOR)
 
 
 class Reader:
-    """The process, and the ring that it reads from."""
+    """The process, and the ring that it reads from; with a `record` it learns the eye, and saves it there."""
 
-    def __init__(self, model: Path) -> None:
-        self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
-        known = replace(KNOWN, relaxation=KnownRelaxation.declared([[0.2, 1.0]]))
+    def __init__(self, model: Path, known: Known = RELAXING, record: Path | None = None) -> None:
+        self.ring, self.number = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns), 0
         settings = messages.OpinionSettings(
-            model=model, known=known, scale=SCALE, ring=self.ring.place, learns=None, record=None
+            model=model, known=known, scale=SCALE, ring=self.ring.place, learns=record and "eye-a", record=record
         )
         self.child = Child("scleraforce.service.second_opinion", settings, [self.ring.place.descriptor])
 
-    def ask(self, number: int, order: int, at_s: float = 0.0) -> None:
-        assert self.child.channel.send(
-            messages.OpinionAsked(number=number, order=order, at_s=at_s, teaches=False, pierced=False)
-        )
+    def ask(self, number: int, order: int, at_s: float = 0.0, teaches: bool = False, pierced: bool = False) -> None:
+        asked = messages.OpinionAsked(number=number, order=order, at_s=at_s, teaches=teaches, pierced=pierced)
+        assert self.child.channel.send(asked)
 
-    def hear(self, within_s: float = FUSE_S) -> messages.CompanionMessage:
-        assert select([self.child.channel], [], [], within_s)[0], "no opinion came"
-        (message,) = self.child.channel.receive()
-        return message
+    def hear(self, kind: type[messages.CompanionMessage]) -> list[messages.CompanionMessage]:
+        """Return what comes until a message of a kind, which is the last."""
+        heard = list[messages.CompanionMessage]()
+        while not any(isinstance(one, kind) for one in heard):
+            assert select([self.child.channel], [], [], FUSE_S)[0], heard
+            heard += self.child.channel.receive()
+        return heard
 
     def opinion(self) -> messages.OpinionGiven:
-        message = self.hear()
-        assert isinstance(message, messages.OpinionGiven), message
+        (message,) = self.hear(messages.OpinionGiven)
         return message
+
+    def show(self, force_n: float, teaches: bool = True, pierced: bool = False) -> list[messages.CompanionMessage]:
+        """Show a frame; return what came until its opinion, with it."""
+        self.number += 1
+        self.ring.put(self.number, image(wall_section(tip_of(force_n)), self.number))
+        self.ask(self.number, self.number, monotonic(), teaches, pierced)
+        return self.hear(messages.OpinionGiven)
+
+    def learned(self, within_s: float, teaches: bool = True) -> messages.EyeLearned | None:
+        """Hold the needle until something was learned; None if nothing was within a time."""
+        end_s = monotonic() + within_s
+        while monotonic() < end_s:
+            for one in self.show(0.020, teaches):
+                if isinstance(one, messages.EyeLearned):
+                    return one
+            sleep(0.05)
+        return None
 
 
 @pytest.fixture(scope="module")
-def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
-    model = tmp_path_factory.mktemp("opinion") / "reader"
-    write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("opinion") / "reader"
+    write_fixed_reader(folder, LIBRARY, [float(number == BIN) for number in range(BINS)])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def reader(model: Path) -> Iterator[Reader]:
     reader = Reader(model)
-    assert reader.hear() == messages.Alive(faults=())  # it has read a frame of its own, and is ready
+    assert reader.hear(messages.Alive) == [messages.Alive(faults=())]  # it has read a frame of its own, and is ready
     yield reader
     assert reader.child.end(FUSE_S) == 0
 
@@ -90,9 +120,44 @@ def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(reader: Reader
 
 def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: Path) -> None:
     broken = Reader(tmp_path / "nowhere")
-    message = broken.hear()
-    assert isinstance(message, messages.SelfReport)
+    (message,) = broken.hear(messages.SelfReport)
     assert "nowhere" in message.detail
     assert broken.child.end(FUSE_S) == 1
     with pytest.raises(ChannelClosedError):
         broken.child.channel.send(messages.MonitorEnds())
+
+
+def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(
+    model: Path, tmp_path: Path
+) -> None:
+    learning = Reader(model, EYE, tmp_path)
+    learning.hear(messages.Alive)
+    learning.show(0.010, teaches=False)
+    assert learning.learned(3 * SETTLES_S, teaches=False) is None
+    for force_n in (0.005, 0.010, 0.015, 0.020):
+        learning.show(force_n)
+        sleep(0.11)
+    found = learning.learned(FUSE_S)
+    assert found is not None
+    assert found.fault == ""
+    assert found.frames >= 1
+    modulus = found.known.modulus
+    assert modulus is not None
+    assert modulus.source == "shape"
+    assert modulus.relative_sd == pytest.approx(PRIOR.relative_sd, rel=0.05)  # one shallow dent tells little
+    again = resumed(EYE, tmp_path / LEARNED_FILE, "eye-a")
+    assert again.modulus is not None
+    assert again.modulus.source == "population"
+    assert again.modulus.sd_pa == pytest.approx(PRIOR.sd_pa, rel=0.1)
+    with pytest.raises(InputError, match="not of eye-b"):
+        resumed(EYE, tmp_path / LEARNED_FILE, "eye-b")
+    with pytest.raises(InputError, match=r"learned at 2\.0 mmHg"):
+        resumed(replace(EYE, iop_pa=2000.0), tmp_path / LEARNED_FILE, "eye-a")
+    with pytest.raises(InputError, match="stiffening: 0; that of this eye is 10"):
+        resumed(replace(EYE, stiffening=10.0), tmp_path / LEARNED_FILE, "eye-a")
+    learning.show(0.020, teaches=False, pierced=True)
+    forgotten = learning.learned(FUSE_S, teaches=False)
+    assert forgotten is not None
+    assert forgotten.frames == 0
+    assert forgotten.known.modulus == PRIOR
+    assert learning.child.end(FUSE_S) == 0
