@@ -4,13 +4,13 @@ import asyncio
 import os
 import socket
 from collections import deque
-from importlib.resources import files
 from ipaddress import ip_address
 from typing import Any
 
 import h11
 import uvicorn
-from fastapi import FastAPI, Response, WebSocket
+from fastapi import FastAPI, WebSocket
+from fastapi.staticfiles import StaticFiles
 from pydantic import BaseModel, Field
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -39,7 +39,6 @@ HEADERS = {
 MOST = 128  # of each kind; more WebSockets than there are places for pages, because some are being closed
 
 _requests, _sockets = deque[asyncio.Transport](), deque[asyncio.Transport]()  # oldest first; of the console's process
-TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 LAST_WORDS_S = 1.0  # in which pages learn that the monitor has ended
 NICENESS = 5  # the monitor comes first
 MOST_MESSAGE_BYTES = 4096
@@ -142,21 +141,6 @@ class _Reset(BaseModel):
 def console_app(hub: Hub, settings: ConsoleSettings) -> OwnPagesOnly:
     """Return the application."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    assets = {
-        entry.name: entry.read_bytes()
-        for entry in files("scleraforce.service.console").joinpath("page").iterdir()
-        if entry.name.rpartition(".")[2] in TYPES
-    }
-
-    @app.get("/")
-    async def page() -> Response:
-        return Response(assets["index.html"], media_type="text/html")
-
-    @app.get("/{name}")
-    async def asset(name: str) -> Response:
-        if name not in assets:
-            return Response("there is no such page", 404, media_type="text/plain")
-        return Response(assets[name], media_type=TYPES[name.rpartition(".")[2]])
 
     @app.post("/reset")
     async def reset(asked: _Reset) -> dict[str, Any]:
@@ -168,6 +152,7 @@ def console_app(hub: Hub, settings: ConsoleSettings) -> OwnPagesOnly:
         await socket.accept()
         await Page(socket, hub).show(settings.for_page())
 
+    app.mount("/", StaticFiles(packages=[("scleraforce.service.console", "page")], html=True))
     return OwnPagesOnly(app, settings.host)
 
 
