@@ -86,10 +86,8 @@ def read_folder(path: Path) -> ModelFolder:
     """Read a model folder, or the shipped one of that name, and check the hashes of its files; raises `ModelError`."""
     path = model_folder(path)
     if not path.is_dir():
-        raise ModelError(
-            f"{path}: no such folder, and not a bundled model ({', '.join(SHIPPED)}); "
-            "`scleraforce train DATASET --out MODEL` makes a folder"
-        )
+        bundled, makes = ", ".join(SHIPPED), "`scleraforce train DATASET --out MODEL` makes a folder"
+        raise ModelError(f"{path}: no such folder, and not a bundled model ({bundled}); {makes}")
     record = _read_record(path / RECORD_FILE)
     places, hashes = {name: path / name for name in FILES[record["kind"]]}, record["files"]
     if path == SHIPPED_LIVING:  # the libraries of both bundled readers are large, and equal but for rounding
@@ -99,10 +97,8 @@ def read_folder(path: Path) -> ModelFolder:
     for name, content in files.items():
         expected, found = hashes.get(name), sha256(content)
         if expected != found:
-            raise ModelError(
-                f"{places[name]}: SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of {path / RECORD_FILE}; the "
-                "file was changed after training: train the model again"
-            )
+            wrong = f"SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of {path / RECORD_FILE}"
+            raise ModelError(f"{places[name]}: {wrong}; the file was changed after training: train the model again")
     return ModelFolder(path, MappingProxyType(files), MappingProxyType(record))
 
 

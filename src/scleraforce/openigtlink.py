@@ -132,12 +132,7 @@ def _metadata(index: memoryview, texts: memoryview) -> dict[str, str]:
 
 
 HEAD = struct.Struct(">HBBBB3H12f3H3H")
-SCALARS: dict[int, np.dtype[Any]] = {
-    2: np.dtype(np.int8),
-    3: np.dtype(np.uint8),
-    4: np.dtype(np.int16),
-    5: np.dtype(np.uint16),
-}
+SCALARS: dict[int, np.dtype[Any]] = dict(enumerate(map(np.dtype, ("int8", "uint8", "int16", "uint16")), start=2))
 CODES = {dtype: code for code, dtype in SCALARS.items()}
 ORDERS: dict[int, Literal["<", ">"]] = {1: ">", 2: "<"}
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)

@@ -269,6 +269,8 @@ def test_frames_that_come_much_later_than_the_quickest_one_are_stale() -> None:
         queue = [0.005 + 0.001 * n for n in range(120)]
         assert play(late(queue[:98], ahead_s), watching()).state is State.WATCHING
         assert play(late(queue, ahead_s), watching()).cause is Cause.STALE
+    assert play([frame(n) for n in range(6, 40)], watching()).state is State.WATCHING, "they state no time"
+    assert play([*late([0.005] * 5), replace(frame(12), sent_s=NAN)], watching()).cause is Cause.STALE
 
 
 @pytest.mark.slow
@@ -302,19 +304,6 @@ def test_one_frame_from_the_future_makes_no_other_late() -> None:
     assert play(late([0.005] * 5 + [-3600.0] + [0.005] * 5 + [0.12]), watching()).cause is Cause.STALE
 
 
-def test_one_frame_with_a_number_far_ahead_is_out_of_order_once_and_a_reset_is_granted() -> None:
-    ahead = replace(frame(6), frame_id=2 * 10**15)
-    state = play([ahead, frame(7)], watching())
-    assert state.cause is Cause.OUT_OF_ORDER
-    assert reset_after([frame(n) for n in range(8, 13)], state).code == 1
-
-
-def test_one_event_with_a_time_far_ahead_makes_no_later_reset_impossible() -> None:
-    state = play([frame(6, at_s=1e9), Tick(0.065)], watching())
-    assert state.state is State.WITHDRAW
-    assert reset_after([frame(n) for n in range(7, 12)], state).code == 1
-
-
 def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever() -> None:
     expects = replace(LIMITS, expects_opinion=True)
     state = play(both(*range(1, 6)), limits=expects)
@@ -325,15 +314,19 @@ def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever() -> None:
     assert [number for number, _ in play([opinion(8)], replace(thinned, frame=frame(9)), expects).unanswered] == [9]
 
 
-def test_one_frame_of_another_kind_withdraws_and_makes_no_later_reset_impossible() -> None:
-    for first in (True, False):
-        for wrong in ({"size": (512, 500)}, {"scale_m": (2e-5, 5e-6)}, {"pixel_type": "uint8"}):
-            odd = replace(frame(1), **wrong)
-            begun = MonitorState() if first else watching()
-            events = [odd, frame(2)] if first else [replace(odd, frame_id=6, at_s=0.06)]
-            state = play(events, begun)
-            assert state.cause in (Cause.SIZE, Cause.SCALE, Cause.PIXEL_TYPE)
-            assert reset_after([frame(n) for n in range(7, 13)], state).code == 1
+def test_one_wrong_frame_withdraws_and_makes_no_later_reset_impossible() -> None:
+    for wrong, cause in (
+        ({"frame_id": 2 * 10**15}, Cause.OUT_OF_ORDER),
+        ({"at_s": 1e9}, Cause.SILENCE),
+        ({"size": (512, 500)}, Cause.SIZE),
+        ({"scale_m": (2e-5, 5e-6)}, Cause.SCALE),
+        ({"pixel_type": "uint8"}, Cause.PIXEL_TYPE),
+    ):
+        for first, begun in ((1, MonitorState()), (6, watching())):
+            state = play([replace(frame(first), **wrong), frame(first + 1)], begun)
+            assert first == 1 or state.cause is cause
+            assert state.state is State.WITHDRAW
+            assert reset_after([frame(n) for n in range(8, 13)], state).code == 1
 
 
 def test_a_size_and_a_scale_that_are_declared_stay_declared() -> None:
@@ -360,11 +353,6 @@ def test_the_present_cause_is_given_beside_the_first_one() -> None:
     assert decision.present_cause is Cause.BOUND
     _, decision = decide(state, frame(22), LIMITS)
     assert (decision.cause, decision.present_cause, decision.present) == (Cause.SILENCE, None, "")
-
-
-def test_frames_that_state_no_time_are_never_stale_and_no_number_is() -> None:
-    assert play([frame(n) for n in range(6, 40)], watching()).state is State.WATCHING
-    assert play([*late([0.005] * 5), replace(frame(12), sent_s=NAN)], watching()).cause is Cause.STALE
 
 
 def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
@@ -916,12 +904,8 @@ def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view() ->
         assert (after.state, decision.code, decision.cause, decision.present_cause) == (State.WATCHING, 1, None, None)
         _, again = decide(after, replace(frame(206, 0.007), at_s=2.06), limits)
         assert again.code == 1
-
-
-def test_a_fall_is_found_once() -> None:
-    now = play([frame(1, 0.024), *THROUGH], limits=REPORTS)
-    fresh = [frame(n, 0.007) for n in range(7, 7 + REPORTS.fresh_frames)]
-    assert play([*fresh, Reset(fresh[-1].at_s + 1e-3)], now, REPORTS).state is State.WATCHING
+    soon = [*fresh[1 : 1 + REPORTS.fresh_frames], Reset(0.1201)]  # a fall is found once
+    assert play(soon, play([frame(1, 0.024), *THROUGH], limits=REPORTS), REPORTS).state is State.WATCHING
 
 
 def test_what_is_only_reported_suppresses_no_other_cause() -> None:

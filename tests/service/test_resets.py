@@ -7,16 +7,8 @@ from small_monitor import TOKEN, Peer, serving
 from waiting import FUSE_S
 
 from scleraforce.openigtlink import Text, encode
-from scleraforce.service.reset import (
-    ANSWERED,
-    LOCKED_S,
-    WITHIN_S,
-    WRONG_CODES,
-    ResetCode,
-    ResetToken,
-    ask_reset,
-    token_digest,
-)
+from scleraforce.service import reset
+from scleraforce.service.reset import ANSWERED, WRONG_CODES, ResetCode, ResetToken, ask_reset
 
 
 def withdrawn_but_harmless(scanner: Peer) -> None:
@@ -63,13 +55,13 @@ def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_
 
 
 def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_meanwhile() -> None:
-    token = ResetToken(token_digest("right"))
+    token = ResetToken(reset.token_digest("right"))
     answered = [token.answers_wrong(0.01 * number) for number in range(10 * ANSWERED)]
     assert answered == [True] * ANSWERED + [False] * 9 * ANSWERED
     assert token.knows("right")
     assert not token.knows("wrong")
     assert not token.knows("\ud800")
-    assert token.answers_wrong(WITHIN_S)
+    assert token.answers_wrong(reset.WITHIN_S)
 
 
 def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_one_reset() -> None:
@@ -80,9 +72,9 @@ def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_o
         assert not any(code.knows(guess, 0.0) for guess in [wrong] * (WRONG_CODES - 1) + ["", "12345", TOKEN])
         assert code.knows(code.digits, 0.0)
     assert not any(code.knows(wrong, 1.0) for _ in range(WRONG_CODES))
-    assert code.locked(1.0 + 0.99 * LOCKED_S)
-    assert not code.knows(code.digits, 1.0 + 0.99 * LOCKED_S)
-    assert code.knows(code.digits, 1.0 + LOCKED_S)
+    assert code.locked(1.0 + 0.99 * reset.LOCKED_S)
+    assert not code.knows(code.digits, 1.0 + 0.99 * reset.LOCKED_S)
+    assert code.knows(code.digits, 1.0 + reset.LOCKED_S)
     used = {code.digits}
     for _ in range(3):
         code.renew()

@@ -209,25 +209,17 @@ def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits
         return _alarm(Cause.FROZEN, f"the same picture {now.repeats} times")
     if now.returns[-1] and sum(now.returns) >= limits.frozen_frames - 1:
         return _alarm(Cause.FROZEN, f"a picture of {frame.shown_back} frames ago")
-    return _stale(now, frame, limits)
-
-
-def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding | None:
-    """Return the alarm for a frame that lags its stated time by much more than the quickest ones did."""
-    lag_s = lag_of(frame)
-    if lag_s is None or now.least_lag is None:
+    lag_s, least = lag_of(frame), now.least_lag  # which the quickest frames had
+    if lag_s is None or least is None or lag_s - least[1] < limits.lag_s:
         return None
-    late_s = lag_s - now.least_lag[1]
-    if late_s < limits.lag_s:
-        return None
-    return _alarm(Cause.STALE, f"the frame is {from_si(late_s, 'ms'):.0f} ms late after the time in its header")
+    late_ms = from_si(lag_s - least[1], "ms")
+    return _alarm(Cause.STALE, f"the frame is {late_ms:.0f} ms late after the time in its header")
 
 
 def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding:
     """Return the meaning of a frame's reading."""
     verdict = frame.verdict
-    wrong = unsound(verdict, limits)
-    if wrong:
+    if wrong := unsound(verdict, limits):
         return _alarm(Cause.NO_NUMBER, wrong)
     if not verdict.usable:
         return _unusable(now, verdict.reason, now.unusable, limits.unusable_frames)
@@ -256,8 +248,7 @@ def _only_doubts(
     now: MonitorState, verdict: events.Verdict, name: str, in_row: int, most: int, limits: MonitorLimits
 ) -> _Finding:
     """Return the meaning of a verdict that can only add a doubt; `in_row` unusable ones in a row end with this one."""
-    wrong = unsound(verdict, limits)
-    if wrong:
+    if wrong := unsound(verdict, limits):
         return _alarm(Cause.NO_NUMBER, f"{name}: {wrong}")
     if not verdict.usable:
         return _unusable(now, f"{name}: {verdict.reason or 'cannot be judged'}", in_row, most)
@@ -303,8 +294,7 @@ def _loss(now: MonitorState, event: events.QueueLoss, limits: MonitorLimits) -> 
 
 def _reset(now: MonitorState, event: events.Reset, limits: MonitorLimits) -> _Finding:
     """Grant a reset only on fresh frames: harmless to both readers, in a row, the last one recent."""
-    doubt = _doubt(now, event.at_s, limits)
-    if doubt:
+    if doubt := _doubt(now, event.at_s, limits):
         return _Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
     silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
     if now.fresh < limits.fresh_frames or silent:

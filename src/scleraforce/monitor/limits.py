@@ -138,9 +138,8 @@ def lag_of(frame: FrameRead) -> float | None:
 
 def of_scale(scale_m: tuple[float, float], stated_m: tuple[float, float], limits: MonitorLimits) -> bool:
     """Return whether pixels have the stated size; False if a number is NaN."""
-    return all(
-        abs(found - stated) <= limits.scale_tolerance * stated for found, stated in zip(scale_m, stated_m, strict=True)
-    )
+    pairs_m = zip(scale_m, stated_m, strict=True)
+    return all(abs(found_m - stated_m) <= limits.scale_tolerance * stated_m for found_m, stated_m in pairs_m)
 
 
 def sound_pixels(size: tuple[int, int], scale_m: tuple[float, float]) -> bool:

@@ -129,9 +129,8 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
 def _dent(frame: FrameRead, force_n: float) -> Dent:
     elastic_n, travel_m = frame.verdict.elastic_force_n, frame.travel_m
     known = travel_m is not None and isfinite(travel_m) and frame.travel_age_s >= 0.0
-    return Dent(
-        frame.at_s, force_n if elastic_n is None else elastic_n, travel_m if known else None, frame.travel_age_s
-    )
+    dent_n = force_n if elastic_n is None else elastic_n
+    return Dent(frame.at_s, dent_n, travel_m if known else None, frame.travel_age_s)
 
 
 def _least_lag(

@@ -98,9 +98,8 @@ def prepare(
     frames_s = [entry.time_s for entry in recording.frames]
     first = int(np.searchsorted(frames_s, time_s))
     if not 2 <= first < len(frames_s) - 1:
-        raise InputError(
-            f"{recording.path}: a fault at {time_s:g} s; frames are from {frames_s[2]:g} to {frames_s[-2]:g} s"
-        )
+        within = f"frames are from {frames_s[2]:g} to {frames_s[-2]:g} s"
+        raise InputError(f"{recording.path}: a fault at {time_s:g} s; {within}")
     stage = _Stage(recording, first, rng, version, median_interval_s(recording) / speed, forces_n)
     return PreparedFault(name, frames_s[first], tuple(FAULTS[name].acts(stage)))
 
@@ -115,10 +114,9 @@ def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.ran
     end_s = (frames_s[over[0]] if len(over) else frames_s[-1]) - WITHIN_S
     possible = first + np.flatnonzero((force_n > CONTACT_N)[first:] & (frames_s <= end_s)[first:])
     if not len(possible):
-        raise InputError(
-            f"{recording.path}: no room for a fault: {WITHIN_S:g} s between contact ({from_si(CONTACT_N, 'mn'):g} mN) "
-            f"and {from_si(HARMLESS_N, 'mn'):g} mN are needed; use a slower ramp, or --fault-at-s"
-        )
+        between = f"contact ({from_si(CONTACT_N, 'mn'):g} mN) and {from_si(HARMLESS_N, 'mn'):g} mN"
+        needs = f"{WITHIN_S:g} s between {between} are needed; use a slower ramp, or --fault-at-s"
+        raise InputError(f"{recording.path}: no room for a fault: {needs}")
     return float(frames_s[rng.choice(possible)])
 
 
@@ -133,10 +131,8 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     interval_s = median_interval_s(player.recording) / player.speed
     client.listen(due_s)
     if not log.ok:
-        said = log.status.message if log.status else "nothing"
-        raise InputError(
-            f"{player.recording.path}: the monitor was not watching when the fault was due; it said: {said}"
-        )
+        said = f"it said: {log.status.message if log.status else 'nothing'}"
+        raise InputError(f"{player.recording.path}: the monitor was not watching when the fault was due; {said}")
     held_s = max(0.0, client.clock() - due_s - STATED_S)  # the replay's own delay is not part of the fault
     due_s, stamp_s = due_s + held_s, stamp_s + held_s
     began_s = since_s = client.clock()
@@ -237,11 +233,9 @@ class _Stage:
             raise InputError(f"{self.recording.path}: no force at its frames; add truth.json or forces.csv")
         forces_n = np.asarray(self.given_n)
         if not forces_n.max() >= least_n:
-            found_mn, needed_mn = from_si(forces_n.max(), "mn"), from_si(least_n, "mn")
-            raise InputError(
-                f"{self.recording.path}: forces up to {found_mn:.1f} mN; this fault needs {needed_mn:g} mN: choose "
-                "another recording"
-            )
+            needs = f"this fault needs {from_si(least_n, 'mn'):g} mN: choose another recording"
+            found_mn = from_si(forces_n.max(), "mn")
+            raise InputError(f"{self.recording.path}: forces up to {found_mn:.1f} mN; {needs}")
         return forces_n
 
     def nearest(self, wanted_n: Sequence[float] | Floats, least_n: float) -> list[Pixels]:

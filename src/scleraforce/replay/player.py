@@ -1,6 +1,5 @@
 """Play a recording to a monitor as its scanner would: the connection, the clock, and the record of the answers."""
 
-import json
 import socket
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -165,9 +164,8 @@ def _connect(host: str, port: int) -> socket.socket:
         link = socket.create_connection((host, port), timeout=CONNECT_S)
     except OSError as fault:
         reason = fault.strerror or str(fault)
-        raise InputError(
-            f"{host}:{port}: {reason}; start `scleraforce monitor` there, or give --host, --port"
-        ) from fault
+        what_to_do = "start `scleraforce monitor` there, or give --host, --port"
+        raise InputError(f"{host}:{port}: {reason}; {what_to_do}") from fault
     link.setblocking(False)
     with suppress(OSError):
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -273,12 +271,9 @@ class AnswerLog:
 
     def _hear_reading(self, text: str) -> None:
         try:
-            reading = json.loads(text)
-        except ValueError:
+            self.reading = reading = msgspec.json.decode(text, type=dict[str, Any])
+        except msgspec.DecodeError:
             return
-        if not isinstance(reading, dict):
-            return
-        self.reading = reading
         frame_id, at_s, status = reading.get("frame_id"), self.status_s, self.status
         if not isinstance(frame_id, int) or at_s is None or status is None or frame_id not in self._waiting:
             return
