@@ -48,10 +48,9 @@ def inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
 
 
 class Interior:
-    """The space inside the inner boundary: V = pi times the integral of r^2 dz from the support to the axis.
+    """The space inside the inner boundary, V = pi times the integral of r^2 dz from the support to the axis.
 
-    Pressure does work on V, so that dV is its load and the second derivative its part of the tangent, symmetric. The
-    support holds z; what lies beyond it does not move.
+    Pressure does work on V: dV is its load, the second derivative its part of the tangent. The support holds z.
     """
 
     def __init__(self, mesh: MeridianMesh) -> None:
@@ -146,16 +145,12 @@ def axisymmetric_path(
 
 
 class AxisymmetricWall:
-    """A wall of revolution as a problem of `continuation`."""
+    """A wall of revolution as an `Equilibrium`."""
 
     def __init__(
         self, mesh: MeridianMesh, poisson_ratio: float, *, symmetric: bool = False, stiffening: float = 0.0
     ) -> None:
-        """Prepare the wall.
-
-        `symmetric`: the support is a plane of symmetry (at a right angle to the axis) instead of a clamp; `stiffening`:
-        b of `mechanics.material`.
-        """
+        """`symmetric`: the support is a plane of symmetry, at a right angle to the axis, instead of a clamp."""
         self.mesh = mesh
         held_nc, across = np.zeros(mesh.points_nc.shape, dtype=bool), len(mesh.points_nc) // len(mesh.outer_n)
         held_nc[:across, 0] = True  # radial motion on the axis
@@ -170,13 +165,13 @@ class AxisymmetricWall:
         self.tip = tip[self.free]
 
     def residual(self, u: Floats, pressure: float) -> Floats:
-        """Return internal forces minus the pressure's, (unknown,)."""
+        """Internal forces minus the pressure's, (unknown,)."""
         everywhere = self.full(u)
         balance: Floats = meridian.nodal_forces(self._solid, everywhere) - pressure * self._inside.volume(everywhere)[1]
         return balance[self.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
-        """Factor the tangent; see `equilibrium.Equilibrium`."""
+        """Factor the tangent."""
         everywhere = self.full(u)
         tangents = meridian.element_tangents(self._solid, everywhere)
         self._inside.subtract_curvature(tangents, everywhere, pressure)
@@ -288,23 +283,27 @@ def base_shift(
         raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg")
     contact = Contact(polar_rad=polar_rad)
     solid = LinearWall(graded_mesh(radius_m, thickness_m, contact), poisson_ratio)
-    meridian = meridian_mesh(radius_m, thickness_m, needle_radius_m, 0.5 * np.pi, size or MeridianSize())
-    even = AxisymmetricWall(meridian, poisson_ratio)
+    even = AxisymmetricWall(
+        meridian_mesh(radius_m, thickness_m, needle_radius_m, 0.5 * np.pi, size or MeridianSize()), poisson_ratio
+    )
     none = np.zeros_like(even.needle)
     solve = even.factor(none, 0.0)
     loads = [
         (solid.pressure_nc, solve(even.volume(none)[1])),
         (solid.needle_cnc([contact], needle_radius_m)[0], solve(even.needle)),
     ]
-    outer_nc = meridian.points_nc[meridian.outer_n]
-    angles = np.arctan2(outer_nc[:, 0], outer_nc[:, 1])
+    nodes_bn = np.stack([even.mesh.outer_n, even.mesh.inner_n])
+    angles = np.arctan2(*even.mesh.points_nc[nodes_bn[0]].T)
     ahead = np.count_nonzero(angles < 0.5 * np.pi - polar_rad - MARGIN_RAD)  # of the base where it is nearest
     last_n = np.minimum(np.arange(len(angles)), ahead - 1)
-    shifts = [
-        _harmonics(solid.mesh, contact, angles[:ahead], displacement_nc) - _even(even, displacement)[:, :, :ahead]
-        for displacement_nc, displacement in loads
-    ]
-    return BaseShift(*(shift[:, :, last_n] for shift in shifts))
+    shifts = []
+    for displacement_nc, displacement in loads:
+        shift_mbnc = _harmonics(solid.mesh, contact, angles[:ahead], displacement_nc)
+        even_bnc = even.full(displacement).reshape(-1, 2)[nodes_bn[:, :ahead]]
+        shift_mbnc[0, ..., 0] -= even_bnc[..., 0]  # a wall of revolution has no other harmonics
+        shift_mbnc[0, ..., 2] += even_bnc[..., 1]
+        shifts.append(shift_mbnc[:, :, last_n])
+    return BaseShift(*shifts)
 
 
 def _harmonics(mesh: HexMesh, contact: Contact, angles_n: Floats, displacement_nc: Floats) -> Floats:
@@ -325,12 +324,3 @@ def _harmonics(mesh: HexMesh, contact: Contact, angles_n: Floats, displacement_n
     sine = 2.0 / AZIMUTHS * np.sin(order * azimuths)
     parts = ((away, cosine), (around, sine), (-outward, cosine))
     return np.stack([np.einsum("bna,ma->mbn", field, wave) for field, wave in parts], axis=-1)
-
-
-def _even(wall: AxisymmetricWall, displacement: Floats) -> Floats:
-    """The same of a wall of revolution: only its zeroth harmonic is not zero."""
-    nodes_bn = np.stack([wall.mesh.outer_n, wall.mesh.inner_n])
-    boundaries_bnc = wall.full(displacement).reshape(-1, 2)[nodes_bn]
-    answer = np.zeros((HARMONICS, *boundaries_bnc.shape[:2], 3))
-    answer[0, ..., 0], answer[0, ..., 2] = boundaries_bnc[..., 0], -boundaries_bnc[..., 1]
-    return answer

@@ -95,11 +95,7 @@ class LoadPath:
         return self.displacement_at_tip_nc(self.tip_m(force_n))
 
     def displacement_at_tip_nc(self, tip_m: float) -> Floats:
-        """Return the displacement from the undeformed wall when the tip has moved by `tip_m`, (node, 3) in m.
-
-        Raises:
-            InputError: the path does not reach that far.
-        """
+        """Return the displacement from the undeformed wall at a dent, (node, 3) in m; within the path only."""
         return np.einsum("s,snc->nc", self._weights(tip_m), self.displacement_snc)
 
     def pressure_pa(self, force_n: float) -> float:
@@ -107,10 +103,7 @@ class LoadPath:
         return self.at_tip(self.tip_m(force_n))[1]
 
     def travel_m(self, force_n: float) -> float:
-        """Return the tip's inward displacement from rest at a force, in m: the dent, less the wall's rise under it.
-
-        In an open globe it is the dent. Errors as of `tip_m`.
-        """
+        """Return the tip's inward displacement from rest at a force, m: the dent, less the wall's rise if sealed."""
         return self.at_tip(self.tip_m(force_n))[2]
 
     def _first_tip(self, values_s: Floats, wanted: float) -> float:
@@ -149,12 +142,11 @@ class FiniteWall:
         stiffening: float = 0.0,
         fibres: FibreLaw | None = None,
     ) -> None:
-        """Prepare everything that does not depend on the displacement.
+        """Prepare everything that does not depend on the displacement; for the material see `NeoHookeanSolid`.
 
-        `held_nc` holds displacement components at zero, (node, 3); by default the clamped base. `modulus_factor_ep`:
-        modulus over E at every Gauss point, (element, point). `dead_pressure_nc`: nodal forces of 1 Pa that keep their
-        direction, (node, 3) in m^2, in place of a pressure that follows the inner surface. `springs` hold what is left
-        free; `stiffening`: b of `mechanics.material`; `fibres`: a law of `mechanics.neo_hookean`.
+        `held_nc` holds displacement components at zero, (node, 3); by default the clamped base. `dead_pressure_nc`:
+        nodal forces of 1 Pa that keep their direction, (node, 3) in m^2, in place of a pressure that follows the inner
+        surface.
         """
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
@@ -165,11 +157,6 @@ class FiniteWall:
         _check_supports(mesh, self.held_nc, springs)
         self.free = np.flatnonzero(~self.held_nc.ravel())
         self.dissection = dissect(mesh, self.held_nc)
-
-    @cached_property
-    def gravity_nc(self) -> Floats:
-        """Nodal forces of 1 N/m^3 of weight, along -z, (node, 3) in N."""
-        return gravity_load(self.mesh, self.solid.points)
 
     def load_path(
         self,
@@ -237,19 +224,19 @@ def _check_supports(mesh: HexMesh, held_nc: Flags, springs: Springs | None) -> N
 
 
 class WallEquilibrium:
-    """The wall for `continuation`: its unknowns are the free components, at E = 1 Pa."""
+    """The wall as an `Equilibrium`: its unknowns are the free components, at E = 1 Pa."""
 
     def __init__(self, wall: FiniteWall, needle: Needle, youngs_modulus_pa: float, density_kg_m3: float) -> None:
         self._wall = wall
         self.needle: Floats = needle.load_nc.ravel()[wall.free]
         self.tip: Floats = needle.tip_nc.ravel()[wall.free]
-        self._weight_nc = density_kg_m3 * STANDARD_GRAVITY_M_S2 / youngs_modulus_pa * wall.gravity_nc
+        weight = density_kg_m3 * STANDARD_GRAVITY_M_S2 / youngs_modulus_pa
+        self._weight_nc = weight * gravity_load(wall.mesh, wall.solid.points)
         self._per_modulus = 1.0 / youngs_modulus_pa
 
     def residual(self, u: Floats, pressure: float) -> Floats:
         """Return the forces out of balance without the needle, (unknown,)."""
-        displaced_nc = self._wall.full_nc(u)
-        wall = self._wall
+        wall, displaced_nc = self._wall, self._wall.full_nc(u)
         pushed_nc = wall.inner.forces(displaced_nc) if wall.dead_pressure_nc is None else wall.dead_pressure_nc
         balance_nc = wall.solid.forces(displaced_nc) - pressure * pushed_nc - self._weight_nc
         if wall.springs is not None:
@@ -257,13 +244,11 @@ class WallEquilibrium:
         return balance_nc.ravel()[wall.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
-        """Factor the tangent in single precision, which costs half; its solve takes loads of any size.
+        """Factor the tangent in single precision, which costs half; the solve takes loads of any size.
 
-        It leaves a relative error of about 1e-4, which the next step of Newton's method removes: the forces alone
-        decide the limit.
+        Newton's next step removes its relative error of about 1e-4: the forces alone decide the limit.
         """
-        displaced_nc = self._wall.full_nc(u)
-        wall = self._wall
+        wall, displaced_nc = self._wall, self._wall.full_nc(u)
         elements = wall.solid.tangents(displaced_nc, np.float32)
         if wall.dead_pressure_nc is None and pressure != 0.0:
             wall.inner.add_tangent(elements, displaced_nc, -pressure)
@@ -282,8 +267,7 @@ class WallEquilibrium:
 
     def volume(self, u: Floats) -> tuple[float, Floats]:
         """Return the volume inside in m^3 and its derivative, (unknown,)."""
-        displaced_nc = self._wall.full_nc(u)
-        inner = self._wall.inner
+        inner, displaced_nc = self._wall.inner, self._wall.full_nc(u)
         return inner.volume(displaced_nc), inner.forces(displaced_nc).ravel()[self._wall.free]
 
 

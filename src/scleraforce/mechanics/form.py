@@ -25,30 +25,25 @@ from scleraforce.units import from_si
 def corneal_surface(directions_nc: Floats, cornea: CorneaStudy, radius_m: float) -> tuple[Floats, Floats]:
     """Return points of the outer surface in unit directions, m, and outward unit normals there, (direction, 3) each.
 
-    Raises:
-        InputError: the limbus is not a ring of this globe, is as wide as the cornea, or passes the base plane.
-
     >>> apex_nc, normal_nc = corneal_surface(np.array([[0.0, 0.0, 1.0]]), CorneaStudy(), 12e-3)
     >>> print(f"{1e3 * apex_nc[0, 2]:.2f} mm")
     13.06 mm
     """
-    limbus_rad, half_edge_rad = _limbus(cornea, radius_m)
+    ends_rad = _limbus(cornea, radius_m)
     axis_c = Contact(polar_rad=cornea.polar_rad, azimuth_rad=cornea.azimuth_rad).normal
     cosine_n = directions_nc @ axis_c
     across_nc = cosine_n[:, None] * directions_nc - axis_c  # sin a times the unit vector of growing a
     angle_n = np.arctan2(np.linalg.norm(across_nc, axis=1), cosine_n)
-    ends_rad = limbus_rad - half_edge_rad, limbus_rad + half_edge_rad
     rho_n, lean_n = np.full_like(angle_n, radius_m), np.zeros_like(angle_n)
     inside = angle_n <= ends_rad[0]
     rho_n[inside], lean_n[inside] = _sphere(angle_n[inside], cornea, radius_m)
     between = (angle_n > ends_rad[0]) & (angle_n < ends_rad[1])
     rho_n[between], lean_n[between] = _furrow(angle_n[between], ends_rad, cornea, radius_m)
-    normals_nc = directions_nc - lean_n[:, None] * across_nc
-    return rho_n[:, None] * directions_nc, normals_nc / np.linalg.norm(normals_nc, axis=1, keepdims=True)
+    return rho_n[:, None] * directions_nc, _unit(directions_nc - lean_n[:, None] * across_nc)
 
 
 def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
-    """Angle of the limbus from the corneal axis and half its width, rad."""
+    """Return the angles from the corneal axis between which the limbus lies, rad; an `InputError` if none is there."""
     if not cornea.limbus_radius_m < radius_m:
         found, globe = (f"{from_si(value, 'mm'):g} mm" for value in (cornea.limbus_radius_m, radius_m))
         raise InputError(f"form.cornea: limbus_radius_mm: {found}; must be below the radius of the eye, {globe}")
@@ -59,7 +54,7 @@ def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
     if not cornea.polar_rad + limbus_rad + half_edge_rad < 0.5 * pi:
         raise InputError(f"{width} about a ring of {from_si(cornea.limbus_radius_m, 'mm'):g} mm and polar_deg: "
                          f"{np.degrees(cornea.polar_rad):g}; the limbus must lie above the base plane")  # fmt: skip
-    return limbus_rad, half_edge_rad
+    return limbus_rad - half_edge_rad, limbus_rad + half_edge_rad
 
 
 def _sphere(angle_n: Floats | float, cornea: CorneaStudy, radius_m: float) -> tuple[Floats, Floats]:
@@ -87,10 +82,7 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> HexMesh:
     """Return a spherical wall about the origin, shaped by a form and put under the needle.
 
     The needle touches the material that is in the contact's direction on the sphere. The mesh locates directions as the
-    sphere does, and keeps the nominal radius and thickness.
-
-    Raises:
-        InputError: a cornea that does not fit this globe.
+    sphere does, and keeps the nominal radius and thickness. A cornea that does not fit this globe is an `InputError`.
 
     >>> from scleraforce.mechanics.mesh import build_mesh
     >>> eye = form_mesh(build_mesh(12e-3, 0.5e-3), FormStudy(semi_axes=(1.1, 1.0, 0.9)), Contact(polar_rad=0.0))
@@ -138,9 +130,8 @@ def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:
 
 def _inside(region: RegionStudy, directions_nc: Floats) -> Floats:
     """1 inside a cap, 0 outside; a cubic with no kinks in between."""
-    angle = np.arccos(
-        np.clip(directions_nc @ Contact(polar_rad=region.polar_rad, azimuth_rad=region.azimuth_rad).normal, -1.0, 1.0)
-    )
+    axis_c = Contact(polar_rad=region.polar_rad, azimuth_rad=region.azimuth_rad).normal
+    angle = np.arccos(np.clip(directions_nc @ axis_c, -1.0, 1.0))
     x = np.clip((region.half_angle_rad - angle) / region.edge_rad + 0.5, 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)
 

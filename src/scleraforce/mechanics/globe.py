@@ -32,10 +32,8 @@ SAME_SLOPE_PA = to_si(15.0, "mmhg")  # where a logarithmic law is as steep as th
 class Globe:
     """The rise of the pressure with the displaced volume; open where `rate` is 0. Numbers and arrays broadcast.
 
-    Attributes:
-        law: "cube-root" or "logarithmic": which `level` of the pressure is linear in the volume.
-        rate: of the level, Pa^(1/3)/m^3 or 1/m^3; an array describes several globes. No globe has a rate below 0, but a
-            search for one that is nearly open needs both sides.
+    `law` is the `level` of the pressure that is linear in the volume; `rate` is of the level, Pa^(1/3)/m^3 or 1/m^3, an
+    array of several globes. No globe has a rate below 0, but a search for one that is nearly open needs both sides.
     """
 
     law: str = "cube-root"
@@ -101,11 +99,7 @@ OPEN_GLOBE = Globe()
 
 
 def sealed_globe(rigidity_pa13_per_m3: Values, law: str = RIGIDITY_LAWS[0]) -> Globe:
-    """Return a sealed globe of a rigidity k, in Pa^(1/3)/m^3; of 0, an open one.
-
-    Raises:
-        InputError: no such law, or a rigidity that is not finite.
-    """
+    """Return a sealed globe of a finite rigidity k, in Pa^(1/3)/m^3; of 0, an open one."""
     return Globe(law, rigidity_pa13_per_m3 * (3.0 / np.cbrt(SAME_SLOPE_PA) if law == RIGIDITY_LAWS[1] else 1.0))
 
 

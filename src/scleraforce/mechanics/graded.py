@@ -11,7 +11,7 @@ from math import cos, radians, tan
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Flags, Floats, Integers
+from scleraforce.arrays import Floats, Integers
 from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.mesh import HexMesh, QuadSurface, build_mesh, extrude_surface
@@ -63,15 +63,21 @@ def graded_surface(contact: Contact, core: int, rings: int, core_ratio: float) -
     # A length at the contact is 2 cos(polar angle) times its image in the disc (derivatives of both maps there).
     half = core_ratio / (2.0 * cos(contact.polar_rad))
     disc, quads = _o_grid(core, rings, half)
-    turn = np.exp(1j * contact.azimuth_rad)
     middle = tan(0.5 * contact.polar_rad)
-    image = turn * (disc + middle) / (1.0 + middle * disc)
-    return QuadSurface(_lifted(image, on_base=np.arange(len(image)) >= len(image) - 4 * core), quads)
+    image = np.exp(1j * contact.azimuth_rad) * (disc + middle) / (1.0 + middle * disc)
+    # Points of the unit sphere with these stereographic images; the last ring is the base, z = 0 exactly.
+    height = 1.0 - np.abs(image) ** 2
+    height[-4 * core :] = 0.0
+    points = np.stack([2.0 * image.real, 2.0 * image.imag, height], axis=1)
+    return QuadSurface(points / np.linalg.norm(points, axis=1, keepdims=True), quads)
 
 
 def _o_grid(core: int, rings: int, half: float) -> tuple[NDArray[np.complex128], Integers]:
     """Points of the unit disc as complex numbers, ring after ring, and its quads; the last ring is the circle."""
-    number, square = _core_square(core)
+    # The square's grid points in [-1, 1]^2, with the corners drawn in, and their numbers (column, row).
+    x, y = np.meshgrid(*[np.linspace(-1.0, 1.0, core + 1)] * 2, indexing="ij")
+    square = (x * np.sqrt(1.0 - ROUNDING * y**2) + 1j * y * np.sqrt(1.0 - ROUNDING * x**2)).ravel()
+    number = np.arange((core + 1) ** 2).reshape(core + 1, core + 1)
     # Grid points on the square's edge, counter-clockwise, each once.
     around = np.concatenate([number[:-1, 0], number[-1, :-1], number[:0:-1, -1], number[0, :0:-1]])
     corner = half * square[around]
@@ -92,21 +98,6 @@ def _o_grid(core: int, rings: int, half: float) -> tuple[NDArray[np.complex128],
     ring_quads = np.stack([inner, outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1)], axis=-1)
     core_quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
     return disc, np.concatenate([core_quads.reshape(-1, 4), ring_quads.reshape(-1, 4)])
-
-
-def _core_square(core: int) -> tuple[Integers, NDArray[np.complex128]]:
-    """Numbers of the square's grid points (column, row) and their places in [-1, 1]^2, with the corners drawn in."""
-    places = np.linspace(-1.0, 1.0, core + 1)
-    x, y = np.meshgrid(places, places, indexing="ij")
-    square = x * np.sqrt(1.0 - ROUNDING * y**2) + 1j * y * np.sqrt(1.0 - ROUNDING * x**2)
-    return np.arange((core + 1) ** 2).reshape(core + 1, core + 1), square.ravel()
-
-
-def _lifted(image: NDArray[np.complex128], on_base: Flags) -> Floats:
-    """Points of the unit sphere with these stereographic images; z = 0 exactly `on_base`."""
-    square = np.abs(image) ** 2
-    points = np.stack([2.0 * image.real, 2.0 * image.imag, np.where(on_base, 0.0, 1.0 - square)], axis=1)
-    return points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
 def _joined(upper: QuadSurface, lower: QuadSurface) -> QuadSurface:

@@ -46,7 +46,14 @@ class LinearWall:
         elements = element_stiffness(self._points, *lame_constants(1.0, poisson_ratio))
         if springs is not None:
             springs.add_to(elements, 1.0 / springs_modulus_pa)
-        self._factor = _factorise(mesh, self.held_nc, elements)
+        try:
+            self._factor = FrontalFactor(dissect(mesh, self.held_nc), elements)
+        except SolverError as fault:
+            raise SolverError(f"stiffness: {fault}; add supports against rigid motion") from fault
+        probe = np.random.default_rng(0).normal(size=len(self._free))
+        softest = float(np.linalg.norm(self._factor.solve(probe)) / np.linalg.norm(probe))
+        if not softest * float(elements.max()) < SINGULAR:
+            raise SolverError("stiffness: the wall may move as a rigid body; add supports against that")
 
     @cached_property
     def pressure_nc(self) -> Floats:
@@ -61,10 +68,8 @@ class LinearWall:
     def needle_cnc(self, contacts: Sequence[Contact], needle_radius_m: float, nodes: Integers | None = None) -> Floats:
         """Displacements under 1 N through the needle at each contact at E = 1 Pa, (contact, node, 3) in m.
 
-        `nodes`: the wanted ones, by default all. Others get NaN; fewer nodes take less time.
-
-        Raises:
-            InputError: a needle reaches over the base plane.
+        `nodes`: the wanted ones, by default all; others get NaN, and take less time. A needle that reaches over the
+        base plane is an `InputError`.
         """
         answer = np.empty((len(contacts), *self.mesh.points_nc.shape))
         for start in range(0, len(contacts), LOADS_AT_ONCE):
@@ -73,10 +78,7 @@ class LinearWall:
         return answer
 
     def solve(self, loads_lnc: Floats, nodes: Integers | None = None) -> Floats:
-        """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same shape, in m.
-
-        `nodes`: as in `needle_cnc`.
-        """
+        """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; `nodes` as in `needle_cnc`."""
         answer = np.zeros((len(loads_lnc), 3 * len(self.mesh.points_nc)))
         wanted_nc = np.full(self.mesh.points_nc.shape, nodes is None)
         wanted_nc[[] if nodes is None else nodes] = True
@@ -99,19 +101,6 @@ class LinearWall:
         weight_n_m3 = density_kg_m3 * STANDARD_GRAVITY_M_S2
         loaded = iop_pa * self.pressure_nc + weight_n_m3 * self.gravity_nc + force_n * needle_nc
         return loaded / youngs_modulus_pa
-
-
-def _factorise(mesh: HexMesh, held_nc: Flags, element_eiajb: Floats) -> FrontalFactor:
-    """Factor a symmetric positive definite matrix; refuse one that is singular to rounding."""
-    try:
-        factor = FrontalFactor(dissect(mesh, held_nc), element_eiajb)
-    except SolverError as fault:
-        raise SolverError(f"stiffness: {fault}; add supports against rigid motion") from fault
-    probe = np.random.default_rng(0).normal(size=np.count_nonzero(~held_nc))
-    amplification = float(np.linalg.norm(factor.solve(probe)) / np.linalg.norm(probe)) * float(element_eiajb.max())
-    if not amplification < SINGULAR:
-        raise SolverError("stiffness: the wall may move as a rigid body; add supports against that")
-    return factor
 
 
 def tip_displacement(mesh: HexMesh, contact: Contact, needle_nc: Floats) -> float:

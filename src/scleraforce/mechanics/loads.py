@@ -97,12 +97,10 @@ class Needle:
 
 
 def needle_at(mesh: HexMesh, contact: Contact, needle_radius_m: float, axis_c: Floats | None = None) -> Needle:
-    """Return a needle whose axis meets the outer surface at the contact.
+    """Return a needle whose axis meets the outer surface at the contact, with a load as that of `needle_loads`.
 
-    The force along the axis is uniform over the disc of the needle's outer radius, seen along the axis, and taken up by
-    the outer surface below; for a sphere and the default axis it is that of `needle_loads`. Of a wall of another form
-    the contact is the point that has this direction on the sphere. `axis_c` is a unit vector into the eye, (3,); by
-    default the opposite of the contact's normal.
+    Of a wall of another form the contact is the point that has this direction on the sphere. `axis_c` is a unit vector
+    into the eye, (3,); by default the opposite of the contact's normal.
     """
     axis = -contact.normal if axis_c is None else axis_c
     if not abs(np.linalg.norm(axis) - 1.0) < 1e-6 or axis @ contact.normal > -0.5:
@@ -131,8 +129,8 @@ def _spread(mesh: HexMesh, directions_dc: Floats, weights_d: Floats) -> Floats:
 def _below_disc(mesh: HexMesh, contact: Contact, sideways_pc: Floats, axis_c: Floats) -> Floats:
     """Directions (point, 3) of the outer surface's points that lie below points of the disc, along the axis.
 
-    A direction that grows by v moves its point of the surface by about v. So correcting it by the point's error across
-    the axis contracts: by the squared sine of the tilt on a sphere.
+    A direction that grows by v moves its point by about v, so correcting it by the point's error across the axis
+    contracts: by the squared sine of the tilt on a sphere.
     """
     goals_pc = _surface_points(mesh, contact.normal[None]) + sideways_pc
     directions = mesh.radius_m * contact.normal + sideways_pc
@@ -273,8 +271,7 @@ class Springs:
 def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: float) -> Springs:
     """Return a Winkler bed under the outer surface of a whole globe's lower half, z < 0 on the sphere.
 
-    The stiffness is the pressure per metre that the wall moves along its normal, either way; the shear stiffness the
-    shear per metre that it slides.
+    Its stiffness is pressure per metre along the wall's normal, either way, and shear per metre that the wall slides.
     """
     places, _ = gauss_points(2, BED_POINTS)
     heights_qp = mesh.sphere_nc[mesh.outer_qn][..., 2] @ shape_values(places, mesh.outer_qn.shape[1]).T
@@ -291,10 +288,7 @@ def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: floa
 
 
 def rectus_straps(mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float = 0.0) -> Springs:
-    """Return four straps that hold the insertions of the rectus muscles along the meridians, as the muscles run.
-
-    `stiffness_n_m` is the force per metre of one muscle, even over the width of its insertion.
-    """
+    """Return four straps that hold the insertions of the rectus muscles along the meridians, of a stiffness each."""
     places, weights = gauss_points(1, STRAP_POINTS)
     contacts = [
         Contact(polar_rad=polar_rad, azimuth_rad=azimuth_rad)
@@ -308,11 +302,7 @@ def rectus_straps(mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float
 
 
 def study_springs(supports: SupportsStudy, mesh: HexMesh) -> Springs | None:
-    """Return the springs of a study's supports; None for the clamped base alone.
-
-    Raises:
-        InputError: a bed under a wall without a lower half.
-    """
+    """Return the springs of a study's supports; None for the clamped base alone."""
     springs = None
     if supports.has_bed:
         springs = elastic_bed(mesh, supports.bed_stiffness_pa_per_m, supports.bed_shear_stiffness_pa_per_m)

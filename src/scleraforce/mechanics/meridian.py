@@ -111,23 +111,6 @@ def quad_shapes(places_pk: Floats) -> tuple[Floats, Floats]:
     return values, np.stack(slopes, axis=-1)
 
 
-def _shapes(mesh: MeridianMesh) -> tuple[Floats, Floats]:
-    """Return d/dr, d/dz and N/R of the nodes' shape functions (element, point, 3, 9), and the points' volumes in m^3.
-
-    The volumes have the shape (element, point).
-    """
-    places_pk, weights_p = gauss_points(2, POINTS)
-    values_pn, slopes_pnk = quad_shapes(places_pk)
-    corners_enc = mesh.points_nc[mesh.cells_en]
-    jacobian_epck = np.einsum("enc,pnk->epck", corners_enc, slopes_pnk)
-    gradients_epnc = slopes_pnk @ np.linalg.inv(jacobian_epck)
-    distance_ep = np.einsum("pn,en->ep", values_pn, corners_enc[..., 0])
-    around_epn = values_pn / distance_ep[..., None]
-    shapes_epgn = np.concatenate([gradients_epnc.transpose(0, 1, 3, 2), around_epn[:, :, None]], axis=2)
-    areas_ep = np.abs(np.linalg.det(jacobian_epck)) * weights_p
-    return np.ascontiguousarray(shapes_epgn), 2.0 * np.pi * distance_ep * areas_ep
-
-
 class ElementTables(NamedTuple):
     """The loops' view of a solid: shapes and material.
 
@@ -145,13 +128,20 @@ class ElementTables(NamedTuple):
 
 
 def solid_of_revolution(mesh: MeridianMesh, poisson_ratio: float, stiffening: float = 0.0) -> ElementTables:
-    """Return all of a wall's material that does not depend on the displacement; b = 0 is the neo-Hookean solid."""
-    lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
-    shapes_epgn, volumes_ep = _shapes(mesh)
+    """Return a wall's shapes and material at its Gauss points; b = 0 is the neo-Hookean solid."""
+    places_pk, weights_p = gauss_points(2, POINTS)
+    values_pn, slopes_pnk = quad_shapes(places_pk)
+    corners_enc = mesh.points_nc[mesh.cells_en]
+    jacobian_epck = np.einsum("enc,pnk->epck", corners_enc, slopes_pnk)
+    gradients_epnc = slopes_pnk @ np.linalg.inv(jacobian_epck)
+    distance_ep = np.einsum("pn,en->ep", values_pn, corners_enc[..., 0])
+    around_epn = values_pn / distance_ep[..., None]
+    shapes_epgn = np.concatenate([gradients_epnc.transpose(0, 1, 3, 2), around_epn[:, :, None]], axis=2)
+    volumes_ep = 2.0 * np.pi * distance_ep * (np.abs(np.linalg.det(jacobian_epck)) * weights_p)
+    lambda_ep, mu_ep = (constant * volumes_ep for constant in lame_constants(1.0, poisson_ratio))
     unknowns_en = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(len(mesh.cells_en), -1)
-    lambda_ep, mu_ep = lame_lambda * volumes_ep, lame_mu * volumes_ep
     ratio = float(lambda_ep[0, 0] / mu_ep[0, 0])
-    return ElementTables(shapes_epgn, unknowns_en, lambda_ep, mu_ep, float(stiffening), ratio)
+    return ElementTables(np.ascontiguousarray(shapes_epgn), unknowns_en, lambda_ep, mu_ep, float(stiffening), ratio)
 
 
 @compiled

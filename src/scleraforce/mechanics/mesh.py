@@ -126,6 +126,8 @@ class SurfaceLocator:
 
     def locate(self, directions_dc: Floats) -> tuple[Integers, Floats]:
         """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction, 2) of every direction."""
+        from scleraforce.mechanics.loops import cross_quads  # not before something is solved: Numba takes 0.2 s
+
         lengths = np.linalg.norm(directions_dc, axis=1)
         above = np.full(len(lengths), self._whole) | (directions_dc[:, 2] >= -BELOW_BASE * lengths)
         if not np.all(above & (lengths > 0.0) & np.isfinite(lengths)):
@@ -134,23 +136,16 @@ class SurfaceLocator:
         local = np.empty((len(directions_dc), 2))
         for start in range(0, len(directions_dc), BATCH):
             part = slice(start, start + BATCH)
-            quads[part], local[part] = self._locate_batch(directions_dc[part] / lengths[part, None])
+            unit_dc = directions_dc[part] / lengths[part, None]
+            seeds = self._seeds[self._cell(unit_dc)]
+            found, crossed = cross_quads(self._polynomials, self._frames_qkc, self._neighbours_qe, seeds, unit_dc)
+            if not crossed:
+                raise SolverError("locate: a direction was not found on the surface")
+            quads[part], local[part] = seeds, np.clip(found, -1.0, 1.0)
         return quads, local
 
-    def _locate_batch(self, directions_dc: Floats) -> tuple[Integers, Floats]:
-        quads = self._seeds[self._cell(directions_dc)]
-        from scleraforce.mechanics.loops import cross_quads  # not before something is solved: Numba takes 0.2 s
-
-        local, found = cross_quads(self._polynomials, self._frames_qkc, self._neighbours_qe, quads, directions_dc)
-        if not found:
-            raise SolverError("locate: a direction was not found on the surface")
-        return quads, np.clip(local, -1.0, 1.0)
-
     def _seed_table(self, middles_qc: Floats) -> Integers:
-        """Quad with the nearest middle for every cell of the square around the stereographic disc, flat.
-
-        A whole sphere's second table, for z < 0, follows the first.
-        """
+        """Quad with the nearest middle for every cell around the stereographic disc, flat; then those for z < 0."""
         middles = (np.arange(self._table_cells) + 0.5) * 2.0 / self._table_cells - 1.0
         p, q = np.meshgrid(middles, middles, indexing="ij")
         square = p**2 + q**2
@@ -264,10 +259,7 @@ def build_mesh(
 
 
 def extrude_surface(surface: QuadSurface, radius_m: float, thickness_m: float, layers: int, order: int) -> HexMesh:
-    """Return the wall whose outer surface is a surface of the unit sphere, scaled: a half-sphere or all of it.
-
-    An open surface has its edge on z = 0 exactly. See `build_mesh` for arguments and errors.
-    """
+    """Return the wall under a surface of the unit sphere, scaled; an open one has its edge on z = 0 exactly."""
     if not 0.0 < thickness_m < 0.5 * radius_m:
         raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below half the radius")
     if order not in (1, 2) or layers < 1:
@@ -307,10 +299,7 @@ def _extrude(quads_qn: Integers, per_sheet: int, layers: int, order: int) -> Int
 def locate(mesh: HexMesh, directions_dc: Floats) -> tuple[Integers, Floats]:
     """Return the quads that rays from the centre pierce, (direction,), and shape functions there (direction, node).
 
-    Directions (direction, 3) have any positive length; z >= 0 where the wall is a half-sphere.
-
-    Raises:
-        InputError: a direction below the base plane.
+    Directions (direction, 3) have any positive length; below the base plane of a half-sphere they are an `InputError`.
     """
     quads, local_dk = mesh.locator.locate(directions_dc)
     return quads, shape_values(local_dk, mesh.outer_qn.shape[1])

@@ -83,9 +83,6 @@ def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> 
     """Return the longitudes of the material lines, dense at the contact, from base to base, shape (plane, station).
 
     `circles_xp`: latitudes of the undeformed circles (surface, plane).
-
-    Raises:
-        InputError: a plane does not meet the wall above its base.
     """
     ends = np.array([_ends_at_base(frames, circle, BEYOND_BASE_M / radius_m) for circle in circles_xp])
     low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
@@ -96,10 +93,7 @@ def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> 
 
 
 def _ends_at_base(frames: PlaneFrames, latitude_p: Floats, beyond: float) -> Floats:
-    """Longitudes a little `beyond` those where a circle of latitude meets z = 0; -pi and pi where it does not.
-
-    Shape (2, plane).
-    """
+    """Longitudes a little `beyond` z = 0 on a circle of latitude, (2, plane); -pi and pi if it does not meet z = 0."""
     lateral_z, depth_z, normal_z = frames.axes_pac[:, :, 2].T
     amplitude = np.cos(latitude_p) * np.hypot(lateral_z, depth_z)  # z = amplitude cos(longitude - middle) + offset
     offset = np.sin(latitude_p) * normal_z
