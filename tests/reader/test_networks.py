@@ -34,39 +34,23 @@ def drawn_forces(histogram: np.ndarray, modulus_pa: float, count: int) -> np.nda
     return modulus_pa * rng.uniform(EDGES_M2[bins], EDGES_M2[bins + 1])
 
 
-def class_probabilities(distribution: networks.ForceDistribution, bounds_n: tuple[float, ...]) -> np.ndarray:
-    """The probability of each class (sample, class), with arrays: the oracle of `histogram_reading`."""
-    below = np.empty((len(distribution.share_sk), len(bounds_n) + 2))
-    below[:, 0], below[:, -1] = 0.0, 1.0
-    for row, edges, shares in zip(below, distribution.edge_n_sk, distribution.share_sk, strict=True):
-        row[1:-1] = np.interp(bounds_n, edges, shares)
-    probabilities: np.ndarray = below[:, 1:] - below[:, :-1]
-    return probabilities
-
-
 def test_quantiles_and_classes_agree_with_forces_drawn_from_the_histogram(histograms) -> None:
-    found = networks.force_distribution(histograms, EDGES_M2, MODULUS_PA)
-    classes = class_probabilities(found, BOUNDS_N)
-    for sample, modulus_pa in enumerate(MODULUS_PA):
-        forces_n = drawn_forces(histograms[sample], modulus_pa, 200_000)
-        for share in (0.05, 0.3, 0.5, 0.95):
-            assert abs((forces_n < networks.quantile(found, share)[sample]).mean() - share) < 0.005
+    for histogram, modulus_pa in zip(histograms, MODULUS_PA, strict=True):
+        forces_n = drawn_forces(histogram, modulus_pa, 200_000)
+        found = networks.histogram_reading((3.0 * histogram).tolist(), EDGES_M2.tolist(), modulus_pa, BOUNDS_N)
+        below = [(forces_n < end_n).mean() for end_n in (found.interval_n[0], found.force_n, found.interval_n[1])]
+        np.testing.assert_allclose(below, (0.05, 0.5, 0.95), atol=0.005)
         counted = np.histogram(forces_n, [0.0, *BOUNDS_N, np.inf])[0] / len(forces_n)
-        np.testing.assert_allclose(classes[sample], counted, atol=0.005)
+        np.testing.assert_allclose(found.probabilities, counted, atol=0.005)
 
 
-def test_a_single_frame_is_judged_like_many() -> None:
+def test_the_classes_have_the_histogram_s_shares_below_their_bounds() -> None:
     rng = np.random.default_rng(8)
     for concentration in (0.02, 0.3, 5.0):
-        histograms = rng.dirichlet(np.full(20, concentration), size=200) * rng.uniform(0.1, 3.0, (200, 1))
-        moduli_pa = rng.uniform(0.2e6, 0.5e6, 200)
-        many = networks.force_distribution(histograms, EDGES_M2, moduli_pa)
-        classes = class_probabilities(many, BOUNDS_N)
-        for number, (histogram, modulus_pa) in enumerate(zip(histograms, moduli_pa, strict=True)):
-            single = networks.histogram_reading(histogram.tolist(), EDGES_M2.tolist(), modulus_pa, BOUNDS_N)
-            np.testing.assert_allclose(single.force_n, many.median_n[number], rtol=1e-9)
-            np.testing.assert_allclose(single.interval_n, many.interval_n[number], rtol=1e-9)
-            np.testing.assert_allclose(single.probabilities, classes[number], atol=1e-12)
+        for histogram in rng.dirichlet(np.full(20, concentration), size=60):
+            found = networks.histogram_reading(histogram.tolist(), EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
+            below = np.interp(BOUNDS_N, 0.3e6 * EDGES_M2, [0.0, *histogram.cumsum()])
+            np.testing.assert_allclose(found.probabilities, np.diff([0.0, *below, 1.0]), atol=1e-12)
     single = networks.histogram_reading([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
     np.testing.assert_allclose(single.probabilities, [0.5, 0.5, 0.0], atol=1e-12)  # no force above the last bound
 

@@ -22,7 +22,7 @@ from scleraforce.learning.descent import Fitted, Losses, Progress, tensor, torch
 from scleraforce.learning.samples import CHUNK, ForceSamples, ReaderSamples, Source, concatenated, validation_chunks
 from scleraforce.library.sections import column_laterals
 from scleraforce.reader.metrics import accuracy, confusion_matrix
-from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, force_distribution, ratio_edges
+from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, histogram_reading, ratio_edges
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Choice, ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si, to_si
@@ -222,12 +222,14 @@ def compared(outputs: Sequence[tuple[torch.Tensor, torch.Tensor]], truth: ForceS
     of the median, the coverage of the 90 % intervals.
     """
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
-    probabilities = histogram(mixtures, study.reader.bins).double().numpy()
-    edges = ratio_edges(study.reader.bins, study.reader.max_force_ratio)
-    forces, force_n = force_distribution(probabilities, edges, truth.modulus_pa), truth.force_n
-    median_n, (low_n, high_n) = forces.median_n, forces.interval_n.T
+    shares, bounds_n = histogram(mixtures, study.reader.bins).double().tolist(), study.classes.bounds_n
+    edges_m2, force_n = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist(), truth.force_n
+    of_eyes = zip(shares, truth.modulus_pa.tolist(), strict=True)
+    readings = [histogram_reading(each, edges_m2, modulus_pa, bounds_n) for each, modulus_pa in of_eyes]
+    median_n = np.array([reading.force_n for reading in readings])
+    low_n, high_n = np.array([reading.interval_n for reading in readings]).T
     target, found = (list(map(study.classes.classify, each.tolist())) for each in (force_n, median_n))
-    confusion = confusion_matrix(target, found, len(study.classes.bounds_n) + 1)
+    confusion = confusion_matrix(target, found, len(bounds_n) + 1)
     share, off_m = accuracy(confusion), to_si(places_mm.double().numpy(), "mm") - truth.lateral_m
     return {
         "validation_accuracy": share.value,

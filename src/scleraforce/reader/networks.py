@@ -2,8 +2,8 @@
 
 The histogram has the probability of bins of x = F/E, E the modulus that the network was given. The density is even in a
 bin, so the distribution function is piecewise linear, and all figures of the force agree: the probability of a class
-is that of its forces, and the median lies in the class that has more than half of it. Training judges many frames at
-once, with arrays; the control loop reads one, and `histogram_reading` does so in plain Python: a third of the time.
+is that of its forces, and the median lies in the class that has more than half of it. The control loop reads one frame
+at a time, which plain Python does in a third of the time of arrays.
 """
 
 from bisect import bisect_left, bisect_right
@@ -18,7 +18,7 @@ import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Floats, Reals
+from scleraforce.arrays import Floats
 from scleraforce.errors import ModelError
 from scleraforce.known import NO_DISCREPANCY, UNKNOWN, Known
 from scleraforce.library.base import pole_directions
@@ -35,52 +35,9 @@ from scleraforce.study.eye import RIGIDITY_LAWS
 INTERVAL = (0.05, 0.95)  # the shares of the distribution below the 90 % interval's ends
 
 
-@dataclass(frozen=True)
-class ForceDistribution:
-    """Distributions of a force: the share `share_sk` lies below `edge_n_sk` (sample, edge), N; linear in between.
-
-    Shares rise from 0 to 1, edges increase.
-    """
-
-    edge_n_sk: Floats
-    share_sk: Floats
-
-    @property
-    def median_n(self) -> Floats:
-        """Median force (sample,), N."""
-        return quantile(self, 0.5)[:, 0]
-
-    @property
-    def interval_n(self) -> Floats:
-        """Ends of the 90 % interval (sample, 2), N: a twentieth lies on either side of it."""
-        return quantile(self, *INTERVAL)
-
-
 def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
     """Return the edges of the bins of F/E (bins + 1,), m^2; they are narrow for small forces and stiff eyes."""
     return max_force_ratio * (np.arange(bins + 1) / bins) ** 2
-
-
-def force_distribution(probabilities: Reals, edges_m2: Floats, modulus_pa: Floats) -> ForceDistribution:
-    """Return the distribution of the force from shares (sample, bin), edges, m^2, and moduli (sample,), Pa."""
-    shares = np.zeros((len(probabilities), len(edges_m2)))
-    probabilities.cumsum(axis=1, dtype=np.float64, out=shares[:, 1:])
-    shares /= shares[:, -1:]
-    return ForceDistribution(np.asarray(modulus_pa, dtype=np.float64)[:, None] * edges_m2, shares)
-
-
-def quantile(distribution: ForceDistribution, *shares: float) -> Floats:
-    """Return the forces below which these shares (between 0 and 1) of each distribution lie (sample, share), N."""
-    edges, below = distribution.edge_n_sk, distribution.share_sk
-    wanted = np.array(shares)
-    last = (below[:, None, :] < wanted[:, None]).sum(axis=2)
-    last = np.minimum(np.maximum(last, 1), below.shape[1] - 1)
-    sample = np.arange(len(below))[:, None]
-    low, high = below[sample, last - 1], below[sample, last]
-    part = (wanted - low) / np.where(high > low, high - low, 1.0)
-    start = edges[sample, last - 1]
-    forces: Floats = start + part * (edges[sample, last] - start)
-    return forces
 
 
 def histogram_reading(
@@ -91,7 +48,7 @@ def histogram_reading(
     contact_m: float = 0.0,
     factor_of: Callable[[float], float] = lambda _: 1.0,
 ) -> Reading:
-    """Return the reading of one histogram: the same as the functions of arrays, for one sample.
+    """Return the reading of one histogram.
 
     `histogram`: probabilities of the bins, of any positive sum; with one that is not a number the reading is NaN.
     `modulus_pa`: the network's input. `bounds_n`: increasing bounds between the classes. `factor_of`: factor by which
