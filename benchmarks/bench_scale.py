@@ -23,8 +23,7 @@ from time import perf_counter
 
 import numpy as np
 
-from scleraforce.learning.dataset import create_dataset, plan_dataset, unit_samples
-from scleraforce.learning.generate import generate_dataset
+from scleraforce.learning.dataset import create_dataset, generate_dataset, plan_dataset, unit_samples
 from scleraforce.processes import available_cores, cluster_workers, work_units
 from scleraforce.study import DatasetGroup, Study, format_study, parse_study, read_study
 

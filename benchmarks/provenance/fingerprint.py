@@ -19,9 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from scleraforce.errors import CalibrationError
 from scleraforce.learning.classifier import Samples, classes_at_modulus, fit, with_half_weights
-from scleraforce.learning.dataset import plan_dataset
+from scleraforce.learning.dataset import SampleSimulator, plan_dataset
 from scleraforce.learning.descent import torch
-from scleraforce.learning.generate import SampleSimulator
 from scleraforce.learning.reader import fit_reader
 from scleraforce.learning.samples import CHUNK, VALIDATION_CHUNK, ReaderSamples, Source, draw_seen
 from scleraforce.learning.virtual_eyes import STREAM, calibrated, draw_eye, draw_frames, measuring, trait_factors
@@ -148,7 +147,7 @@ def classifier_fingerprint(study: Study) -> Fingerprint:
     samples = Samples(slices, classes_at_modulus(plan.force_n, 1.1, study.classes))
     seen, unseen = (Samples(slices[part], samples.target[part]) for part in (~plan.validation, plan.validation))
     fitted = fit(small.network, seen, unseen, len(study.classes.bounds_n) + 1)
-    answers = with_half_weights(fitted.network).probabilities(slices)
+    answers = with_half_weights(fitted).probabilities(slices)
     return {
         "resting wall": item([wall.pressure_nc, wall.gravity_nc]),
         "wall under a needle": item(needle),

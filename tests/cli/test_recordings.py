@@ -16,8 +16,7 @@ from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.cli.main import run
 from scleraforce.laboratory.phantom import draw_relaxation
 from scleraforce.laboratory.virtual_eye import PhantomEye, simulate_eye, study_sections
-from scleraforce.learning.dataset import draft_plan, plan_dataset
-from scleraforce.learning.generate import SampleSimulator, library_slices, near_library
+from scleraforce.learning.dataset import SampleSimulator, draft_plan, library_slices, near_library, plan_dataset
 from scleraforce.library.plan import plan_library
 from scleraforce.library.store import solve_path
 from scleraforce.mechanics.contact import Contact

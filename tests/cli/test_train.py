@@ -21,7 +21,7 @@ from waiting import FUSE_S
 from scleraforce.cli.output import count_bar
 from scleraforce.errors import ModelError
 from scleraforce.laboratory.scenes import draw_scene
-from scleraforce.learning import generate
+from scleraforce.learning import dataset as generate
 from scleraforce.learning.dataset import open_dataset
 from scleraforce.library import store as library_store
 from scleraforce.library.store import open_library

@@ -22,7 +22,7 @@ from scleraforce.calibration.roukf import Posterior
 from scleraforce.known import REFERENCE_RIGIDITY, SEALED, ForceDiscrepancy
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.learning.generate import generate_dataset
+from scleraforce.learning.dataset import generate_dataset
 from scleraforce.library.store import cached_library
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer

@@ -3,7 +3,7 @@
 from pathlib import Path
 from time import perf_counter
 
-from scleraforce.learning.generate import generate_dataset
+from scleraforce.learning.dataset import generate_dataset
 from scleraforce.processes import available_cores
 from speed.record import Row, Table, spread
 from speed.run import Run

@@ -55,7 +55,7 @@ def generate(
     it is computed once (a minute). The same command resumes an interrupted run.
     The data set does not depend on the number of workers.
     """
-    from scleraforce.learning.generate import generate_dataset
+    from scleraforce.learning.dataset import generate_dataset
     from scleraforce.notebook.calibrating import library_for
 
     kind = mechanics or study.mechanics.kind

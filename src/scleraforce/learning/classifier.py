@@ -83,15 +83,26 @@ def content_hash(*parts: Samples) -> str:
 
 
 @dataclass(frozen=True)
+class Curves:
+    """Cross-entropy and accuracy after each epoch; in training they are taken during it, with dropout (Fig. 8a)."""
+
+    training_loss: tuple[float, ...] = ()
+    training_accuracy: tuple[float, ...] = ()
+    validation_loss: tuple[float, ...] = ()
+    validation_accuracy: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
 class TrainedNetwork:
     """Weights that read slices: pixels (0 to 1) minus `mean`, then the layers with ReLU between them, then softmax.
 
-    A layer gives weight x + bias, of shapes (output, input) and (output,).
+    A layer gives weight x + bias, of shapes (output, input) and (output,). `curves`: of its training.
     """
 
     mean: NDArray[np.float32]
     weights: tuple[NDArray[np.float32], ...]
     biases: tuple[NDArray[np.float32], ...]
+    curves: Curves = Curves()
 
     def probabilities(self, slices: Bytes) -> Floats:
         """Return class probabilities in double precision, shape (slice, class): the definition, not the fast path."""
@@ -166,24 +177,6 @@ def classifier_bytes(network: TrainedNetwork, study: SliceStudy, provenance: Map
 CLASSIFIER_THREADS = 2
 
 
-@dataclass(frozen=True)
-class Curves:
-    """Cross-entropy and accuracy after each epoch; in training they are taken during it, with dropout (Fig. 8a)."""
-
-    training_loss: tuple[float, ...] = ()
-    training_accuracy: tuple[float, ...] = ()
-    validation_loss: tuple[float, ...] = ()
-    validation_accuracy: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """A trained network and its curves."""
-
-    network: TrainedNetwork
-    curves: Curves
-
-
 def fit(
     study: NetworkStudy,
     training: Samples,
@@ -191,7 +184,7 @@ def fit(
     classes: int = 3,
     progress: Progress = None,
     device: str = "cpu",
-) -> Fitted:
+) -> TrainedNetwork:
     """Train a network; the same study and samples give the same weights on the same machine.
 
     The weights are those after the last epoch: none are picked by their validation figures, which stay an honest
@@ -225,7 +218,7 @@ def fit(
     build, numbers = partial(build_network, int(varies.sum()), study, classes), (n for n in range(study.epochs))
     fitted = trained(build, epoch, numbers, study, study.epochs * batches, progress, CLASSIFIER_THREADS, device)
     curves = Curves(fitted.training_loss, *zip(*rows, strict=True))
-    return Fitted(trained_network(fitted.network, mean, varies), curves)
+    return replace(trained_network(fitted.network, mean, varies), curves=curves)
 
 
 def _measure(
@@ -284,13 +277,13 @@ def search_sizes(
     progress: Progress = None,
     workers: int | None = None,
     device: str = "cpu",
-) -> tuple[tuple[Candidate, ...], NetworkStudy, Fitted]:
+) -> tuple[tuple[Candidate, ...], NetworkStudy, TrainedNetwork]:
     """Train every size of the grid; return all candidates, and the study with the best size and its network.
 
     Whoever trains, the result is the same on one kind of processor. The validation set chooses, so the accuracy of the
     chosen size is slightly flattered.
     """
-    sizes, fitted, candidates = grid(study), list[Fitted | None](), list[Candidate]()
+    sizes, fitted, candidates = grid(study), list[TrainedNetwork | None](), list[Candidate]()
     train = partial(fit, training=training, validation=validation, classes=classes, device=device)
     train = partial(train, progress=progress if workers is None else None)
     prepare = partial(partial, _try_size, train, study)  # gives the function of a size's number
@@ -314,7 +307,9 @@ def search_sizes(
 _one_training = threading.Lock()  # PyTorch's random numbers belong to the process, which may be a worker of threads
 
 
-def _try_size(train: Callable[[NetworkStudy], Fitted], study: NetworkStudy, number: int) -> Fitted | None:
+def _try_size(
+    train: Callable[[NetworkStudy], TrainedNetwork], study: NetworkStudy, number: int
+) -> TrainedNetwork | None:
     """Train a size of the grid; return None if it diverges, as large ones may."""
     try:
         with _one_training:

@@ -17,9 +17,8 @@ import numpy as np
 from scleraforce import __version__
 from scleraforce.errors import DatasetError
 from scleraforce.learning import classifier, raw_reader, reader, wall_finder
-from scleraforce.learning.dataset import Dataset
+from scleraforce.learning.dataset import Dataset, check_library
 from scleraforce.learning.descent import READER_THREADS, Progress, chosen_device, curve, onnx, torch
-from scleraforce.learning.generate import check_library
 from scleraforce.learning.samples import CHUNK, Source
 from scleraforce.learning.virtual_eyes import measured_intervals, measuring
 from scleraforce.library import Library, save_library
@@ -62,7 +61,7 @@ def train_classifier(
         study = replace(study, network=sizes)
     else:
         fitted = classifier.fit(study.network, *samples, classes, progress, device)
-    stored = classifier.with_half_weights(fitted.network)
+    stored = classifier.with_half_weights(fitted)
     of_data = {
         "dataset_sha256": classifier.content_hash(*samples),
         "class_bounds_mn": _bounds_mn(study),

@@ -5,8 +5,7 @@ from os import PathLike
 from pathlib import Path
 
 from scleraforce.errors import InputError
-from scleraforce.learning.dataset import Dataset, open_dataset
-from scleraforce.learning.generate import generate_dataset
+from scleraforce.learning.dataset import Dataset, generate_dataset, open_dataset
 from scleraforce.library import Library
 from scleraforce.library.store import build_library, cached_library, open_library
 from scleraforce.notebook import Counting, counting_for

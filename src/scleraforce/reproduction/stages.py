@@ -11,8 +11,7 @@ from scleraforce.calibration.result import Calibration, calibration_as_json, par
 from scleraforce.known.calibration_file import open_calibration, read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import BentSections, LinearSections, paper_eyes
-from scleraforce.learning.dataset import open_dataset
-from scleraforce.learning.generate import generate_dataset
+from scleraforce.learning.dataset import generate_dataset, open_dataset
 from scleraforce.learning.train import train_classifier, train_reader
 from scleraforce.library import Library
 from scleraforce.library.plan import plan_library
