@@ -14,15 +14,7 @@ from hypothesis import given, strategies as st
 
 from scleraforce.errors import InputError, StudyError
 from scleraforce.units import SI_PER_UNIT, HumanUnit, from_si, to_si
-from scleraforce.whole_files import (
-    KINDS,
-    MIB,
-    folder_when_whole,
-    read_bytes,
-    read_text,
-    renamed_when_whole,
-    write_whole,
-)
+from scleraforce.whole_files import KINDS, folder_when_whole, read_bytes, read_text, renamed_when_whole, write_whole
 
 STUDY = KINDS["study"]
 DOCS = Path(__file__).parents[1] / "docs"
@@ -106,10 +98,9 @@ def test_new_files_have_the_permissions_that_the_user_wants(tmp_path: Path) -> N
 
 
 def test_the_page_on_files_states_every_limit() -> None:
-    rows = re.findall(
-        r"^\| (.+?) \| ([\d,]+) MiB \|", (DOCS / "files.md").read_text(encoding="utf-8"), flags=re.MULTILINE
-    )
-    stated = {noun.strip("`"): int(size.replace(",", "")) * MIB for noun, size in rows}
+    page = (DOCS / "files.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (.+?) \| ([\d,]+) MiB \|", page, flags=re.MULTILINE)
+    stated = {noun.strip("`"): int(size.replace(",", "")) * 2**20 for noun, size in rows}
     assert stated == {kind.noun: kind.max_bytes for kind in KINDS.values()}
 
 

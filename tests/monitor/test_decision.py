@@ -217,9 +217,6 @@ def test_each_cause_withdraws_at_once_in_every_state() -> None:
             assert decision.cause is (Cause.CHECKSUM if before is State.WITHDRAW else cause)
             assert decision.sub_code == decision.cause.value
             assert state.fresh == 0
-
-
-def test_each_cause_that_needs_a_frame_before_withdraws_at_once() -> None:
     for event, cause in AFTER_A_FRAME:
         _, decision = decide(watching(), event, LIMITS)
         assert (decision.code, decision.cause) == (3, cause)

@@ -194,7 +194,6 @@ def test_debians_tracker_is_heard_and_changes_nothing(build) -> None:
 
 
 def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
-    pyigtl = pytest.importorskip("pyigtl")
     with serving() as port, Peer(port) as robot:
         client = pyigtl.OpenIGTLinkClient("127.0.0.1", port)
         try:
@@ -225,7 +224,6 @@ def _own_signals():
 
 @pytest.mark.usefixtures("_own_signals")
 def test_a_pyigtl_server_receives_a_replay(tmp_path) -> None:
-    pyigtl = pytest.importorskip("pyigtl")
     recording = read_recording(write_small_recording(tmp_path / "rec", frames=20))
     server = pyigtl.OpenIGTLinkServer(port=0, local_server=True)
     port = server.server_address[1]

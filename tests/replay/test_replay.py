@@ -186,9 +186,8 @@ def test_a_withdrawal_is_reported_with_its_frame_cause_reading_and_true_force(tm
     path = write_small_recording(tmp_path / "rec", frames=20, forces_mn=[float(n) for n in range(20)])
     _, result = played(path, capsys, decide=withdraws_at(12))
     found = result["withdrawal"]
-    assert {key: found[key] for key in ("code", "sub_code", "cause", "frame", "file", "true_force_mn")} == {
-        "code": 3, "sub_code": 102, "cause": "BOUND", "frame": 12, "file": "0011.png", "true_force_mn": 11.0,
-    }  # fmt: skip
+    expected = {"code": 3, "sub_code": 102, "cause": "BOUND", "frame": 12, "file": "0011.png", "true_force_mn": 11.0}
+    assert expected.items() <= found.items()
     assert found["message"] == "WITHDRAW: up to 31 mN"
     assert (found["force_mn"], found["interval_mn"]) == (1.5, [0.5, 2.5])
     assert [change["code"] for change in result["changes"]][-2:] == [1, 3]
@@ -360,9 +359,8 @@ def test_a_message_that_comes_through_both_connections_is_heard_once() -> None:
 def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanwhile() -> None:
     heard = []
     with fake_monitor() as monitor:
-        client = ScannerClient(
-            "127.0.0.1", monitor.port, lambda *said: heard.append(said), clock=lambda: 2.0 * len(heard)
-        )
+        hear, clock = lambda *said: heard.append(said), lambda: 2.0 * len(heard)
+        client = ScannerClient("127.0.0.1", monitor.port, hear, clock=clock)
         monitor.reads = False
         with pytest.raises(LinkError, match="has read nothing for 5 s"):
             client.send(encode(Image(np.zeros((1, 2048, 2048), np.uint16)), "Scanner") * 8)

@@ -81,15 +81,12 @@ def test_settings_of_the_black_box_that_contradict_each_other_are_refused(field,
 def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:
     given = verdict(nan, (-inf, nan), probabilities=(nan, np.float64(1.0)))
     opinion = channel.decode_message(channel.encode_message(messages.OpinionGiven(order=3, verdict=given)))
-    assert repr(opinion) == repr(
-        messages.OpinionGiven(order=3, verdict=verdict(nan, (-inf, nan), probabilities=(nan, 1.0)))
-    )
+    assert repr(opinion.verdict) == repr(verdict(nan, (-inf, nan), probabilities=(nan, 1.0)))
 
 
 def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path() -> None:
-    assert channel.decode_message(channel.encode_message(messages.Alive(faults=("log: \udce9",)))) == messages.Alive(
-        faults=("log: \\udce9",)
-    )
+    alive = channel.decode_message(channel.encode_message(messages.Alive(faults=("log: \udce9",))))
+    assert alive == messages.Alive(faults=("log: \\udce9",))
     settings = msgspec.structs.replace(ending_with(0), model=Path("\udce9"))
     assert channel.decode_message(channel.encode_message(settings)) == settings
 
@@ -98,18 +95,15 @@ def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
     for message in MESSAGES:
         record = msgspec.msgpack.decode(channel.encode_message(message))
         for name in set(record) - {"type"}:
+            others = {key: value for key, value in record.items() if key != name}
             with pytest.raises(MessageError, match=name):
-                channel.decode_message(
-                    msgspec.msgpack.encode({key: value for key, value in record.items() if key != name})
-                )
+                channel.decode_message(msgspec.msgpack.encode(others))
         with pytest.raises(MessageError, match="more"):
             channel.decode_message(msgspec.msgpack.encode(record | {"more": 1}))
 
 
 def test_a_value_of_another_type_is_refused_by_its_field() -> None:
-    record = msgspec.msgpack.decode(
-        channel.encode_message(messages.Decided(entry=READ_ENTRY, travel_m=None, pierced=False))
-    )
+    record = msgspec.msgpack.decode(channel.encode_message(MESSAGES[0]))
     for name, wrong in {"at_s": "1", "number": 1.5, "state": "OK", "frame": True, "verdict": []}.items():
         with pytest.raises(MessageError, match=name):
             channel.decode_message(msgspec.msgpack.encode(record | {"entry": record["entry"] | {name: wrong}}))

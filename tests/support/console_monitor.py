@@ -1,7 +1,6 @@
 """A monitor as its console sees it: the other end of the channel, and a ring of frames."""
 
 import select
-import socket
 from time import monotonic, time
 from typing import Any, Self, TypeVar
 
@@ -23,12 +22,6 @@ TOKEN = "seven of nine"
 CODES = {"NOT_READY": 13, "WATCHING": 1, "WITHDRAW": 3}
 CLIENTS = ({"address": "127.0.0.1:50112", "role": "scanner"}, {"address": "127.0.0.1:50114", "role": "listener"})
 Kind = TypeVar("Kind")
-
-
-def free_port() -> int:
-    """A port that nobody listens on now."""
-    with socket.create_server(("127.0.0.1", 0)) as found:
-        return int(found.getsockname()[1])
 
 
 def reading(force_mn: float, width_mn: float = 2.0) -> dict[str, Any]:

@@ -267,7 +267,6 @@ def _double_buffer(stage: _Stage) -> list[Act]:
 
 
 def _burned_in_clock(stage: _Stage) -> list[Act]:
-    """The last picture with a corner that changes: a clock, or a single pixel."""
     last, pictures = stage.pixels(-1), []
     clock = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
     rows, columns = (1, 1) if stage.rng.random() < 0.5 else clock
@@ -290,7 +289,6 @@ def _moved(stage: _Stage) -> list[Act]:
 
 
 def _half_frozen(stage: _Stage) -> list[Act]:
-    """Live pictures with one half of the last one: left, right, upper or lower."""
     last = stage.pixels(-1)
     axis, side = (int(stage.rng.integers(2)) for _ in range(2))
     half = (np.indices(last.shape, sparse=True)[axis] >= last.shape[axis] // 2) == bool(side)
@@ -303,7 +301,6 @@ def _ghost(stage: _Stage) -> list[Act]:
 
 
 def _persistence(stage: _Stage) -> list[Act]:
-    """A recursive filter that keeps a share of its last picture."""
     last, old = stage.pixels(-1), stage.rng.uniform(*OLD_SHARES)
     live = (stage.pixels(index) for index in range(stage.left))
     means = accumulate(live, lambda mean, seen: old * mean + (1.0 - old) * seen, initial=last.astype(np.float64))
@@ -326,7 +323,6 @@ def _like(pixels: Pixels, values: NDArray[np.generic]) -> Pixels:
 
 
 def _stale(stage: _Stage) -> list[Act]:
-    """A growing queue in the sender: each frame has waited longer than the one before."""
     return [
         tuple(replace(sending, late_s=-LATER * place * stage.interval_s) for sending in act or ())
         for place, act in enumerate(stage.onward(0), start=1)

@@ -107,10 +107,7 @@ def ask_reset(host: str, port: int, token: str, within_s: float = ANSWER_S) -> t
 def _answer(link: socket.socket, end_s: float) -> tuple[bool, str]:
     """Wait for the answer among the STATUS messages that the monitor sends to all clients."""
     decoder = Decoder()
-    while monotonic() < end_s:
-        data = link.recv(PIECE)
-        if not data:
-            break
+    while monotonic() < end_s and (data := link.recv(PIECE)):
         for event in decoder.feed(data):
             if isinstance(event, Received) and event.header.device == RESET_DEVICE and isinstance(event.message, Text):
                 answer = json.loads(event.message.text)

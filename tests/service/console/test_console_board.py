@@ -22,12 +22,15 @@ def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said
     return decision(state, at_s=at_s, cause=cause, message=f"{state}: because; class 1; 7.0 mN", **said)
 
 
+def take(board: Board, message: Entry | CompanionMessage, now_s: float) -> bool:
+    decided = Decided(entry=message, travel_m=None, pierced=False) if isinstance(message, Entry) else message
+    return board.take(decided, now_s)
+
+
 def board_with(*messages: tuple[float, Entry | CompanionMessage]) -> Board:
     board = Board(0.0)
     for now_s, message in messages:
-        board.take(
-            Decided(entry=message, travel_m=None, pierced=False) if isinstance(message, Entry) else message, now_s
-        )
+        take(board, message, now_s)
     return board
 
 
@@ -62,15 +65,10 @@ def test_a_puncture_that_is_only_reported_is_worse_than_not_ready_and_has_its_se
 def test_a_change_of_state_or_cause_is_urgent_and_another_frame_is_not() -> None:
     board = Board(0.0)
     withdrawn = [entry(at_s, "WITHDRAW", "BOUND") for at_s in (0.02, 0.03)]
-    urgent = [
-        board.take(Decided(entry=one, travel_m=None, pierced=False), one.at_s)
-        for one in (entry(0.0), entry(0.01), *withdrawn, entry(0.04))
-    ]
+    urgent = [take(board, one, one.at_s) for one in (entry(0.0), entry(0.01), *withdrawn, entry(0.04))]
     assert urgent == [True, False, True, False, True]
     assert not board.take(RATES, 0.05)
-    assert Board(0.0).take(Decided(entry=entry(0.01, "NOT_READY"), travel_m=None, pierced=False), 0.01), (
-        "the first decision is urgent"
-    )
+    assert take(Board(0.0), entry(0.01, "NOT_READY"), 0.01), "the first decision is urgent"
 
 
 def test_a_monitor_that_says_nothing_is_silent_and_sooner_while_it_watches() -> None:
@@ -95,7 +93,7 @@ def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline() -> None:
     outline = Outline(frame=4, step=4, outer=(), inner=())
     board = board_with((0.0, entry(0.0, frame=4)), (0.0, outline), (0.1, entry(0.1, frame=5)))
     assert board.picture() == (4, outline)
-    board.take(Decided(entry=entry(0.3, frame=6), travel_m=None, pierced=False), 0.3)
+    take(board, entry(0.3, frame=6), 0.3)
     assert board.picture() == (6, None)
 
 

@@ -113,10 +113,7 @@ def watching(monitor: ConsoleMonitor, force_mn: float = 12.3, **said: Any) -> Ca
 
     def tell() -> None:
         frame = monitor.frame(BRIGHT, "WATCHING", f"class 1; {force_mn} mN", **reading(force_mn), **said)
-        outline = {"step": 4, "outer": [20.0] * 24, "inner": [40.0] * 24}
-        monitor.tell(
-            Outline(frame=frame, step=outline["step"], outer=tuple(outline["outer"]), inner=tuple(outline["inner"]))
-        )
+        monitor.tell(Outline(frame=frame, step=4, outer=(20.0,) * 24, inner=(40.0,) * 24))
         monitor.rates()
 
     return tell
@@ -247,8 +244,7 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(sh
 
     def answer(granted: bool, message: str) -> dict[str, Any]:
         asked = monitor.hear(ResetAsked)
-        told = ResetAnswered(request=asked.request, granted=granted, message=message)
-        monitor.tell(told)
+        monitor.tell(ResetAnswered(request=asked.request, granted=granted, message=message))
         return asked
 
     with repeating(withdrawn, 0.1):

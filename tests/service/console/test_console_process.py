@@ -306,9 +306,8 @@ def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_he
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         guessers = [stack.enter_context(closing(post(monitor, f"wrong {number}"))) for number in range(60)]
         said = [json.loads(guesser.getresponse().read()) for guesser in guessers]
-        assert {(answer["granted"], answer["message"].split(";")[0]) for answer in said} == {
-            (False, "the token or code is wrong")
-        }
+        refusals = {(answer["granted"], answer["message"].split(";")[0]) for answer in said}
+        assert refusals == {(False, "the token or code is wrong")}
         counted = 0
         while counted < 60:
             counted += monitor.hear(WrongTokens).count
@@ -350,9 +349,7 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
 @pytest.mark.slow
 def test_connections_that_say_nothing_give_way_to_the_operators() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
-        idle = [
-            stack.enter_context(socket.create_connection(("127.0.0.1", monitor.port), timeout=FUSE_S))
-            for _ in range(MOST + 10)
-        ]
+        links = (socket.create_connection(("127.0.0.1", monitor.port), timeout=FUSE_S) for _ in range(MOST + 10))
+        idle = [stack.enter_context(link) for link in links]
         operator_resets(monitor)
         assert idle[0].recv(1) == b""  # the oldest one was cut off

@@ -10,13 +10,14 @@ from math import isfinite
 from statistics import median
 from typing import Any
 
+from scleraforce.monitor.events import BY_SEVERITY
 from scleraforce.service.messages import START, CompanionMessage, Decided, Entry, Outline, Rates
 
 SENTENCES: dict[str, str] = tomllib.loads(files(__package__).joinpath("causes.toml").read_text("utf-8"))
 READ_WORDS = re.compile(r"; class \d+(; -?[\d.]+ mN)?(; .*)?$", re.DOTALL)
 STEP_S = 0.04
 HISTORY_S = 30.0
-SEVERITY = ("WATCHING", "NOT_READY", "PIERCED", "WITHDRAW")
+SEVERITY = [state.name for state in BY_SEVERITY]
 SILENT_S = 1.2  # without any message; the monitor sends its rates twice a second
 WATCHING_SILENT_S = 0.5  # without a decision while WATCHING; without frames it would have withdrawn long before
 READING_S = 0.5  # an older reading is not shown
