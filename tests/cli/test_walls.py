@@ -15,8 +15,7 @@ from scleraforce.calibration.calibrate import EyeFrames, Settings
 from scleraforce.cli.main import run
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.walls import COLUMNS, NOT_JUDGED, RecordedWalls, frame_file_digest, mask_of
-from scleraforce.segmentation.given import GIVEN_SD_ROWS, given_wall
-from scleraforce.segmentation.observations import segmented_boundaries
+from scleraforce.segmentation.observations import GIVEN_SD_ROWS, given_wall, segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
 
 pytest.importorskip("torch")

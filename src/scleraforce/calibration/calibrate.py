@@ -27,8 +27,7 @@ from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.recording.folder import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.given import recorded_wall
-from scleraforce.segmentation.observations import Boundaries, dent, segmented_boundaries
+from scleraforce.segmentation.observations import Boundaries, dent, recorded_wall, segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study

@@ -294,7 +294,7 @@ def read(
     """
     from scleraforce.notebook.frames import check_calibrated, given_eye, readings, summary_of_calibration
     from scleraforce.reader.answer import unusable
-    from scleraforce.segmentation.given import GIVEN_SD_ROWS
+    from scleraforce.segmentation.observations import GIVEN_SD_ROWS
 
     for path in filter(os.path.isdir, frames):
         raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")

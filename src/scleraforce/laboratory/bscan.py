@@ -123,9 +123,7 @@ class _Tissue:
     tissue_path_m: Singles  # through wall and conjunctiva, that light has passed, one way, down to the pixel's middle
     choroid_path_m: Singles
     surface_row: Singles  # (column,), from the top edge, NaN without tissue
-    over: (
-        tuple[Conjunctiva, Singles, Singles] | None
-    )  # its filled fractions; the row of the wall's surface below, (column,)
+    over: tuple[Conjunctiva, Singles, Singles] | None  # its filled fractions, the row of the wall's surface below
 
 
 def render_bscan(

@@ -32,7 +32,7 @@ from scleraforce.recording.folder import Plane, Recording, ScaledFrame, Scanner,
 from scleraforce.recording.pixels import Pixels, Sourced
 from scleraforce.recording.walls import RecordedWalls, mask_of, read_mask
 from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.given import GIVEN_SD_ROWS, check_size, given_wall, recorded_wall
+from scleraforce.segmentation.observations import GIVEN_SD_ROWS, check_size, given_wall, recorded_wall
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study.fields import check_quantity

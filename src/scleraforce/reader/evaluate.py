@@ -31,7 +31,7 @@ from scleraforce.recording.folder import Recording, frame_digest, read_recording
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.tables import FrameEntry
-from scleraforce.segmentation.given import recorded_wall
+from scleraforce.segmentation.observations import recorded_wall
 from scleraforce.units import from_si
 
 Progress = Callable[[int], object] | None  # called with 1 after each frame

@@ -273,21 +273,12 @@ def _find_inner(
 
 @compiled
 def _search_below(
-    frame: Counts,
-    first: int,
-    floor: int,
-    tables: Tables,
-    row: Singles,
-    present: Flags,
-    along_rows: Singles,
+    frame: Counts, first: int, floor: int, tables: Tables, row: Singles, present: Flags, along_rows: Singles,
     prior: Singles,
-) -> tuple[Singles, Flags, float]:
+) -> tuple[Singles, Flags, float]:  # fmt: skip
     """Return the wall's thickness at each group, which groups show its end, and their share: see `find_thickness`."""
-    at = tables.looked_at
-    wall, seen = unroll(
-        frame, first, floor, tables.looked_columns, tables.looked_across, row[at], present[at], along_rows[at]
-    )
-    return find_thickness(wall, seen, prior)
+    at, columns, across = tables.looked_at, tables.looked_columns, tables.looked_across
+    return find_thickness(*unroll(frame, first, floor, columns, across, row[at], present[at], along_rows[at]), prior)
 
 
 @compiled
