@@ -117,20 +117,11 @@ class AxisymmetricPath:
 
 
 def axisymmetric_path(
-    radius_m: float,
-    thickness_m: float,
-    poisson_ratio: float,
-    needle_radius_m: float,
-    iop_ratio: float,
-    *,
-    tips_m: Floats | None = None,
-    max_tip_m: float | None = None,
-    max_force_ratio_m2: float = np.inf,
-    support_rad: float = 0.5 * np.pi,
-    globe: Globe = OPEN_GLOBE,
-    stiffening: float = 0.0,
+    radius_m: float, thickness_m: float, poisson_ratio: float, needle_radius_m: float, iop_ratio: float, *,
+    tips_m: Floats | None = None, max_tip_m: float | None = None, max_force_ratio_m2: float = np.inf,
+    support_rad: float = 0.5 * np.pi, globe: Globe = OPEN_GLOBE, stiffening: float = 0.0,
     size: MeridianSize | None = None,
-) -> AxisymmetricPath:
+) -> AxisymmetricPath:  # fmt: skip
     """Return the load path of a sphere with an even wall under a needle along its normal.
 
     The needle's force is uniform over its disc seen along the axis. For `tips_m` and the end of the path see `trace`;

@@ -65,19 +65,11 @@ def pressurise(problem: Equilibrium, pressure: float) -> Floats:
 
 
 def trace(
-    problem: Equilibrium,
-    start: Floats,
-    pressure: float,
-    *,
-    tips_m: Floats | None = None,
-    max_tip_m: float | None = None,
-    max_force: float = np.inf,
-    max_travel_m: float = np.inf,
-    largest_step_m: float = 5e-4,
-    globe: Globe = OPEN_GLOBE,
-    as_far_as_found: bool = False,
+    problem: Equilibrium, start: Floats, pressure: float, *, tips_m: Floats | None = None,
+    max_tip_m: float | None = None, max_force: float = np.inf, max_travel_m: float = np.inf,
+    largest_step_m: float = 5e-4, globe: Globe = OPEN_GLOBE, as_far_as_found: bool = False,
     progress: Progress | None = None,
-) -> PathStates:
+) -> PathStates:  # fmt: skip
     """Follow the path from the state without the needle, by the tip's inward displacement.
 
     `start` is the equilibrium without the needle at `pressure`, p/E, as from `pressurise`. `tips_m`: tips at which

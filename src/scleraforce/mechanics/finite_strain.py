@@ -131,17 +131,10 @@ class FiniteWall:
     """A wall at finite strain; the order in which its unknowns are eliminated is found once for all paths."""
 
     def __init__(
-        self,
-        mesh: HexMesh,
-        poisson_ratio: float,
-        held_nc: Flags | None = None,
-        *,
-        modulus_factor_ep: Floats | None = None,
-        dead_pressure_nc: Floats | None = None,
-        springs: Springs | None = None,
-        stiffening: float = 0.0,
-        fibres: FibreLaw | None = None,
-    ) -> None:
+        self, mesh: HexMesh, poisson_ratio: float, held_nc: Flags | None = None, *,
+        modulus_factor_ep: Floats | None = None, dead_pressure_nc: Floats | None = None,
+        springs: Springs | None = None, stiffening: float = 0.0, fibres: FibreLaw | None = None,
+    ) -> None:  # fmt: skip
         """Prepare everything that does not depend on the displacement; for the material see `NeoHookeanSolid`.
 
         `held_nc` holds displacement components at zero, (node, 3); by default the clamped base. `dead_pressure_nc`:
@@ -159,20 +152,10 @@ class FiniteWall:
         self.dissection = dissect(mesh, self.held_nc)
 
     def load_path(
-        self,
-        needle: Needle,
-        *,
-        youngs_modulus_pa: float,
-        iop_pa: float,
-        density_kg_m3: float,
-        max_force_n: float,
-        max_tip_m: float | None = None,
-        max_travel_m: float = np.inf,
-        globe: Globe = OPEN_GLOBE,
-        largest_step_m: float = LARGEST_STEP_M,
-        as_far_as_found: bool = False,
-        progress: Progress | None = None,
-    ) -> LoadPath:
+        self, needle: Needle, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float, max_force_n: float,
+        max_tip_m: float | None = None, max_travel_m: float = np.inf, globe: Globe = OPEN_GLOBE,
+        largest_step_m: float = LARGEST_STEP_M, as_far_as_found: bool = False, progress: Progress | None = None,
+    ) -> LoadPath:  # fmt: skip
         """Apply pressure and weight, then push the needle until it carries `max_force_n` or has moved far enough.
 
         `iop_pa` is the pressure without the needle; a density of 0 leaves the weight out. The last state carries at
@@ -186,17 +169,10 @@ class FiniteWall:
         pressure = iop_pa / youngs_modulus_pa
         with one_blas_thread():
             states = trace(
-                problem,
-                pressurise(problem, pressure),
-                pressure,
-                max_tip_m=max_tip_m,
-                max_force=max_force_n / youngs_modulus_pa,
-                max_travel_m=max_travel_m,
-                largest_step_m=largest_step_m,
-                globe=globe.over(youngs_modulus_pa),
-                as_far_as_found=as_far_as_found,
-                progress=progress,
-            )
+                problem, pressurise(problem, pressure), pressure, max_tip_m=max_tip_m,
+                max_force=max_force_n / youngs_modulus_pa, max_travel_m=max_travel_m, largest_step_m=largest_step_m,
+                globe=globe.over(youngs_modulus_pa), as_far_as_found=as_far_as_found, progress=progress,
+            )  # fmt: skip
         displacement_snc = np.stack([self.full_nc(u) for u in states.displacement_su])
         forces_n, pressures_pa = states.force * youngs_modulus_pa, states.pressure * youngs_modulus_pa
         rises_m = (states.displacement_su[0] - states.undented_su) @ problem.tip
@@ -277,18 +253,10 @@ STEPS_TO_LINEAR_TIP = 3.0  # steps of the path over the dent that a linear wall 
 
 
 def bend_eye(
-    study: Study,
-    contact: Contact,
-    *,
-    thickness_m: float,
-    youngs_modulus_pa: float,
-    iop_pa: float,
-    max_force_n: float = np.inf,
-    max_tip_m: float | None = None,
-    max_travel_m: float = np.inf,
-    as_far_as_found: bool = False,
-    progress: Progress | None = None,
-) -> LoadPath:
+    study: Study, contact: Contact, *, thickness_m: float, youngs_modulus_pa: float, iop_pa: float,
+    max_force_n: float = np.inf, max_tip_m: float | None = None, max_travel_m: float = np.inf,
+    as_far_as_found: bool = False, progress: Progress | None = None,
+) -> LoadPath:  # fmt: skip
     """Bend an eye at finite strain, up to a force or travel, with a graded mesh and all sections of the study.
 
     The thickness is nominal, the modulus that outside all regions, the pressure that without the needle. For the end of
@@ -297,14 +265,11 @@ def bend_eye(
     mesh = form_mesh(graded_eye(study, thickness_m, contact), study.form, contact)
     ratios = study.tissue.softer_through, study.tissue.stiffer_around
     wall = FiniteWall(
-        mesh,
-        study.eye.poisson_ratio,
-        modulus_factor_ep=element_modulus(mesh, study.form),
+        mesh, study.eye.poisson_ratio, modulus_factor_ep=element_modulus(mesh, study.form),
         dead_pressure_nc=None if study.mechanics.follower else pressure_load(mesh),
-        springs=study_springs(study.supports, mesh),
-        stiffening=study.tissue.stiffening,
+        springs=study_springs(study.supports, mesh), stiffening=study.tissue.stiffening,
         fibres=None if ratios == (1.0, 1.0) else fibre_law(study.eye.poisson_ratio, *ratios),
-    )
+    )  # fmt: skip
     axis_c = contact.leaning_axis(study.needle.tilt_rad, study.needle.tilt_direction_rad)
     goal_n = max(max_force_n, LEAST_FORCE_N)
     # The dent of a shallow linear shell without pressure under a point force (Reissner, J. Math. Phys. 25, 1946).
@@ -312,19 +277,12 @@ def bend_eye(
     linear = sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0
     travel_m = max(max_travel_m, linear * LEAST_FORCE_N / stiffness)
     walk = partial(
-        wall.load_path,
-        needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
-        youngs_modulus_pa=youngs_modulus_pa,
-        iop_pa=iop_pa,
-        density_kg_m3=study.eye.density_kg_m3,
-        max_force_n=goal_n,
-        max_tip_m=max_tip_m,
-        max_travel_m=travel_m,
-        globe=study_globe(study.globe),
+        wall.load_path, needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
+        youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa, density_kg_m3=study.eye.density_kg_m3,
+        max_force_n=goal_n, max_tip_m=max_tip_m, max_travel_m=travel_m, globe=study_globe(study.globe),
         largest_step_m=min(LARGEST_STEP_M, min(linear * goal_n / stiffness, travel_m) / STEPS_TO_LINEAR_TIP),
-        as_far_as_found=as_far_as_found,
-        progress=progress,
-    )
+        as_far_as_found=as_far_as_found, progress=progress,
+    )  # fmt: skip
     try:
         path = walk()
     except SolverError as fault:

@@ -25,16 +25,9 @@ FAR_RINGS = 0.5  # rings of a globe's lower half, as a share of the upper half's
 
 
 def graded_mesh(
-    radius_m: float,
-    thickness_m: float,
-    contact: Contact,
-    core: int = 6,
-    rings: int = 14,
-    layers: int = 1,
-    order: int = 2,
-    *,
-    whole: bool = False,
-) -> HexMesh:
+    radius_m: float, thickness_m: float, contact: Contact, core: int = 6, rings: int = 14, layers: int = 1,
+    order: int = 2, *, whole: bool = False,
+) -> HexMesh:  # fmt: skip
     """Return a half-spherical wall, z >= 0, whose elements are smallest at the contact, or a whole sphere.
 
     There are `core` quads along a side of the square under the needle, 4 `core` around every ring, and `rings` from
