@@ -3,6 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import cache, partial
 from math import isnan
 from pathlib import Path
@@ -66,16 +67,9 @@ ENDINGS = (".png", GUESS, OVERLAY, ".guess.overlay.png")  # of the pictures that
 @options("sheet", "wall_finder", "force", force="Replace masks that exist.")
 @click.option("--strict", is_flag=True, help="Exit with code 3 if a frame is not usable.")
 def segment(
-    frames: tuple[Path, ...],
-    out: Path | None,
-    transpose: bool,
-    overlay: bool,
-    sheet: Path | None,
-    wall_finder: Path | None,
-    force: bool,
-    strict: bool,
-    **size: float | None,
-) -> Report:
+    frames: tuple[Path, ...], out: Path | None, transpose: bool, overlay: bool, sheet: Path | None,
+    wall_finder: Path | None, force: bool, strict: bool, **size: float | None,
+) -> Report:  # fmt: skip
     """Find the wall in raw frames (PNG, TIFF, JPEG, DICOM) or recordings.
 
     Writes a mask for each frame, of the same size and name (.png): 255 is
@@ -259,18 +253,10 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
               help="Standard deviation of the mask's boundaries, rows; default: 2.")  # fmt: skip
 @options("wall_finder")
 def read(
-    model: Path,
-    frames: tuple[Path, ...],
-    planes: tuple[tuple[int, str], ...],
-    transpose: bool,
-    calibration: Path | None,
-    eye: str | None,
-    held_s: float | None,
-    masks: tuple[Path, ...],
-    mask_sd_rows: float | None,
-    wall_finder: Path | None,
-    **given: Any,
-) -> Report:
+    model: Path, frames: tuple[Path, ...], planes: tuple[tuple[int, str], ...], transpose: bool,
+    calibration: Path | None, eye: str | None, held_s: float | None, masks: tuple[Path, ...],
+    mask_sd_rows: float | None, wall_finder: Path | None, **given: Any,
+) -> Report:  # fmt: skip
     """Read the force, or its class, from raw frames (PNG, TIFF, JPEG, DICOM).
 
     MODEL is a folder that `train` wrote, or `default`, the bundled reader.
@@ -338,7 +324,7 @@ def read(
     ]  # fmt: skip
     lines = [
         *(_answer_line(path, one.answer) for path, one in answered),
-        *_read_with(answered),
+        *_read_with([one for one in entries if "error" not in one]),
         *(wrapped(note, "note: ") for note in notes),
     ]
     return Report({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries}, lines, faults)
@@ -394,14 +380,14 @@ def _answer_line(path: Path, answer: "Answer") -> str:
     return "\n".join([words, *(wrapped(warning, "  warning: ") for warning in answer.warnings)])
 
 
-def _read_with(answered: "list[tuple[Path, Reading]]") -> Iterator[str]:
+def _read_with(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the inputs of frames, equal ones together: "15 x 4 mm (file); modulus 0.3 MPa (option), IOP unknown"."""
-    equal: dict[str, list[Path]] = {}
-    for path, one in answered:
-        known = ", ".join(_input_words(key, **entry) for key, entry in _known(one).items())
-        equal.setdefault(f"{_size_words(one.frame)}; {known}", []).append(path)
-    for words, paths in equal.items():
-        names = f"{paths[0]} and {len(paths) - 1} more" if paths[1:] else str(paths[0])
+    equal: dict[str, list[str]] = {}
+    for entry in entries:
+        known = ", ".join(_input_words(key, **given) for key, given in entry["known"].items())
+        equal.setdefault(f"{_size_words(entry['scale'])}; {known}", []).append(entry["file"])
+    for words, files in equal.items():
+        names = f"{files[0]} and {len(files) - 1} more" if files[1:] else files[0]
         yield wrapped(f"{names}: {words}", "read with: ")
 
 
@@ -413,22 +399,16 @@ def _input_words(key: str, value: Value, source: str) -> str:
 
 
 def _scale_entry(frame: ScaledFrame) -> dict[str, Any]:
-    width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
-    return {
-        "width_mm": {"value": from_si(width.value, "mm"), "source": width.source},
-        "depth_mm": {"value": from_si(depth.value, "mm"), "source": depth.source},
-        "refractive_index": {"value": index.value, "source": index.source},
-    }
+    given = {"width_mm": frame.width_m, "depth_mm": frame.depth_m}
+    found = {key: {"value": from_si(one.value, "mm"), "source": one.source} for key, one in given.items()}
+    return found | {"refractive_index": asdict(frame.refractive_index)}
 
 
-def _size_words(frame: ScaledFrame) -> str:
+def _size_words(scale: Mapping[str, Any]) -> str:
     """Return the scale for people, equal sources once: "15 x 4 mm (recording.toml), refractive index 1 (option)"."""
-    width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
-    mm = [f"{from_si(extent.value, 'mm'):.4g}" for extent in (width, depth)]
-    sizes = f"{mm[0]} x {mm[1]} mm ({width.source})"
-    if width.source != depth.source:
-        sizes = f"{mm[0]} mm ({width.source}) x {mm[1]} mm ({depth.source})"
-    return f"{sizes}, refractive index {index.value:g} ({index.source})"
+    (width, of_width), (depth, of_depth), (index, of_index) = (one.values() for one in scale.values())
+    between = "" if of_width == of_depth else f" mm ({of_width})"
+    return f"{width:.4g}{between} x {depth:.4g} mm ({of_depth}), refractive index {index:g} ({of_index})"
 
 
 def _known(one: "Reading") -> dict[str, dict[str, Any]]:
@@ -436,13 +416,10 @@ def _known(one: "Reading") -> dict[str, dict[str, Any]]:
     sources = {"option": one.given, "recording.toml": completed(one.given, one.stated), "calibration": one.known}
     found = {}
     for key, (_, _, value_of) in KNOWN.items():
-        values = {source: _rounded(value_of(eye)) for source, eye in sources.items()}
+        found_by = {source: value_of(eye) for source, eye in sources.items()}
+        values = {source: float(f"{one:.12g}") if isinstance(one, float) else one for source, one in found_by.items()}
         value = values["calibration"]
         source = "unknown" if value is None else next(name for name, other in values.items() if other == value)
         if value is not None or key not in ONLY_IF_KNOWN:
             found[key] = {"value": value, "source": source}
     return found
-
-
-def _rounded(value: Value) -> Value:
-    return float(f"{value:.12g}") if isinstance(value, float) else value

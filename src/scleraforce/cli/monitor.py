@@ -72,19 +72,9 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
 @click.option("--record", type=PATH, help="Recording folder to write the session to; must not exist.")
 @click.option("--black-box", type=PATH, help="Folder of the log; default: in the user's state folder.")
 def monitor(
-    model: Path,
-    host: str,
-    port: int,
-    web_port: int | None,
-    web_host: str,
-    calibration: Path | None,
-    eye: str | None,
-    learn_eye: bool,
-    resume: Path | None,
-    record: Path | None,
-    black_box: Path | None,
-    **given: Any,
-) -> Report:
+    model: Path, host: str, port: int, web_port: int | None, web_host: str, calibration: Path | None, eye: str | None,
+    learn_eye: bool, resume: Path | None, record: Path | None, black_box: Path | None, **given: Any,
+) -> Report:  # fmt: skip
     """Receive B-scans and tell the robot when to withdraw. Research use only.
 
     MODEL is a folder that `train` wrote, or `default`, the bundled reader.

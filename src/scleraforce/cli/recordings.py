@@ -54,16 +54,9 @@ class _Notes(list[str]):
 @options("plot")
 @click.pass_context
 def calibrate(
-    ctx: click.Context,
-    /,
-    recordings: tuple[Path, ...],
-    out: Path,
-    frames: int | None,
-    wall_finder: Path | None,
-    model: Path | None,
-    plot: Path | None,
-    **given: Any,
-) -> Report:
+    ctx: click.Context, /, recordings: tuple[Path, ...], out: Path, frames: int | None, wall_finder: Path | None,
+    model: Path | None, plot: Path | None, **given: Any,
+) -> Report:  # fmt: skip
     """Estimate Young's modulus of each eye from its RECORDINGs.
 
     A reduced-order unscented Kalman filter compares points on the wall's

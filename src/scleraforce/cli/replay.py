@@ -50,17 +50,9 @@ def _fault(context: click.Context, _: click.Parameter, value: str | None) -> str
     "--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the fault's random choices."
 )
 def replay(
-    recording_path: Path,
-    host: str,
-    port: int,
-    speed: float | None,
-    step: bool,
-    preload: bool,
-    version: int,
-    fault: str | None,
-    fault_at_s: float | None,
-    seed: int,
-) -> None:
+    recording_path: Path, host: str, port: int, speed: float | None, step: bool, preload: bool, version: int,
+    fault: str | None, fault_at_s: float | None, seed: int,
+) -> None:  # fmt: skip
     """Play a recording to a monitor as a scanner would.
 
     It sends the frames at their times over OpenIGTLink, and forces.csv as
@@ -76,7 +68,9 @@ def replay(
         raise click.UsageError("--fault-at-s: give the --fault, too")
     speed = speed or 1.0
     recording, log, rng = read_recording(recording_path), AnswerLog(), np.random.default_rng(seed)
-    true_n = _true_frame_forces(recording)
+    true = true_forces(recording.path)
+    known = all(entry.file in true for entry in recording.frames)
+    true_n = [true[entry.file] for entry in recording.frames] if known else None
     if fault is not None:
         forces_n = true_n or _logged_frame_forces(recording)
         if fault_at_s is None and forces_n is None:
@@ -101,12 +95,6 @@ def replay(
         show.end(player, report)
     if report is not None and report.delay_s is None:
         raise LinkError(f"{client.address}: no withdrawal after the fault {fault}")
-
-
-def _true_frame_forces(recording: Recording) -> list[float] | None:
-    """Return the force at each frame from truth.json, N; None if it lacks one, or does not exist."""
-    true = true_forces(recording.path)
-    return [true[entry.file] for entry in recording.frames] if {e.file for e in recording.frames} <= set(true) else None
 
 
 def _logged_frame_forces(recording: Recording) -> list[float] | None:

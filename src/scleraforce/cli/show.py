@@ -15,15 +15,7 @@ from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
 from scleraforce.plain_json import finite
 from scleraforce.plain_text import wrapped
-from scleraforce.recording.export import (
-    Row,
-    csv_text,
-    frame_rows,
-    read_answers,
-    with_answers,
-    write_mcap,
-    write_sequence,
-)
+from scleraforce.recording import export as formats
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.importing import clock_origin_s
 from scleraforce.study import ClassesStudy, format_record
@@ -102,7 +94,7 @@ def _exported(thing: Path, out: Path, answers: Path | None) -> int:
     if not os.path.isdir(thing):
         if answers is not None:
             raise InputError(f"--answers: {thing} is a file of answers already; give a recording folder for THING")
-        rows = read_answers(thing)
+        rows = formats.read_answers(thing)
         if kind not in TABLES:
             way = "give their recording, and them as --answers"
             raise InputError(f"--out: {out}: answers alone become .csv or .json; {way}")
@@ -111,20 +103,20 @@ def _exported(thing: Path, out: Path, answers: Path | None) -> int:
     if kind == ".nrrd":
         if answers is not None:
             raise InputError(f"--answers: {out} has room for frames only; give a .csv, .json or .mcap")
-        write_sequence(recording, out)
+        formats.write_sequence(recording, out)
         return len(recording.frames)
-    rows = frame_rows(recording, ClassesStudy())
+    rows = formats.frame_rows(recording, ClassesStudy())
     if answers is not None:
-        rows = with_answers(rows, read_answers(answers), thing)
+        rows = formats.with_answers(rows, formats.read_answers(answers), thing)
     if kind != ".mcap":
         return _write_table(tomllib.loads(format_record(recording.info)), rows, out)
-    write_mcap(recording, rows, clock_origin_s(thing), out)
+    formats.write_mcap(recording, rows, clock_origin_s(thing), out)
     return len(rows)
 
 
-def _write_table(stated: Mapping[str, Any], rows: list[Row], out: Path) -> int:
+def _write_table(stated: Mapping[str, Any], rows: list[formats.Row], out: Path) -> int:
     if out.suffix.lower() == ".csv":
-        write_whole(csv_text(rows), out)
+        write_whole(formats.csv_text(rows), out)
     else:
         write_whole(json.dumps(finite({**stated, "frames": rows}), indent=2, allow_nan=False) + "\n", out)
     return len(rows)

@@ -89,16 +89,9 @@ def generate(
          "finder.")  # fmt: skip
 @click.pass_context
 def train(
-    ctx: click.Context,
-    /,
-    dataset_path: Path | None,
-    out: Path,
-    kind: str,
-    search: bool,
-    device: str,
-    study: Study,
+    ctx: click.Context, /, dataset_path: Path | None, out: Path, kind: str, search: bool, device: str, study: Study,
     scheduler: str | None,
-) -> Report:
+) -> Report:  # fmt: skip
     """Train a network on DATASET, or on drawings alone.
 
     DATASET depends on --kind. A classifier learns from a data set of

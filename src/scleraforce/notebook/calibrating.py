@@ -158,15 +158,9 @@ def _with_thickness(recordings: list[Recording], thickness_m: float | None) -> l
 
 
 def recalibrate_intervals(
-    model: str | PathLike[str],
-    recordings: Sequence[str | PathLike[str]],
-    out: Path,
-    counting: Counting,
-    *,
-    frames: int,
-    wall_finder: str | PathLike[str] | None,
-    note: Callable[[str], object] = lambda _: None,
-) -> tuple[Stretch, ...]:
+    model: str | PathLike[str], recordings: Sequence[str | PathLike[str]], out: Path, counting: Counting, *,
+    frames: int, wall_finder: str | PathLike[str] | None, note: Callable[[str], object] = lambda _: None,
+) -> tuple[Stretch, ...]:  # fmt: skip
     """Write a reader whose intervals hold on recordings with force logs: counts "calibration" and "reading".
 
     Each eye is calibrated on `frames` of each recording; the others are read, and their scores stretch the intervals.

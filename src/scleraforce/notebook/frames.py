@@ -266,18 +266,10 @@ def stated_planes(frames: Sequence[Frame]) -> tuple[Plane, ...]:
 
 
 def readings(
-    model: Reader,
-    frames: Sequence[Frame],
-    given: Known,
-    size: Scanner,
-    calibration: "GivenCalibration | None" = None,
-    eye: str | None = None,
-    transpose: bool = False,
-    held_s: float | None = None,
-    planes: Sequence[Plane] = (),
-    masks: "Sequence[Mask | None]" = (),
-    mask_sd_rows: float = GIVEN_SD_ROWS,
-) -> list[Reading]:
+    model: Reader, frames: Sequence[Frame], given: Known, size: Scanner, calibration: "GivenCalibration | None" = None,
+    eye: str | None = None, transpose: bool = False, held_s: float | None = None, planes: Sequence[Plane] = (),
+    masks: "Sequence[Mask | None]" = (), mask_sd_rows: float = GIVEN_SD_ROWS,
+) -> list[Reading]:  # fmt: skip
     """Read one frame, or one of each plane together, as `read` does; return each answer with its inputs."""
     check_model(model)
     if len(planes) != len(frames) and (planes or len(frames) != 1):

@@ -152,15 +152,9 @@ def import_recording(
 
 
 def write_imported(
-    sources: Sequence[Path],
-    out: Path,
-    answers: ImportOptions,
-    origins: Mapping[str, str],
-    counting: Counting,
-    asker: Asker | None = None,
-    model: Path = SHIPPED_READER,
-    planes: Sequence[Plane | None] = (),
-) -> Import:
+    sources: Sequence[Path], out: Path, answers: ImportOptions, origins: Mapping[str, str], counting: Counting,
+    asker: Asker | None = None, model: Path = SHIPPED_READER, planes: Sequence[Plane | None] = (),
+) -> Import:  # fmt: skip
     """Write a recording folder, whole or not at all; counts "sources", "grey levels", "frames".
 
     Of several `planes` there is one for each source.

@@ -114,13 +114,9 @@ Known = dict[str, tuple[Any, str]]  # values by the name of their option, each w
 
 
 def complete(
-    gathered: Gathered,
-    greys: Greys,
-    answers: ImportOptions,
-    origins: Mapping[str, str],
-    asker: Asker | None,
+    gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str], asker: Asker | None,
     measured_um: Callable[[OctInfo], float | None],
-) -> Import:
+) -> Import:  # fmt: skip
     """Combine options (`origins`), then the sources' values, then another recording's; ask for the rest."""
     _check_used(gathered, origins)
     if gathered.planes and origins.get("gap_mm") == OPTION:
