@@ -84,7 +84,11 @@ def dark(tmp_path: Path) -> Path:
 
 def test_a_frame_has_a_mask_or_a_guess_and_never_both(frame, dark, tmp_path: Path, shell) -> None:
     out, given = tmp_path / "out", ("segment", dark, "--out", tmp_path / "out", "--overlay", "--strict")
-    shell.run(*given[:-1])
+    (entry,) = shell.json(*given[:-1])["frames"]
+    assert (entry["usable"], entry["thickness_um"]) == (False, None)
+    assert "empty" in entry["reason"]
+    assert entry["mask"] == str(out / "dark.guess.png")
+    assert not pixels(out / "dark.guess.png").any()
     assert shell.run(*given, code=3)[0].splitlines()[-1] == "1 of 1 frames are not usable"
     dark.write_bytes(frame.read_bytes())  # with a wall
     assert "dark.guess.png: exists already" in shell.refused(*given)
@@ -104,14 +108,6 @@ def test_a_transposed_frame_gives_the_transposed_mask(frame, tmp_path: Path, she
     shell.run("segment", frame, "--out", tmp_path / "a")
     shell.run("segment", tmp_path / "turned.png", "--out", tmp_path / "b", "--transpose")
     np.testing.assert_array_equal(pixels(tmp_path / "b" / "turned.png").T, pixels(tmp_path / "a" / "0001.png"))
-
-
-def test_a_frame_without_a_wall_is_reported_and_gets_an_empty_mask(dark, tmp_path: Path, shell) -> None:
-    (entry,) = shell.json("segment", dark, "--out", tmp_path / "out")["frames"]
-    assert (entry["usable"], entry["thickness_um"]) == (False, None)
-    assert "empty" in entry["reason"]
-    assert entry["mask"] == str(tmp_path / "out" / "dark.guess.png")
-    assert not pixels(tmp_path / "out" / "dark.guess.png").any()
 
 
 def test_a_scale_that_nothing_states_is_assumed_and_noted(frame, loose, tmp_path: Path, shell) -> None:

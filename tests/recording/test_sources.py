@@ -18,18 +18,9 @@ from ros_bag import write_bag
 from small_recordings import write_small_recording
 
 from scleraforce.errors import FrameError, InputError, RecordingError
+from scleraforce.recording import pixels
 from scleraforce.recording.importing import answers_like, given_times
-from scleraforce.recording.pixels import (
-    AXES,
-    Scan,
-    Sourced,
-    Times,
-    UnansweredError,
-    array_scan,
-    find_greys,
-    joined,
-    parse_axes,
-)
+from scleraforce.recording.pixels import AXES, Scan, Sourced, Times, UnansweredError
 from scleraforce.recording.sources import ImportOptions, files_of, gather, on_one_clock, read_scan, source_kind
 
 nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
@@ -247,13 +238,13 @@ def single(nth: int, time_s: float | None = None, **stated: object) -> Scan:
 
 
 def test_files_come_in_the_order_of_their_times_or_else_as_given() -> None:
-    scan = joined([single(2, 7.0), single(0, 3.0), single(1, 5.0)])
+    scan = pixels.joined([single(2, 7.0), single(0, 3.0), single(1, 5.0)])
     assert scan.names == ("0.png", "1.png", "2.png")
     np.testing.assert_array_equal(scan.times.time_s, [3.0, 5.0, 7.0])
     for _ in range(2):  # pictures can be read twice
         np.testing.assert_array_equal(pictures_of(scan), FRAMES[:3])
     for times in [(1.0, None), (1.0, 1.0), (None, None)]:
-        scan = joined([single(4, times[0]), single(0, times[1])])
+        scan = pixels.joined([single(4, times[0]), single(0, times[1])])
         assert (scan.names, scan.times) == (("4.png", "0.png"), None)
 
 
@@ -265,8 +256,8 @@ def test_files_of_another_kind_are_refused_with_both_values() -> None:
         ({"lateral_pixel_m": Sourced(2e-6, "")}, "width of a pixel .* 2, where 0.png has not stated"),
     ]:
         with pytest.raises(FrameError, match=rf"1\.png: {found}"):
-            joined([single(0), replace(single(1), **other)])
-    assert joined([single(0), replace(single(1), scale_fault="a fault")]).scale_fault == "a fault"
+            pixels.joined([single(0), replace(single(1), **other)])
+    assert pixels.joined([single(0), replace(single(1), scale_fault="a fault")]).scale_fault == "a fault"
 
 
 def test_frames_that_a_file_does_not_state_are_damage() -> None:
@@ -275,7 +266,7 @@ def test_frames_that_a_file_does_not_state_are_damage() -> None:
         ([FRAMES[0], FRAMES[1]], r"damaged: a frame of \(24, 40\), number 2"),
         ([FRAMES[0].T], r"damaged: a frame of \(40, 24\), number 1"),
     ]:
-        scan = joined([replace(single(0), pictures=partial(iter, pictures))])
+        scan = pixels.joined([replace(single(0), pictures=partial(iter, pictures))])
         with pytest.raises(FrameError, match=rf"0\.png: {message}"):
             list(scan.pictures())
 
@@ -285,7 +276,7 @@ def test_any_order_of_the_axes_gives_the_same_frames_and_scale() -> None:
         array = np.transpose(FRAMES, [AXES.index(name) for name in order])[:, np.newaxis]  # an axis of one: no axis
         steps = {"frame": Sourced(9.0, ""), "depth": Sourced(1e-6, "d"), "lateral": Sourced(2e-6, "l")}
         first, *others = (steps[name] for name in order)
-        scan = array_scan(Path("a.npy"), array, order, (first, None, *others))
+        scan = pixels.array_scan(Path("a.npy"), array, order, (first, None, *others))
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
         assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (steps["depth"], steps["lateral"])
 
@@ -297,10 +288,10 @@ def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:
         (FRAMES, AXES[1:], FrameError, r"--axes names 2 axes \(depth,lateral\); the array is of 5 x 24 x 40"),
     ]:
         with pytest.raises(kind, match=message):
-            array_scan(Path("a.npy"), array, axes)
+            pixels.array_scan(Path("a.npy"), array, axes)
     for text in ["x,y,z", "frame", "frame,depth", "depth,depth,lateral", ""]:
         with pytest.raises(InputError, match="--axes"):
-            parse_axes(text)
+            pixels.parse_axes(text)
 
 
 RAMP = np.arange(12).reshape(3, 4)
@@ -317,7 +308,7 @@ def test_pixels_of_any_type_become_counts_by_one_map_of_all_frames() -> None:
         ([np.array([[0, 2**20]], dtype=np.int32)], None, [[[0, 65535]]], True, 0),
         ([np.array([[np.nan, 1.0, 3.0, -np.inf]])], None, [[[0, 0, 65535, 0]]], True, 2),
     ]:
-        greys = find_greys(pictures, given, "a")
+        greys = pixels.find_greys(pictures, given, "a")
         assert (greys.scaled, greys.lost) == (scaled, lost)
         for picture, expected in zip(pictures, counts, strict=True):
             found = greys.counts(picture)
@@ -332,4 +323,4 @@ def test_a_range_or_pixels_without_a_difference_are_refused() -> None:
         *((np.full((2, 2), value), None, r"scan\.tif: ") for value in (0.5, np.nan, 1j)),
     ]:
         with pytest.raises(InputError, match=message):
-            find_greys([picture], given, "scan.tif")
+            pixels.find_greys([picture], given, "scan.tif")

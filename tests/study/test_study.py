@@ -9,14 +9,11 @@ import click
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from small_recordings import calibration_text
 
 import scleraforce as sf
 from scleraforce.cli.main import COMMANDS, cli
 from scleraforce.cli.options import Quantity
-from scleraforce.errors import CalibrationError, InputError, RecordingError, StudyError
-from scleraforce.known.calibration_file import read_calibration
-from scleraforce.recording.folder import read_info
+from scleraforce.errors import InputError, StudyError
 from scleraforce.study import (
     Choice,
     LibraryStudy,
@@ -216,24 +213,6 @@ def test_stiffenings_of_a_library_are_one_or_enough_for_splines_over_a_range() -
     assert LibraryStudy(stiffening=held, stiffenings=1).stiffening_ends == (2.0, 2.0)
 
 
-INFO = """[eye]
-id = "eye"
-thickness_m = {thickness_m}
-iop_pa = {iop_pa}
-[oct]
-columns = 512
-rows = 512
-bits = 12
-width_m = {width_m}
-depth_m = 4e-3
-[needle]
-gauge = 22
-slice_gap_m = {slice_gap_m}
-polar_angle_rad = {polar_angle_rad}
-"""
-STATED = {"thickness_m": 650e-6, "iop_pa": 266.0, "width_m": 15e-3, "slice_gap_m": 5e-4, "polar_angle_rad": 0.6}
-
-
 def test_a_slip_of_the_unit_is_named() -> None:
     for key, number, hint in [
         ("thickness_um", 0.65, "650 µm (0.65 mm)"),
@@ -277,30 +256,6 @@ def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
     }
     assert len(stated) > 25
     assert [option for option, checked in stated.items() if not checked] == []
-
-
-def test_a_recording_with_an_impossible_value_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "recording.toml"
-    path.write_text(INFO.format(**STATED))
-    assert read_info(path).eye.thickness_m == 650e-6
-    for key, value, hint in [
-        ("thickness_m", 650, "650 µm"), ("iop_pa", 2e5, "200000 "), ("width_m", 15, "15 mm"),
-        ("slice_gap_m", 0.5, "0.5 mm"), ("polar_angle_rad", 35, "35 °"),
-    ]:  # fmt: skip
-        path.write_text(INFO.format(**{**STATED, key: value}))
-        with pytest.raises(RecordingError) as fault:
-            read_info(path)
-        assert f"{key}: {value:g} is above" in str(fault.value)
-        assert hint in str(fault.value)
-
-
-def test_a_calibration_with_an_impossible_value_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "c.json"
-    for key, value, hint in (("mean_mpa", 300.0, "0.3 MPa (300 kPa)"), ("thickness_um", 0.65, "650 µm (0.65 mm)")):
-        path.write_text(calibration_text(eyes={"eye": {key: value}}))
-        with pytest.raises(CalibrationError) as fault:
-            read_calibration(path)
-        assert hint in str(fault.value)
 
 
 def test_arguments_in_python_are_checked_too(tmp_path: Path) -> None:

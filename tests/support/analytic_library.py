@@ -75,21 +75,12 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
     grid[1] = grid[1] * grid[0] / RADIUS_M  # IOP/E
     walls = curves(*grid, node_angles(nodes)).astype(np.float32)
     return Library(
-        thickness_m=t,
-        tension=tension,
-        tip_m=d,
-        force_ratio_tpd=force_ratio(*grid),
-        displaced_tpd=displaced_m3(*grid),
-        walls=whole_curves(walls),
-        undented_tpbnc=np.ascontiguousarray(walls[:, :, 0]),
-        radius_m=RADIUS_M,
-        poisson_ratio=0.45,
-        needle_radius_m=0.35e-3,
-        max_force_ratio=0.5e-6,
-        polar_rad=POLAR_RAD,
+        thickness_m=t, tension=tension, tip_m=d, force_ratio_tpd=force_ratio(*grid), displaced_tpd=displaced_m3(*grid),
+        walls=whole_curves(walls), undented_tpbnc=np.ascontiguousarray(walls[:, :, 0]), radius_m=RADIUS_M,
+        poisson_ratio=0.45, needle_radius_m=0.35e-3, max_force_ratio=0.5e-6, polar_rad=POLAR_RAD,
         stiffness_atpd=np.stack([np.full(grid[0].shape, stiffness(polar)) for polar in POLAR_RAD]),
         contact_polar_rad=0.0,
-    )
+    )  # fmt: skip
 
 
 def bulging(library, rise_m=6e-3):

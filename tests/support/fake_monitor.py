@@ -36,15 +36,9 @@ class MonitorRule:
 
     def _reading(self, event: Received) -> list[tuple[str, Status | Text | Sensor]]:
         self._frames += 1
-        reading = {
-            "event": "frame",
-            "frame": self._frames,
-            "frame_id": event.message_id or int(event.header.time_s * 1e6),
-            "class": 0,
-            "force_mn": 1.5,
-            "interval_mn": [0.5, 2.5],
-            "lost": 0,
-        }
+        frame_id = event.message_id or int(event.header.time_s * 1e6)
+        reading = {"event": "frame", "frame": self._frames, "frame_id": frame_id, "class": 0, "lost": 0}
+        reading |= {"force_mn": 1.5, "interval_mn": [0.5, 2.5]}
         return [(READING, Text(json.dumps(reading))), (READING, Sensor((float(self._frames),)))]
 
 

@@ -130,21 +130,14 @@ def _without_disturbance(record: Any) -> Any:
 def _easy(scenes: ScenesStudy) -> ScenesStudy:
     return ScenesStudy(
         window=replace(
-            scenes.window,
-            rows=fixed(64),
-            columns=fixed(64),
-            pixel_m=Range(min=1e-6, max=100e-6),
-            width_m=fixed(10e-3),
-            depth_share=fixed(0.4),
-            centred_share=1.0,
-            facing=fixed(1.0),
-            surface_share=Range(min=0.1, max=0.4),
+            scenes.window, rows=fixed(64), columns=fixed(64), pixel_m=Range(min=1e-6, max=100e-6), width_m=fixed(10e-3),
+            depth_share=fixed(0.4), centred_share=1.0, facing=fixed(1.0), surface_share=Range(min=0.1, max=0.4),
         ),
         eye=replace(_without_disturbance(scenes.eye), half_sphere_share=1.0, wave_m=fixed(0.0)),
         tissue=replace(_without_disturbance(scenes.tissue), corrected_share=1.0, snr_db=fixed(30.0)),
         over=_without_disturbance(scenes.over),
         scanner=replace(_without_disturbance(scenes.scanner), rolloff_db=fixed(0.0)),
-    )
+    )  # fmt: skip
 
 
 SMALL_STUDY = Study(
