@@ -63,18 +63,13 @@ def demo(out: Path, open_page: bool) -> Report:
         done = run_demo(out, datetime.now(UTC), reach)
     evaluation = done.evaluation
     true_mpa, found_mpa = from_si(EYE.youngs_modulus_pa, "mpa"), from_si(done.modulus_pa, "mpa")
+    frames, read = len(evaluation.frames), evaluation.accuracy.total
     result = {
-        "page": str(done.page),
-        "recording": str(done.recording),
-        "calibration": str(done.calibration),
-        "youngs_modulus_mpa": {"true": true_mpa, "found": found_mpa},
-        "frames": (frames := len(evaluation.frames)),
-        "read": (read := evaluation.accuracy.total),
-        "right": evaluation.accuracy.hits,
-        "mae_mn": from_si(mean_absolute_error(evaluation.true_forces), "mn"),
-        "intervals_hold": evaluation.true_coverage.hits,
-        "seconds": time.perf_counter() - start,
-    }
+        "page": str(done.page), "recording": str(done.recording), "calibration": str(done.calibration),
+        "youngs_modulus_mpa": {"true": true_mpa, "found": found_mpa}, "frames": frames, "read": read,
+        "right": evaluation.accuracy.hits, "mae_mn": from_si(mean_absolute_error(evaluation.true_forces), "mn"),
+        "intervals_hold": evaluation.true_coverage.hits, "seconds": time.perf_counter() - start,
+    }  # fmt: skip
     if open_page:
         click.launch(str(done.page))
     lines = [
@@ -102,14 +97,8 @@ def doctor() -> Report:
     found = [*packages(), *machine(), *(tried(name) for name in progress_bar(TRIALS, "trials", total=len(TRIALS)))]
     python, system = platform.python_version(), f"{platform.system()} {platform.machine()}"
     ok = all(finding.state != "failed" for finding in found)
-    result = {
-        "scleraforce": __version__,
-        "python": python,
-        "system": system,
-        "ok": ok,
-        "findings": [asdict(finding) for finding in found],
-        "seconds": time.perf_counter() - start,
-    }
+    result = {"scleraforce": __version__, "python": python, "system": system, "ok": ok}
+    result |= {"findings": [asdict(finding) for finding in found], "seconds": time.perf_counter() - start}
     lines = [f"scleraforce {__version__}, Python {python}, {system}"]
     for one in found:
         lines.append(wrapped(one.found, f"{one.state:<8} {one.name:<15} "))

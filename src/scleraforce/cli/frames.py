@@ -166,18 +166,12 @@ def _segment_frame(
             upright = picture.swapaxes(0, 1) if transpose else picture
             _write(mask.with_suffix(ending), (other, other.with_suffix(OVERLAY)), upright, force)
     return {
-        "file": str(path),
-        "mask": mask and str(mask),
-        "usable": found.usable,
-        "reason": found.reason,
-        "disagreement": None if found.methods is None else found.methods.disagreement,
-        "inner_found": found.inner_found,
+        "file": str(path), "mask": mask and str(mask), "usable": found.usable, "reason": found.reason,
+        "disagreement": None if found.methods is None else found.methods.disagreement, "inner_found": found.inner_found,
         "thickness_um": None if isnan(found.thickness_m) else from_si(found.thickness_m, "um"),
-        "needle": needle_entry(found.needle),
-        "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
-        "scale": _scale_entry(frame),
-        "notes": list(frame.notes),
-    }
+        "needle": needle_entry(found.needle), "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
+        "scale": _scale_entry(frame), "notes": list(frame.notes),
+    }  # fmt: skip
 
 
 def _write(path: Path, others: Sequence[Path], picture: Pixels, force: bool) -> None:

@@ -104,20 +104,13 @@ def import_(
     to = sources, out, ImportOptions(**given), origins, count_bar, asker, model or SHIPPED_READER
     done = write_imported(*to, planes_of(sources, planes) if planes else ())
     scanner, preview = done.info.oct, out / PREVIEW
-    return Report(
-        {
-            "recording": str(out),
-            "preview": str(preview),
-            "frames": len(done.gathered.frames.names),
-            "force_samples": None if done.log is None else len(done.log.time_s),
-            "width_mm": from_si(scanner.width_m, "mm"),
-            "depth_mm": from_si(scanner.depth_m, "mm"),
-            "refractive_index": scanner.refractive_index,
-            "bits": scanner.bits,
-            **provenance(done),
-        },
-        [*map(wrapped, _lines(done)), f"wrote {out}; look at {preview}"],
-    )
+    result = {
+        "recording": str(out), "preview": str(preview), "frames": len(done.gathered.frames.names),
+        "force_samples": None if done.log is None else len(done.log.time_s),
+        "width_mm": from_si(scanner.width_m, "mm"), "depth_mm": from_si(scanner.depth_m, "mm"),
+        "refractive_index": scanner.refractive_index, "bits": scanner.bits, **provenance(done),
+    }  # fmt: skip
+    return Report(result, [*map(wrapped, _lines(done)), f"wrote {out}; look at {preview}"])
 
 
 def _lines(done: Import) -> list[str]:

@@ -167,21 +167,17 @@ class _Show:
         latency_ms = np.percentile(took_ms, (50, 99, 100)).tolist() if len(took_ms) else None
         withdrawal = log.first_doubt(0.0, (3,))
         return {
-            "recording": str(self._recording.path),
-            "monitor": player.client.address,
-            "duration_s": self._time_s(player.client.clock()),
-            "frames_sent": log.frames_sent,
-            "frames_answered": len(took_ms),
-            "frames_overtaken": log.reading.get("overtaken"),
-            "frames_lost": log.reading.get("lost"),
-            "forces_sent": player.forces_sent,
+            "recording": str(self._recording.path), "monitor": player.client.address,
+            "duration_s": self._time_s(player.client.clock()), "frames_sent": log.frames_sent,
+            "frames_answered": len(took_ms), "frames_overtaken": log.reading.get("overtaken"),
+            "frames_lost": log.reading.get("lost"), "forces_sent": player.forces_sent,
             "latest_ms": from_si(player.latest_s, "ms"),
             "latency_ms": latency_ms and dict(zip(("median", "p99", "max"), latency_ms, strict=True)),
             "longest_silence_ms": from_si(log.longest_silence_s, "ms"),
             "changes": [self._change_record(change) for change in log.changes],
             "withdrawal": None if withdrawal is None else self._change_record(withdrawal),
             "fault": None if report is None else self._fault_record(report),
-        }
+        }  # fmt: skip
 
     def _change_record(self, change: Change) -> dict[str, Any]:
         known = change.frame is not None and 0 < change.frame <= len(self._recording.frames)

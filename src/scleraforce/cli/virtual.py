@@ -71,17 +71,11 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
 
         write_figure(draw_simulation(eye), plot)
     result = {
-        "force_mn": from_si(eye.force_n, "mn"),
-        "tip_displacement_mm": from_si(eye.tip_m, "mm"),
-        "dent_mm": from_si(eye.dent_m, "mm"),
-        "pressure_mmhg": from_si(eye.pressure_pa, "mmhg"),
-        "globe": study.globe.kind,
-        "stiffening": study.tissue.stiffening,
-        "elements": len(eye.mesh.cells_en),
-        "dofs": eye.mesh.points_nc.size,
-        "seconds": round(seconds, 3),
-        "mechanics": study.mechanics.kind,
-    }
+        "force_mn": from_si(eye.force_n, "mn"), "tip_displacement_mm": from_si(eye.tip_m, "mm"),
+        "dent_mm": from_si(eye.dent_m, "mm"), "pressure_mmhg": from_si(eye.pressure_pa, "mmhg"),
+        "globe": study.globe.kind, "stiffening": study.tissue.stiffening, "elements": len(eye.mesh.cells_en),
+        "dofs": eye.mesh.points_nc.size, "seconds": round(seconds, 3), "mechanics": study.mechanics.kind,
+    }  # fmt: skip
     resting_pa = study.eye.iop_pa if given["iop_pa"] is None else given["iop_pa"]
     size = f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s"
     written = [f"wrote {path}" for path in (vtu, plot) if path is not None]

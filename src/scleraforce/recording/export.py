@@ -131,18 +131,13 @@ def write_sequence(recording: Recording, path: Path) -> None:
     scale = PixelScale.of(oct_info)
     sides_mm = np.diag([from_si(scale.lateral_m, "mm"), from_si(scale.depth_m, "mm"), SLICE_MM])
     header = {
-        "space": "left-posterior-superior",
-        "space directions": np.array([*sides_mm, NOWHERE]),
-        "space units": ["mm", "mm", "mm"],
-        "space origin": np.zeros(3),
-        "kinds": ["domain", "domain", "domain", "list"],
-        "labels": ["lateral", "depth", "", "time"],
-        "units": ["", "", "", "s"],
-        "encoding": "raw",
+        "space": "left-posterior-superior", "space directions": np.array([*sides_mm, NOWHERE]),
+        "space units": ["mm", "mm", "mm"], "space origin": np.zeros(3), "kinds": ["domain", "domain", "domain", "list"],
+        "labels": ["lateral", "depth", "", "time"], "units": ["", "", "", "s"], "encoding": "raw",
         "axis 3 index type": "numeric",
         "axis 3 index values": " ".join(f"{entry.time_s:.6f}" for entry in recording.frames),
         "DataNodeClassName": "vtkMRMLScalarVolumeNode",
-    }
+    }  # fmt: skip
     with renamed_when_whole(path) as part, part.open("wb") as file:
         nrrd.write(file, volume, header, index_order="F")
 
