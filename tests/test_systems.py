@@ -6,9 +6,8 @@ import sys
 from ipaddress import ip_address
 from pathlib import Path
 
-import cv2
 import pytest
-from analytic_frames import image, recording_toml, tip_of, wall_section
+from analytic_frames import recording_toml, write_one_frame
 from analytic_library import analytic_library
 from effects import STRACE, fresh_home, traced
 from small_models import write_fixed_reader
@@ -80,12 +79,7 @@ def test_only_service_and_guarded_calls_need_linux() -> None:
 
 @pytest.fixture
 def session(tmp_path: Path) -> Path:
-    path = tmp_path / "session"
-    (path / "frames").mkdir(parents=True)
-    (path / "recording.toml").write_text(recording_toml("mine"))
-    (path / "frames.csv").write_text("file,time_s\n1.png,1.0\n")
-    cv2.imwrite(str(path / "frames" / "1.png"), image(wall_section(tip_of(0.020))))
-    return path
+    return write_one_frame(tmp_path / "session", recording_toml("mine")).parents[1]
 
 
 def elsewhere(*arguments: object) -> subprocess.CompletedProcess[str]:

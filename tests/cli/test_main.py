@@ -16,6 +16,7 @@ import click
 import cv2
 import numpy as np
 import pytest
+from effects import SCLERAFORCE
 from foreign_files import FRAMES, options_of
 from waiting import FUSE_S, ends
 
@@ -28,8 +29,6 @@ from scleraforce.errors import SolverError, StudyError
 from scleraforce.installation import Finding
 from scleraforce.mechanics.relaxation import PronySeries
 from scleraforce.study import Study, read_study, refuse_unused
-
-SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
 
 
 @pytest.fixture
@@ -159,12 +158,10 @@ def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
 def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     many = (200, 512, 512)  # of noise: to write them takes seven times as long as to begin
     np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, many, np.uint16))
-    told_all = options_of(
-        "--axes", "frame,depth,lateral", "--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1
-    )
-    command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *map(str, told_all)]
-    code = "from scleraforce.cli.main import main; main()"
-    child = subprocess.Popen([sys.executable, "-c", code, *command], stderr=subprocess.PIPE, text=True)
+    size = ("--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1)
+    given = options_of("--axes", "frame,depth,lateral", *size)
+    command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *given]
+    child = subprocess.Popen([*SCLERAFORCE, *command], stderr=subprocess.PIPE, text=True)
     while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
         time.sleep(0.002)
     child.send_signal(signal.SIGTERM)
@@ -200,9 +197,8 @@ def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
     environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
 
     def said(*call: str, **more: str) -> str:
-        return subprocess.run(
-            call, env=environment | more, capture_output=True, text=True, check=True, timeout=FUSE_S
-        ).stdout
+        given = {"env": environment | more, "timeout": FUSE_S}
+        return subprocess.run(call, capture_output=True, text=True, check=True, **given).stdout
 
     script.write_text(said("scleraforce", _SCLERAFORCE_COMPLETE="bash_source"))
     for line, offered in (
@@ -219,13 +215,8 @@ def test_jupyters_backend_does_not_reach_a_command_that_draws(tmp_path: Path) ->
     """Matplotlib refuses module://matplotlib_inline.backend_inline at its import where Jupyter is not installed."""
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
     given = ("a.png", "--out", "i", *map(str, options_of("--bits", 13, "--width-mm", 10, "--depth-mm", 4)))
-    subprocess.run(
-        [*SCLERAFORCE, "import", *given],
-        cwd=tmp_path,
-        env=os.environ | {"MPLBACKEND": "refused"},
-        check=True,
-        timeout=FUSE_S,
-    )
+    environment = os.environ | {"MPLBACKEND": "refused"}
+    subprocess.run([*SCLERAFORCE, "import", *given], cwd=tmp_path, env=environment, check=True, timeout=FUSE_S)
 
 
 FOUND = [

@@ -8,7 +8,16 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from analytic_frames import MODULUS_PA, SCALE, SMALL_LIBRARY, image, recording_toml, tip_of, wall_section
+from analytic_frames import (
+    MODULUS_PA,
+    SCALE,
+    SMALL_LIBRARY,
+    image,
+    recording_toml,
+    tip_of,
+    wall_section,
+    write_one_frame,
+)
 from small_models import write_fixed_reader
 from small_recordings import calibration_text
 
@@ -35,13 +44,9 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def frame(tmp_path: Path, pixels: np.ndarray) -> Path:
+def frame(tmp_path: Path) -> Path:
     """A frame in a recording."""
-    path = tmp_path / "session" / "frames" / "1.png"
-    path.parent.mkdir(parents=True)
-    (path.parents[1] / "recording.toml").write_text(STATED)
-    cv2.imwrite(str(path), pixels)
-    return path
+    return write_one_frame(tmp_path / "session", STATED, 0.015)
 
 
 @pytest.fixture
@@ -122,7 +127,6 @@ def test_a_frame_has_the_pressure_at_its_dent_which_is_higher_in_a_sealed_eye(re
     assert widths[1] > 1.5 * widths[0]
     assert "mmHg at the dent" in shell.text("read", model, frame, "--globe", "open")
     (frame.parents[1] / "recording.toml").write_text(STATED.replace("[needle]", 'globe = "open"\n[needle]'))
-    (frame.parents[1] / "frames.csv").write_text("file,time_s\n1.png,1.0\n")
     (evaluated,) = shell.json("evaluate", model, frame.parents[1])["frames"]
     assert evaluated["pressure_mmhg"] == pytest.approx(read(frame)["pressure_mmhg"])
 

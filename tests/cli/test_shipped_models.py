@@ -6,9 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import cv2
 import pytest
-from analytic_frames import image, recording_toml, tip_of, wall_section
+from analytic_frames import recording_toml, write_one_frame
 from waiting import FUSE_S
 
 from scleraforce.models import FOLDER, LIBRARY_FILE, SHIPPED_LIVING, SHIPPED_READER, read_folder
@@ -23,11 +22,7 @@ NOT_FOR_A_FRAME = (
 def frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A frame of a recording, in a folder of its own that is the current one."""
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "session" / "frames" / "1.png"
-    path.parent.mkdir(parents=True)
-    (path.parents[1] / "recording.toml").write_text(recording_toml("mine"))
-    cv2.imwrite(str(path), image(wall_section(tip_of(0.020))))
-    return path
+    return write_one_frame(tmp_path / "session", recording_toml("mine"))
 
 
 def test_the_bundled_reader_is_small_and_reads_a_frame(frame: Path, shell) -> None:
@@ -43,7 +38,6 @@ def test_the_bundled_reader_that_was_trained_for_an_eye_reads_it(frame: Path, sh
     assert chosen["frames"] == named["frames"]
     assert "bundled reader living" in " ".join(chosen["notes"])
     assert not any("bundled reader" in note for note in named["notes"])
-    (frame.parents[1] / "frames.csv").write_text("file,time_s\n1.png,1.0\n")
     found = shell.json("evaluate", "default", frame.parents[1])
     assert not any("bundled reader" in note for note in found["notes"])
     info = frame.parents[1] / "recording.toml"

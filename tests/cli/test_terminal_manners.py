@@ -5,7 +5,6 @@ import os
 import pty
 import re
 import subprocess
-import sys
 import termios
 from contextlib import suppress
 from itertools import product
@@ -14,7 +13,7 @@ from pathlib import Path
 import cv2
 import pytest
 from analytic_frames import drawn_counts
-from effects import cache_of_its_own
+from effects import SCLERAFORCE, cache_of_its_own
 from small_recordings import write_notebook_folder
 from waiting import ends
 
@@ -134,10 +133,8 @@ def on_a_terminal(arguments: list[str], folder: Path, **environment: str) -> tup
     """Run a command whose standard error is a terminal; return what it wrote to its output and to that."""
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 80))
-    call = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", *arguments]
-    with subprocess.Popen(
-        call, cwd=folder, env=os.environ | environment, stdout=subprocess.PIPE, stderr=theirs, text=True
-    ) as process:
+    given = {"cwd": folder, "env": os.environ | environment, "stderr": theirs}
+    with subprocess.Popen([*SCLERAFORCE, *arguments], stdout=subprocess.PIPE, text=True, **given) as process:
         os.close(theirs)
         assert process.stdout is not None
         shown = b""

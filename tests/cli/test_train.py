@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from analytic_library import solve_analytic
+from effects import SCLERAFORCE
 from small_models import SMALL_STUDY, write_blind_finder
 from small_recordings import calibration_text
 from waiting import FUSE_S
@@ -89,8 +90,7 @@ def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(study, tmp
 def test_a_generate_that_was_stopped_is_completed_by_the_same_command(study, tmp_path, sent):
     study.write_text(STUDY.replace("images = 20", "images = 3000"))
     out = tmp_path / "dataset.zarr"
-    call = "from scleraforce.cli.main import main; main()"
-    line = [sys.executable, "-c", call, "generate", "--study", str(study), "--out", str(out), "--json"]
+    line = [*SCLERAFORCE, "generate", "--study", str(study), "--out", str(out), "--json"]
     process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True)
     while not any(out.glob("slices/c/*/0/0")):
         assert process.poll() is None

@@ -338,18 +338,3 @@ def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Pa
     dataset.save_as(tmp_path / "a.dcm")
     with pytest.raises(FrameError, match="damaged: more is packed in it"):
         read_dicom(tmp_path / "a.dcm")
-
-
-REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "dicom" / "anterior-segment.dcm"
-
-
-@pytest.mark.real
-@pytest.mark.skipif(not REAL.exists(), reason="no ../shared/real-oct")
-def test_a_real_visante_file_is_turned_and_states_its_time_but_no_scale() -> None:
-    scan = read_dicom(REAL)
-    assert (scan.rows, scan.columns) == (1024, 512)
-    assert scan.depth_pixel_m is None
-    assert scan.times.source == "DICOM's AcquisitionDateTime"
-    picture = pictures_of(scan)[0]
-    bright = picture > np.percentile(picture, 99)
-    assert bright[: len(bright) // 2].sum() > 3 * bright[len(bright) // 2 :].sum()  # the eye's front is on top

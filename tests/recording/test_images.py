@@ -17,7 +17,6 @@ from scleraforce.errors import FrameError
 from scleraforce.recording.images import read_film, read_frame, read_image, read_numpy
 from scleraforce.recording.pixels import AXES, UnansweredError
 
-SHARED = Path(__file__).parents[3] / "shared"
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
 BYTES = RAMP.astype(np.uint8)
 
@@ -156,8 +155,6 @@ def test_arrays_that_are_not_grey_or_not_whole_are_refused(tmp_path: Path) -> No
 
 
 LEVELS = (20, 60, 100, 140, 180, 220)
-
-
 SHADES = np.repeat(np.array(LEVELS, np.uint8), 64 * 96 * 3).reshape(-1, 64, 96, 3).copy()
 SHADES[:, :, :32] -= 15  # each frame is of one grey, its left third darker
 
@@ -249,13 +246,3 @@ def test_sixteen_bits_of_grey_stay_and_a_depth_that_opencv_would_cut_to_8_is_ref
         path = matroska(tmp_path / "a.mkv", [0, 1, 2, 3, 4, 5], raw=b"Y1\0" + bytes([bits]))
         with pytest.raises(FrameError, match=rf"a\.mkv: pixels of {bits} bits .*-pix_fmt gray16le"):
             read_film(path)
-
-
-@pytest.mark.real
-@pytest.mark.skipif(not SHARED.exists(), reason="no ../shared")
-def test_real_volumes_have_their_frames_along_the_last_axis_and_complete_films_are_not_called_cut_off() -> None:
-    volume = sorted((SHARED / "real-oct" / "needle-volumes").glob("*.npz"))[0]
-    scan = read_numpy(volume, ("depth", "lateral", "frame"), None)
-    assert (len(scan.names), scan.rows, scan.columns) == (64, 512, 64)
-    for name in ["a_start.mkv", "a_vfr.mkv"]:
-        assert len(read_film(SHARED / "cases" / "import" / "15-film-frames-missing" / name).notes) == 1

@@ -307,15 +307,3 @@ def test_a_stack_that_was_cut_off_is_damaged(tmp_path: Path) -> None:
             path.write_bytes(data[:end])
             with pytest.raises(FrameError, match=r"a\.tif: damaged"):
                 pictures_of(read_tiff(path))
-
-
-REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "tissue-surface"
-
-
-@pytest.mark.real
-@pytest.mark.skipif(not REAL.exists(), reason="no ../shared/real-oct")
-def test_real_tissue_has_the_scale_of_its_json_axes() -> None:
-    for path in sorted(REAL.glob("*.tif")):
-        scan = read_tiff(path)
-        assert scan.lateral_pixel_m.value == pytest.approx(1e-6, rel=0.01), path
-        assert 0.9e-6 < scan.depth_pixel_m.value < 2.1e-6, path

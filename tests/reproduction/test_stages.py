@@ -5,15 +5,12 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from effects import cache_of_its_own
-
-SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
+from effects import SCLERAFORCE, cache_of_its_own
 
 COARSE = """
 [mesh]

@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import exp, log, pi
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from analytic_library import analytic_library
@@ -84,6 +85,15 @@ width_m = {STUDY.oct.width_m}
 depth_m = {STUDY.oct.depth_m}
 {more}
 """
+
+
+def write_one_frame(recording: Path, text: str, force_n: float = 0.020, seed: int = 1) -> Path:
+    """Write a recording of one frame, with this recording.toml; return the frame's path."""
+    (recording / "frames").mkdir(parents=True)
+    (recording / "recording.toml").write_text(text)
+    (recording / "frames.csv").write_text("file,time_s\n1.png,1.0\n")
+    cv2.imwrite(str(recording / "frames" / "1.png"), image(wall_section(tip_of(force_n)), seed))
+    return recording / "frames" / "1.png"
 
 
 COLUMNS = 256
