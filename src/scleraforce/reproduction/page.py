@@ -1,7 +1,7 @@
 """The page of `reproduce`: every table and figure of the paper, from the run in its folder; walls that bend."""
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from importlib.resources import files
@@ -39,9 +39,14 @@ from scleraforce.reproduction.run import CALIBRATED_EYES, CALIBRATION_FORCES_N, 
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
 
-TEXTS = tomllib.loads(files("scleraforce.reproduction").joinpath("words.toml").read_text(encoding="utf-8"))
-Drawn = Callable[[html.Html], html.Html]  # called with each figure
 SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
+
+
+def _text(name: str) -> str:
+    return files("scleraforce.reproduction").joinpath(name).read_text(encoding="utf-8")
+
+
+TEXTS = tomllib.loads(_text("words.toml"))
 
 
 def said(key: str, /, **fields: Any) -> str:
@@ -49,31 +54,26 @@ def said(key: str, /, **fields: Any) -> str:
     return str(TEXTS[key]).format(**fields)
 
 
-def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Drawn) -> html.Html:
-    """Return the comparison of the paper's method and the force reader on the same frames; `drawn` counts figures."""
+def _bent(run: Run, paper: Evaluation, reader: Evaluation) -> html.Html:
+    """Return the comparison of the paper's method and the force reader on the same frames."""
     forces = ", ".join(f"{from_si(force, 'mn'):g}" for force in CALIBRATION_FORCES_N)
-    words = said("bent", calibrated=CALIBRATED_EYES, forces=forces, reader=reader_words(run))
+    trained = "The reader was trained in this run."
+    if not run.train:
+        made_by = load_model(run.reader).provenance["scleraforce"]
+        trained = said("bundled", name=model_name(run.reader), made_by=made_by)
     return html.section(
         "Walls that bend: the paper's method and the force reader",
-        html.paragraph(words),
+        html.paragraph(said("bent", calibrated=CALIBRATED_EYES, forces=forces, reader=trained)),
         _comparison(paper, reader),
         *_coverage_words(reader),
         _moduli(run),
-        drawn(html.read_forces_figure(reader)),
+        html.read_forces_figure(reader),
         html.confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
         html.confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
         _misread(paper, "the paper's method"),
         _misread(reader, "the force reader"),
-        drawn(_walls_figure(run, reader)),
+        _walls_figure(run, reader),
     )
-
-
-def reader_words(run: Run) -> str:
-    """Return a sentence that names the force reader of a run."""
-    if run.train:
-        return "The reader was trained in this run."
-    made_by = load_model(run.reader).provenance["scleraforce"]
-    return said("bundled", name=model_name(run.reader), made_by=made_by)
 
 
 def _comparison(paper: Evaluation, reader: Evaluation) -> html.Html:
@@ -217,7 +217,7 @@ PAPER_MODULUS_PA = 0.25e6  # the paper's mean for all eyes, sec. 3.2
 PAPER_SD_PA = (4.7e3, 6.7e3, 3.9e3, 4.9e3)  # of the eyes' moduli, Table 2
 PAPER_CONFUSION = ((5, 2, 0), (0, 14, 1), (0, 0, 23))  # Table 3, rows are targets
 
-FIGURES = 15  # progress ticks of the page
+SECTIONS = 12  # progress ticks of the page
 MONTAGE_SLICES = 36
 LOG_TRIALS = 5  # the paper's Fig. 3 shows five acquisitions
 AFTER_LAST_S = 4.0  # of them, in the figure
@@ -227,33 +227,39 @@ def write_reproduction_html(
     run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str, float], made_at: datetime, progress: Progress
 ) -> None:
     """Write the page of a run; `evaluations`: linear, up to the bounds, finite strain by paper and by reader."""
-    evaluation, to_the_bounds, bent_paper, bent_reader = evaluations
-    reader = load_classifier(run.model)
-
-    def drawn(block: html.Html) -> html.Html:
+    sections = list[html.Html]()
+    for section in _sections(run, evaluations, seconds):
+        sections.append(section)
         progress(1)
-        return block
-
-    sections = (
-        html.section("Result", html.paragraph(said("simulated"), notice=True), html.evaluation_cards(evaluation),
-                html.paragraph(said("paper_result")), drawn(_overview(run, evaluation))),
-        _design(run, evaluation),
-        html.section("The simulated eye", drawn(html.figure(draw_model(run.study), "a half-sphere with its loads and "
-                "its clamped base", said("model"))), drawn(_mesh_figure(run.study))),
-        html.section("Measured forces", drawn(_force_log_figure(run, evaluation))),
-        html.section("From the raw frame to the slice", drawn(_segmentation_figure(evaluation))),
-        _calibration(run, evaluation, drawn),
-        html.section("Frames beside the simulation", drawn(_pairs_figure(evaluation, reader, 0, "Fig. 6")),
-                drawn(_pairs_figure(evaluation, reader, 1, "Fig. 7"))),
-        _training(run, reader, seconds, drawn),
-        _reading(evaluation, to_the_bounds, drawn(html.forces_figure(evaluation))),
-        bent_section(run, bent_paper, bent_reader, drawn),
-        _deviations(),
-        html.section("Time and provenance", _times(seconds), html.provenance_table(run.study, reader)),
-    )  # fmt: skip
     lead = f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports."
     content = html.page("Force from a single OCT slice", lead, html.made_line(made_at), *sections)
     html.write_page(content, run.report, overwrite=True)
+
+
+def _sections(run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str, float]) -> Iterator[html.Html]:
+    evaluation, to_the_bounds, bent_paper, bent_reader = evaluations
+    reader = load_classifier(run.model)
+    yield html.section(
+        "Result", html.paragraph(said("simulated"), notice=True), html.evaluation_cards(evaluation),
+        html.paragraph(said("paper_result")), _overview(run, evaluation),
+    )  # fmt: skip
+    yield _design(run, evaluation)
+    model = html.figure(draw_model(run.study), "a half-sphere with its loads and its clamped base", said("model"))
+    yield html.section("The simulated eye", model, _mesh_figure(run.study))
+    yield html.section("Measured forces", _force_log_figure(run, evaluation))
+    yield html.section("From the raw frame to the slice", _segmentation_figure(evaluation))
+    yield _calibration(run, evaluation)
+    pairs = [_pairs_figure(evaluation, reader, rank, name) for rank, name in enumerate(("Fig. 6", "Fig. 7"))]
+    yield html.section("Frames beside the simulation", *pairs)
+    yield _training(run, reader, seconds)
+    yield _reading(evaluation, to_the_bounds)
+    yield _bent(run, bent_paper, bent_reader)
+    deviations = tomllib.loads(_text("deviations.toml"))["deviation"]
+    rows, caption = [list(deviation.values()) for deviation in deviations], "Differences from the paper's method."
+    yield html.section("Deviations", html.table(["", "the paper", "here", "why"], rows, caption, prose=True))
+    taken = [[name, f"{value:.1f}"] for name, value in [*seconds.items(), ("together", sum(seconds.values()))]]
+    times = html.table(["stage", "seconds"], taken, "Stages of this run; writing this page comes on top.")
+    yield html.section("Time and provenance", times, html.provenance_table(run.study, reader))
 
 
 def _overview(run: Run, evaluation: Evaluation) -> html.Html:
@@ -311,7 +317,7 @@ def _segmentation_figure(evaluation: Evaluation) -> html.Html:
     return html.figure(drawn, "raw frame, boundaries, mask, masked frame", caption, "png")
 
 
-def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> html.Html:
+def _calibration(run: Run, evaluation: Evaluation) -> html.Html:
     """Return Table 2, the estimate over the frames of the first eye (Fig. 5), and its points before and after (4)."""
     calibration = parse_calibration(open_calibration(run.calibration))
     # Calibrated once more: the file keeps no points to draw.
@@ -332,9 +338,8 @@ def _calibration(run: Run, evaluation: Evaluation, drawn: Drawn) -> html.Html:
     observed = draw_observed_points(first, look.frame, index, *look.extent_m)
     caption = said("points", frame="/".join(shown))
     points = html.figure(observed, "observed and predicted points before and after", caption, "png")
-    return html.section(
-        "Young's modulus", html.paragraph(words), modulus_table(calibration, study), drawn(over_frames), drawn(points)
-    )
+    table = modulus_table(calibration, study)
+    return html.section("Young's modulus", html.paragraph(words), table, over_frames, points)
 
 
 def modulus_table(calibration: Calibration, study: Study) -> html.Html:
@@ -394,7 +399,7 @@ def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> B
     return max(drawn, key=lambda one: metrics.dice(one, measured))
 
 
-def _training(run: Run, reader: Classifier, seconds: Mapping[str, float], drawn: Drawn) -> html.Html:
+def _training(run: Run, reader: Classifier, seconds: Mapping[str, float]) -> html.Html:
     """Return the network (Fig. 2), its curves (Fig. 8a), and slices that it has learned from (Fig. 8b)."""
     study, record = reader.study, reader.record
     reached, samples, seconds_taken = record["metrics"], record["samples"], seconds["generate"]
@@ -412,13 +417,13 @@ def _training(run: Run, reader: Classifier, seconds: Mapping[str, float], drawn:
     return html.section(
         "Training",
         html.paragraph(words),
-        drawn(html.figure(network, "the layers of the network", "The network of this run (the paper's Fig. 2).")),
-        drawn(html.figure(draw_curves(record["curves"], "epoch"), "loss and accuracy over the epochs", said("curves"))),
-        drawn(html.figure(montage, "simulated slices with force and wall thickness", shown, "png")),
+        html.figure(network, "the layers of the network", "The network of this run (the paper's Fig. 2)."),
+        html.figure(draw_curves(record["curves"], "epoch"), "loss and accuracy over the epochs", said("curves")),
+        html.figure(montage, "simulated slices with force and wall thickness", shown, "png"),
     )
 
 
-def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: html.Html) -> html.Html:
+def _reading(evaluation: Evaluation, to_the_bounds: Evaluation) -> html.Html:
     """Return Table 3, here and the paper's, the trials up to the bounds, Fig. 10, and the trials that were misread."""
     rows: list[list[object]] = []
     designs = {"2 mN clear of the bounds, as above": evaluation, "up to the bounds": to_the_bounds}
@@ -431,16 +436,5 @@ def _reading(evaluation: Evaluation, to_the_bounds: Evaluation, forces: html.Htm
     bounds_n, caption = evaluation.bounds_n, "The paper's Table 3, under the standard names: 42 of 45."
     mine = html.confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {html.NAMES_REMARK}")
     paper = html.confusion_table(np.array(PAPER_CONFUSION), bounds_n, caption)
-    return html.section("Reading the forces", mine, paper, gap, forces, _misread(evaluation, "the network"))
-
-
-def _deviations() -> html.Html:
-    stated = files("scleraforce.reproduction").joinpath("deviations.toml").read_text(encoding="utf-8")
-    rows = [list(deviation.values()) for deviation in tomllib.loads(stated)["deviation"]]
-    caption = "Differences from the paper's method."
-    return html.section("Deviations", html.table(["", "the paper", "here", "why"], rows, caption, prose=True))
-
-
-def _times(seconds: Mapping[str, float]) -> html.Html:
-    rows = [[name, f"{value:.1f}"] for name, value in [*seconds.items(), ("together", sum(seconds.values()))]]
-    return html.table(["stage", "seconds"], rows, "Stages of this run; writing this page comes on top.")
+    forces, misread = html.forces_figure(evaluation), _misread(evaluation, "the network")
+    return html.section("Reading the forces", mine, paper, gap, forces, misread)

@@ -22,7 +22,7 @@ from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.reproduction import run as runs
-from scleraforce.reproduction.page import FIGURES, write_reproduction_html
+from scleraforce.reproduction.page import SECTIONS, write_reproduction_html
 from scleraforce.reproduction.run import CALIBRATED_EYES, CALIBRATION_FORCES_N, Progress, Run, Stage, bent_trials
 from scleraforce.study import Study, study_hash
 
@@ -80,7 +80,7 @@ def reproduce(
         Stage("train bent", lambda _: epochs, _train_bent, lambda run: run.bent_model),
         *([reader] if run.train else []),
         Stage("read bent", lambda _: bent_answers, evaluate_bent),
-        Stage("report", lambda _: FIGURES, report),
+        Stage("report", lambda _: SECTIONS, report),
     )  # fmt: skip
     seconds = runs.run_stages(run, stages, announce, tell)
     evaluation, to_the_bounds, bent_paper, bent_reader = answers
