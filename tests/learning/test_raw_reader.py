@@ -134,13 +134,14 @@ def test_a_needle_crosses_its_share_and_lies_within_its_diameter(source: raw_rea
     nearest, trained = STUDY.reader.gap_m.bounds
     gap_m = 0.5 * trained * (1.0 + many.given[:, gap])
     stated = many.given[:, GIVEN.index("gap known")] > 0.0
-    rng, largest_m = np.random.default_rng(1), raw_reader.largest_needle_gap(STUDY.raw_reader)
+    rng, raw = np.random.default_rng(1), STUDY.raw_reader
+    largest_m = raw.needle_gap_fraction * raw.needle_diameter_m.bounds[1]
     share = 0.5 * 0.85 * nearest / largest_m
     assert (gap_m[stated] < 0.85 * nearest).mean() == pytest.approx(share, abs=0.1)
     for gap_m in (0.0, 0.1e-3, largest_m):
         needle = raw_reader.draw_optics(STUDY, gap_m, rng).needle
         assert needle.gap_m == gap_m
-        assert gap_m <= (1.0 + 1e-9) * STUDY.raw_reader.needle_gap_fraction * needle.diameter_m
+        assert gap_m <= (1.0 + 1e-9) * raw.needle_gap_fraction * needle.diameter_m
     assert raw_reader.draw_optics(STUDY, None, rng).needle is None
 
 

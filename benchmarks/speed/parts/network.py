@@ -9,10 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.known import Known
-from scleraforce.models import NETWORK_FILE, SHIPPED_READER
+from scleraforce.models import NETWORK_FILE, SHIPPED_READER, network_session
 from scleraforce.reader.kinds import SHIFTS
-from scleraforce.reader.model import slice_network
-from scleraforce.reader.networks import given_eye, given_inputs, given_modulus, histogram_reading, ratio_edges
+from scleraforce.reader.networks import (
+    ForceNetwork,
+    given_eye,
+    given_inputs,
+    given_modulus,
+    histogram_reading,
+    ratio_edges,
+)
 from scleraforce.segmentation.observations import boundary_slices
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
@@ -72,7 +78,7 @@ def measure(run: Run) -> Table:
 
 
 def _by_onnx(network: bytes, study: Study) -> Read:
-    reading = slice_network(network, study)
+    reading = ForceNetwork(network_session(network, "", 1), study, "")
     return lambda cuts, known: reading.read(cuts, known).force_n
 
 

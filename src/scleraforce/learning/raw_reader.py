@@ -85,11 +85,6 @@ def _slice_weights(window: FrameWindow, study: SliceStudy) -> tuple[Float, Float
     return covered.round(6).astype(np.float32), between.astype(np.float32)
 
 
-def largest_needle_gap(raw: RawReaderStudy) -> float:
-    """Return the largest distance from a needle's axis at which a frame is still drawn with it, m."""
-    return raw.needle_gap_fraction * raw.needle_diameter_m.bounds[1]
-
-
 def draw_optics(study: Study, needle_gap_m: float | None, rng: np.random.Generator) -> BscanOptics:
     """Draw a frame's optics within `[phantom]` and `[raw_reader]`; a needle's axis is `needle_gap_m` off, if any."""
     raw, phantom = study.raw_reader, study.phantom
@@ -143,7 +138,7 @@ class RawSource:
         raw = self.study.raw_reader
         rng, beside = np.random.default_rng([raw.seed, number]), self.study.reader
         crossed = int((rng.random(count) < raw.needle_share).sum())
-        across = replace(beside, gap_m=Range(min=0.0, max=largest_needle_gap(raw)))
+        across = replace(beside, gap_m=Range(min=0.0, max=raw.needle_gap_fraction * raw.needle_diameter_m.bounds[1]))
         parts = [(beside, count - crossed, False), (across, crossed, True)]
         drawn = concatenated([self._drawn(reader, many, needle, rng) for reader, many, needle in parts if many])
         return drawn.picked(rng.permutation(count))

@@ -72,9 +72,7 @@ def train_classifier(
     answers = stored.probabilities(validation.slices).argmax(axis=1)
     confusion = confusion_matrix(validation.target.tolist(), answers.tolist(), classes)
     reached = accuracy(confusion)
-    record: Record = {
-        "kind": "classifier",
-        "provenance": provenance,
+    record = {
         "samples": {"training": len(training), "validation": len(validation)},
         "epochs": study.network.epochs,
         "metrics": {
@@ -93,7 +91,7 @@ def train_classifier(
         "mirrored": ";\nhalf of the slices shown with left and right exchanged" if study.network.mirror else "",
         "recall": ", ".join(f"{share.value:.2%}" for share in recall(confusion)),
     }
-    return _written(out, study, graph, record, words)
+    return _written(out, study, graph, provenance, record, words)
 
 
 def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[classifier.Samples, classifier.Samples]:
@@ -128,10 +126,8 @@ def train_reader(
     fitted = reader.fit_reader(study, source.chunk, workers or _other_cores(), progress, device)
     provenance = _provenance("reader", study, own.seed, device, _of_library(stored, study))
     graph = reader.force_bytes(fitted.network, provenance)
-    record: Record = {
-        "kind": "reader",
+    record = {
         "default": DEFAULT_METHOD,
-        "provenance": provenance,
         "samples": {"training": own.epochs * _whole_chunks(study), "validation": own.validation_samples},
         "epochs": own.epochs,
         "metrics": reader.measure_reader(fitted.network, source, study),
@@ -141,7 +137,7 @@ def train_reader(
     measure, cores = partial(measuring, study, library, graph), workers or available_cores()
     record |= measured_intervals(measure, own.interval_eyes, cores, EYES, measured)
     curves_um = {"curves_um": from_si(errors.curves_m, "um")}
-    return _written(out, study, graph, record, curves_um, {LIBRARY_FILE: stored.getvalue()})
+    return _written(out, study, graph, provenance, record, curves_um, {LIBRARY_FILE: stored.getvalue()})
 
 
 def train_raw_reader(
@@ -163,9 +159,7 @@ def train_raw_reader(
     provenance = _provenance(RawReader.kind, study, raw.seed, device, _of_library(stored, study))
     graph = reader.force_bytes(fitted.network, provenance)
     frames, slices = raw.batches * raw.batch_size, raw.slice_epochs * _whole_chunks(study)
-    record: Record = {
-        "kind": RawReader.kind,
-        "provenance": provenance,
+    record = {
         "samples": {"slices": slices, "training": frames, "validation": raw.validation_frames},
         "batches": raw.batches,
         "metrics": raw_reader.measure_raw_reader(fitted.network, raw_reader.RawSource.of(library, study), study),
@@ -174,7 +168,7 @@ def train_raw_reader(
     measure, cores = partial(raw_reader.measuring_raw, study, library, graph), workers or available_cores()
     record |= measured_intervals(measure, raw.interval_eyes, cores, f"{EYES}, drawn as raw frames", measured)
     window_mm = {"width_mm": from_si(raw.rows * raw.row_m, "mm"), "depth_mm": from_si(raw.columns * raw.column_m, "mm")}
-    return _written(out, study, graph, record, window_mm)
+    return _written(out, study, graph, provenance, record, window_mm)
 
 
 def train_wall_finder(
@@ -187,15 +181,13 @@ def train_wall_finder(
     provenance = _provenance(WALL_FINDER, study, finder.seed, device, {"scenes_seed": str(study.scenes.seed)})
     graph = wall_finder.finder_bytes(fitted.network, provenance)
     runs = WallFinder(network_session(graph, NETWORK_FILE, 1), finder, NETWORK_FILE)
-    record: Record = {
-        "kind": WALL_FINDER,
-        "provenance": provenance,
+    record = {
         "scenes": {"training": finder.batches * finder.batch_size, "validation": finder.validation_scenes},
         "batches": finder.batches,
         "metrics": wall_finder.measure_finder(runs, study),
         "curves": {"training_loss": curve(fitted.training_loss)},
     }
-    return _written(out, study, graph, record)
+    return _written(out, study, graph, provenance, record)
 
 
 def _provenance(
@@ -239,12 +231,14 @@ def _written(
     out: Path,
     study: Study,
     graph: bytes,
-    record: Record,
+    provenance: Mapping[str, str],
+    found: Mapping[str, Any],
     words: Mapping[str, Any] = MappingProxyType({}),
     more: Mapping[str, bytes] = MappingProxyType({}),
 ) -> Record:
     """Write a model folder; its card is the template of its kind, filled from the study, the record and `words`."""
-    kind, cut = record["kind"], study.slice
+    kind, cut = provenance["kind"], study.slice
+    record: Record = {"kind": kind, "provenance": provenance, **found}
     texts = tomllib.loads(files("scleraforce.learning").joinpath("cards.toml").read_text(encoding="utf-8"))
     intervals = texts["intervals"].get(kind, {}).get("measured" if "intervals" in record else "unmeasured", "")
     low_mn, high_mn = (from_si(bound, "mn") for bound in study.classes.bounds_n)

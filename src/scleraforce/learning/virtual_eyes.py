@@ -34,12 +34,13 @@ from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.placement import Places, curve_depths
 from scleraforce.library.prior import prior_of
 from scleraforce.library.sections import column_laterals, fill_boundaries
+from scleraforce.models import NETWORK_FILE, network_session
 from scleraforce.processes import work_in_order
 from scleraforce.reader import intervals
 from scleraforce.reader.answer import Reading, fit_reading
 from scleraforce.reader.intervals import Factors, Score, score, traits_of
 from scleraforce.reader.kinds import SHIFTS
-from scleraforce.reader.model import slice_network
+from scleraforce.reader.networks import ForceNetwork
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study, draw
 
@@ -282,7 +283,7 @@ def eye_scores(study: Study, library: Library, seed: int, scores_of: ScoresOf, n
 
 def measuring(study: Study, library: Library, network: bytes) -> EyeScores:
     """Return the function that scores an eye, for a process; `network`: of the slices, as ONNX."""
-    read = slice_network(network, study).read
+    read = ForceNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE).read
 
     def scores(
         number: int, eye: VirtualEye, known: Known, left: tuple[VirtualFrame, ...], rng: np.random.Generator

@@ -292,7 +292,15 @@ def recording_scores(
     reader: Reader, recording: Recording, summary: CalibrationSummary, progress: Progress = None
 ) -> Iterator[Score]:
     """Score both methods' readings of a recording's frames that did not calibrate, by the reader's intervals."""
-    return _Session.of(reader, recording, summary).scores(progress)
+    session, planes = _Session.of(reader, recording, summary), recording.info.oct.plane
+    for entry, trial, answer, calibrates in session.read(progress):
+        if planes and entry.plane != planes[0].name:
+            continue
+        if trial.measured_force_n is None or trial.excluded is not None or calibrates:
+            continue
+        for method, reading in answer.readings if answer.usable else ():
+            traits = traits_of(session.known, reading.force_n, answer.fit if method == "fit" else None)
+            yield Score(method, traits, recording.info.eye.id, score(reading, trial.measured_force_n))
 
 
 @dataclass(frozen=True, eq=False)
@@ -433,15 +441,3 @@ class _Session:
         limits, bound_n = MonitorLimits(), self.reader.study.classes.bounds_n[-1]
         rise = rise_of(seen[-NOISE_WINDOWS * limits.rate_frames :], limits.rate_frames)
         return time_to_bound(rise, answer.force_n, upper_n, bound_n)
-
-    def scores(self, progress: Progress) -> Iterator[Score]:
-        """Score the readings of both methods."""
-        planes = self.recording.info.oct.plane
-        for entry, trial, answer, calibrates in self.read(progress):
-            if planes and entry.plane != planes[0].name:
-                continue
-            if trial.measured_force_n is None or trial.excluded is not None or calibrates:
-                continue
-            for method, reading in answer.readings if answer.usable else ():
-                traits = traits_of(self.known, reading.force_n, answer.fit if method == "fit" else None)
-                yield Score(method, traits, self.recording.info.eye.id, score(reading, trial.measured_force_n))

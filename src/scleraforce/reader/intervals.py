@@ -22,7 +22,7 @@ from msgspec import Meta
 
 from scleraforce.arrays import Floats
 from scleraforce.errors import ModelError
-from scleraforce.known import UNKNOWN, Known, KnownGlobe
+from scleraforce.known import UNKNOWN, Known
 from scleraforce.library.fit import BoundaryFit
 from scleraforce.reader.answer import METHODS, Reading
 from scleraforce.segmentation.found import Segmentation
@@ -69,25 +69,18 @@ def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> t
     """
     globe = UNKNOWN if known.globe is None else known.globe
     is_own = known.modulus is not None and known.modulus.source == "own"
-    of_eye = _of_calibration(known, force_n) if is_own else ()
-    of_frame = (globe.kind,) if fit is None else _of_fit(fit, force_n, globe)
-    return OWN if is_own else OTHER, *of_frame, *of_eye
-
-
-def _of_fit(fit: BoundaryFit, force_n: float, globe: KnownGlobe) -> tuple[str, ...]:
-    taut = globe.can_be_sealed and fit.tension > SLACK_TENSION
-    found = {UNEVEN: fit.is_uneven, LIGHT: force_n < LIGHTEST_N}
-    return TAUT if taut else globe.kind, *(trait for trait, has in found.items() if has)
-
-
-def _of_calibration(known: Known, force_n: float) -> tuple[str, ...]:
-    if known.discrepancy is None:
-        return ()
-    largest_n, gap = known.discrepancy.largest_n, known.discrepancy.widest_gap
-    beyond = 0 if largest_n is None else sum(force_n > times * largest_n for times in BEYOND_FROM)
-    if beyond:
-        return (BEYOND[beyond - 1],)
-    return (SPARSE,) if gap is not None and gap > SPARSE_FROM else ()
+    traits = [OWN if is_own else OTHER, globe.kind]
+    if fit is not None:
+        traits[1] = TAUT if globe.can_be_sealed and fit.tension > SLACK_TENSION else globe.kind
+        traits += [UNEVEN] * fit.is_uneven + [LIGHT] * (force_n < LIGHTEST_N)
+    if is_own and known.discrepancy is not None:
+        largest_n, gap = known.discrepancy.largest_n, known.discrepancy.widest_gap
+        beyond = 0 if largest_n is None else sum(force_n > times * largest_n for times in BEYOND_FROM)
+        if beyond:
+            traits.append(BEYOND[beyond - 1])
+        elif gap is not None and gap > SPARSE_FROM:
+            traits.append(SPARSE)
+    return tuple(traits)
 
 
 @dataclass(frozen=True)

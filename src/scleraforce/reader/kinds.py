@@ -201,7 +201,7 @@ class Classifier(Reader):
             return unusable(self.classes, verdicts.NEEDLE_SEEN)
         if seen.dent_leaves:
             return unusable(self.classes, "the dent leaves the window of the slice")
-        probabilities = self.probabilities(seen.cut[np.newaxis])[0]
+        probabilities = self.probabilities(seen.cuts[:1])[0]
         if not np.isfinite(probabilities).all():
             return unusable(self.classes, "the network's answer is not a number")
         return Answer(

@@ -82,10 +82,13 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
     if kind not in KINDS:
         return ()
     study = folder_study(folder)
-    width = f"{from_si(least_wall_m(study.slice), 'mm'):.4g} mm or more"
+    window, radius_m, least_m = study.slice, _largest_radius_m(study), least_wall_m(study.slice)
+    width = f"{from_si(least_m, 'mm'):.4g} mm or more"
     if kind == READER:
         width = f"{from_si(LEAST_FRAME_M, 'mm'):.4g} mm or more; {width} without a calibration, and for the monitor"
-    frames = (("width of the frames", width), ("depth of the frames", _least_depth(study)))
+    curve_mm = from_si(radius_m - sqrt(radius_m**2 - (least_m / 2) ** 2), "mm")  # of the surface over that width
+    depth = f"{curve_mm:.1f} mm or more, for deep dents {from_si(window.rows * window.pixel_m, 'mm'):.4g} mm"
+    frames = (("width of the frames", width), ("depth of the frames", depth))
     compared = (_of_slices if kind == CLASSIFIER else _of_walls)(study, NOTHING_KNOWN, None)
     return (*frames, *((entry.name, entry.covered) for entry in compared), ("needle", _needle_words(study)))
 
@@ -205,14 +208,6 @@ def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
     if depth_mm < needed_mm:
         said.append(f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm")
     return tuple(said)
-
-
-def _least_depth(study: Study) -> str:
-    """Return the depth of the surface's curve over the least width, and that of the slice, in words."""
-    radius_m, window = _largest_radius_m(study), study.slice
-    curve_m = radius_m - sqrt(radius_m**2 - (least_wall_m(window) / 2) ** 2)
-    deep_mm = from_si(window.rows * window.pixel_m, "mm")
-    return f"{from_si(curve_m, 'mm'):.1f} mm or more, for deep dents {deep_mm:.4g} mm"
 
 
 def _largest_radius_m(study: Study) -> float:

@@ -21,7 +21,6 @@ from scleraforce.reader.limits import CLASSIFIER, KINDS, RAW_READER
 from scleraforce.reader.networks import ForceNetwork
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.wall_finder import WallFinder
-from scleraforce.study import Study
 
 Kind = TypeVar("Kind", Classifier, ForceReader)
 Finder = str | PathLike[str] | None
@@ -101,11 +100,6 @@ def load_force_reader(
 ) -> ForceReader:
     """Load a model folder of kind "reader"; arguments and errors as for `load_model`."""
     return _of_kind(load_model(path, threads, finder), ForceReader)
-
-
-def slice_network(network: bytes, study: Study, place: str = models.NETWORK_FILE) -> ForceNetwork:
-    """Return a reader's network from its bytes, without factors for its intervals; raises `ModelError`."""
-    return ForceNetwork(models.network_session(network, place, 1), study, place)
 
 
 def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:

@@ -236,18 +236,12 @@ class ForceNetwork:
 
 def given_eye(known: Known) -> GivenEyes:
     """Return one eye as the network's training represents it: arrays (1,), NaN where a value is unknown."""
-    modulus = known.modulus
+    modulus, globe = known.modulus, UNKNOWN if known.globe is None else known.globe
     of_modulus = (modulus.mean_pa, modulus.relative_sd) if modulus else (None, None)
-    of_eye = known.iop_pa, known.thickness_m, known.gap_m, *_rigidity_band(known), known.polar_rad, known.direction_rad
+    low, high = globe.band  # by the cube-root law, as steep at the resting pressure as the globe's own law
+    if globe.law != RIGIDITY_LAWS[0] and known.iop_pa is not None:
+        steepness = float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
+        low, high = low * steepness, high * steepness
+    of_eye = known.iop_pa, known.thickness_m, known.gap_m, low, high, known.polar_rad, known.direction_rad
     values = (*of_modulus, *of_eye, known.stiffening or 0.0)
     return GivenEyes(*(np.array([np.nan if value is None else value]) for value in values))
-
-
-def _rigidity_band(known: Known) -> tuple[float, float]:
-    """Return the band of a globe's rigidity by the cube-root law, as steep at the resting pressure as its own law."""
-    globe = UNKNOWN if known.globe is None else known.globe
-    low, high = globe.band
-    if globe.law == RIGIDITY_LAWS[0] or known.iop_pa is None:
-        return low, high
-    factor = float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
-    return low * factor, high * factor

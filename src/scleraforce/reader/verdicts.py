@@ -188,12 +188,6 @@ class Look:
     extent_m: float = 0.0
 
     @property
-    def cut(self) -> Bytes:
-        """The slice that is not shifted."""
-        first: Bytes = self.cuts[0]
-        return first
-
-    @property
     def needle(self) -> SeenNeedle | None:
         """The needle that crosses the frame."""
         return self.segmentation.needle
