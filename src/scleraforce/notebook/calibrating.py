@@ -33,22 +33,14 @@ PARAMETERS = ("e", "stiffening", "iop", "thickness", "gap")
 
 
 def calibrate(
-    recordings: Given | Sequence[Given],
-    study: Study | None = None,
-    *,
-    frames: int | None = None,
-    parameters: Sequence[str] | None = None,
-    mechanics: str = "finite-strain",
-    earlier: Calibration | str | PathLike[str] | None = None,
-    without_force: bool = False,
-    calibration: "GivenCalibration | None" = None,
-    wall_finder: str | PathLike[str] | None = models.SHIPPED_WALL_FINDER,
-    thickness_m: float | None = None,
-    out: str | PathLike[str] | None = None,
-    note: Callable[[str], object] | None = None,
-    progress: Callable[[int], object] | None = None,
+    recordings: Given | Sequence[Given], study: Study | None = None, *, frames: int | None = None,
+    parameters: Sequence[str] | None = None, mechanics: str = "finite-strain",
+    earlier: Calibration | str | PathLike[str] | None = None, without_force: bool = False,
+    calibration: "GivenCalibration | None" = None, wall_finder: str | PathLike[str] | None = models.SHIPPED_WALL_FINDER,
+    thickness_m: float | None = None, out: str | PathLike[str] | None = None,
+    note: Callable[[str], object] | None = None, progress: Callable[[int], object] | None = None,
     counting: Counting | None = None,
-) -> Calibration:
+) -> Calibration:  # fmt: skip
     """Estimate Young's modulus of each eye from its recordings.
 
     Args:

@@ -61,13 +61,9 @@ class Reading:
 
 
 def segment(
-    frame: Frame,
-    *,
-    width_m: float | None = None,
-    depth_m: float | None = None,
-    refractive_index: float | None = None,
+    frame: Frame, *, width_m: float | None = None, depth_m: float | None = None, refractive_index: float | None = None,
     wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER,
-) -> Segmentation:
+) -> Segmentation:  # fmt: skip
     """Find the wall in a raw frame.
 
     Args:
@@ -133,30 +129,15 @@ def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | 
 
 
 def read(
-    model: Reader,
-    frame: Frame | list[Frame] | tuple[Frame, ...],
-    *,
-    calibration: "Calibration | str | PathLike[str] | None" = None,
-    eye: str | None = None,
-    youngs_modulus_pa: float | None = None,
-    iop_pa: float | None = None,
-    thickness_m: float | None = None,
-    gap_m: float | None = None,
-    polar_angle_rad: float | None = None,
-    plane_direction_rad: float | None = None,
-    lean_rad: float | Literal["unknown"] | None = None,
-    stiffening: float | None = None,
-    globe: str | None = None,
-    rigidity_pa13_per_m3: float | None = None,
-    width_m: float | None = None,
-    depth_m: float | None = None,
-    refractive_index: float | None = None,
-    transpose: bool = False,
-    held_s: float | None = None,
-    planes: Sequence[Plane] = (),
-    mask: "Mask | Sequence[Mask] | None" = None,
-    mask_sd_rows: float = GIVEN_SD_ROWS,
-) -> Answer:
+    model: Reader, frame: Frame | list[Frame] | tuple[Frame, ...], *,
+    calibration: "Calibration | str | PathLike[str] | None" = None, eye: str | None = None,
+    youngs_modulus_pa: float | None = None, iop_pa: float | None = None, thickness_m: float | None = None,
+    gap_m: float | None = None, polar_angle_rad: float | None = None, plane_direction_rad: float | None = None,
+    lean_rad: float | Literal["unknown"] | None = None, stiffening: float | None = None, globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None, width_m: float | None = None, depth_m: float | None = None,
+    refractive_index: float | None = None, transpose: bool = False, held_s: float | None = None,
+    planes: Sequence[Plane] = (), mask: "Mask | Sequence[Mask] | None" = None, mask_sd_rows: float = GIVEN_SD_ROWS,
+) -> Answer:  # fmt: skip
     """Read the force from one raw frame, or from one of each plane that a scanner takes at once.
 
     By default, the eye, the frame's size and its plane are the recording's beside the file.
@@ -221,13 +202,9 @@ def read(
 
 
 def evaluate(
-    model: Reader,
-    recordings: Given | Sequence[Given],
-    calibration: "Calibration | str | PathLike[str] | None" = None,
-    *,
-    progress: Callable[[int], object] | None = None,
-    counting: Counting | None = None,
-) -> Evaluation:
+    model: Reader, recordings: Given | Sequence[Given], calibration: "Calibration | str | PathLike[str] | None" = None,
+    *, progress: Callable[[int], object] | None = None, counting: Counting | None = None,
+) -> Evaluation:  # fmt: skip
     """Read every frame of recordings and compare with their force logs.
 
     Args:

@@ -42,37 +42,17 @@ SI_NAMES = {
 
 
 def import_recording(
-    sources: str | PathLike[str] | Sequence[str | PathLike[str]],
-    out: str | PathLike[str],
-    *,
-    like: str | PathLike[str] | None = None,
-    eye: str | None = None,
-    width_m: float | None = None,
-    depth_m: float | None = None,
-    refractive_index: float | None = None,
-    gauge: int | None = None,
-    gap_m: float | None = None,
-    axis: str | None = None,
-    contact_sign: int | None = None,
-    columns: Sequence[str] = (),
-    rate_hz: float | None = None,
-    times: str | PathLike[str] | None = None,
-    clock_offset_s: float | None = None,
-    axes: str | None = None,
-    array: str | None = None,
-    bits: int | None = None,
-    grey_range: tuple[float, float] | None = None,
-    average_s: float | None = None,
-    image_topic: str | None = None,
-    force_topic: str | None = None,
-    by_arrival: bool = False,
-    thickness_m: float | None = None,
-    iop_pa: float | None = None,
-    globe: str | None = None,
-    polar_angle_rad: float | None = None,
-    planes: Sequence[Plane | None] = (),
-    progress: Callable[[int], object] | None = None,
-) -> Recording:
+    sources: str | PathLike[str] | Sequence[str | PathLike[str]], out: str | PathLike[str], *,
+    like: str | PathLike[str] | None = None, eye: str | None = None, width_m: float | None = None,
+    depth_m: float | None = None, refractive_index: float | None = None, gauge: int | None = None,
+    gap_m: float | None = None, axis: str | None = None, contact_sign: int | None = None, columns: Sequence[str] = (),
+    rate_hz: float | None = None, times: str | PathLike[str] | None = None, clock_offset_s: float | None = None,
+    axes: str | None = None, array: str | None = None, bits: int | None = None,
+    grey_range: tuple[float, float] | None = None, average_s: float | None = None, image_topic: str | None = None,
+    force_topic: str | None = None, by_arrival: bool = False, thickness_m: float | None = None,
+    iop_pa: float | None = None, globe: str | None = None, polar_angle_rad: float | None = None,
+    planes: Sequence[Plane | None] = (), progress: Callable[[int], object] | None = None,
+) -> Recording:  # fmt: skip
     """Write frames and force log of other programs as a recording folder (docs/formats.md lists what is read).
 
     Nothing is assumed: give what the sources do not state; the error names all that is missing. Look at
@@ -193,12 +173,9 @@ def write_imported(
 
 
 def _gathered(
-    sources: Sequence[Path],
-    answers: ImportOptions,
-    counting: Counting,
-    asker: Asker | None,
+    sources: Sequence[Path], answers: ImportOptions, counting: Counting, asker: Asker | None,
     planes: Sequence[Plane | None],
-) -> tuple[Gathered, ImportOptions]:
+) -> tuple[Gathered, ImportOptions]:  # fmt: skip
     """Read the sources, asking until they leave nothing open; an answer that they contradict is asked for again."""
     last: tuple[ImportOptions, UnansweredError] | None = None
     while True:

@@ -16,12 +16,9 @@ from scleraforce.study import Study, refuse_unused
 
 
 def library_of(
-    study: Study | None = None,
-    *,
-    out: str | PathLike[str] | None = None,
-    workers: int | None = None,
+    study: Study | None = None, *, out: str | PathLike[str] | None = None, workers: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Library:
+) -> Library:  # fmt: skip
     """Return the response library of a study: how its walls bend, for any thickness, pressure and modulus.
 
     The first time it is computed, which takes a minute; then it comes from the user's cache.
@@ -50,14 +47,9 @@ def library_of(
 
 
 def generate(
-    out: str | PathLike[str],
-    study: Study | None = None,
-    *,
-    youngs_modulus_pa: float | None = None,
-    mechanics: str | None = None,
-    workers: int | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> Dataset:
+    out: str | PathLike[str], study: Study | None = None, *, youngs_modulus_pa: float | None = None,
+    mechanics: str | None = None, workers: int | None = None, progress: Callable[[int], None] | None = None,
+) -> Dataset:  # fmt: skip
     """Simulate the slices that a classifier learns from.
 
     Args:
@@ -86,17 +78,10 @@ def generate(
 
 
 def train(
-    source: Library | Dataset,
-    out: str | PathLike[str],
-    study: Study | None = None,
-    *,
-    kind: str = "reader",
-    search: bool = False,
-    workers: int | None = None,
-    device: str = "auto",
-    progress: Callable[[int], object] | None = None,
-    counting: Counting | None = None,
-) -> Reader:
+    source: Library | Dataset, out: str | PathLike[str], study: Study | None = None, *, kind: str = "reader",
+    search: bool = False, workers: int | None = None, device: str = "auto",
+    progress: Callable[[int], object] | None = None, counting: Counting | None = None,
+) -> Reader:  # fmt: skip
     """Train a model, write its folder and return it loaded; needs the extra `train` (PyTorch).
 
     Args:

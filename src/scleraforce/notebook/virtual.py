@@ -18,20 +18,12 @@ from scleraforce.study.fields import check_quantity
 
 
 def simulate(
-    study: Study | None = None,
-    *,
-    thickness_m: float,
-    force_n: float | None = None,
-    displacement_m: float | None = None,
-    youngs_modulus_pa: float | None = None,
-    iop_pa: float | None = None,
-    gap_m: float | None = None,
-    polar_angle_rad: float | None = None,
-    mechanics: str | None = None,
-    globe: str | None = None,
-    rigidity_pa13_per_m3: float | None = None,
+    study: Study | None = None, *, thickness_m: float, force_n: float | None = None,
+    displacement_m: float | None = None, youngs_modulus_pa: float | None = None, iop_pa: float | None = None,
+    gap_m: float | None = None, polar_angle_rad: float | None = None, mechanics: str | None = None,
+    globe: str | None = None, rigidity_pa13_per_m3: float | None = None,
     progress: Callable[[float], object] | None = None,
-) -> SimulatedEye:
+) -> SimulatedEye:  # fmt: skip
     r"""Bend one eye by one force.
 
     Args:
@@ -85,31 +77,14 @@ def simulate(
 
 
 def phantom(
-    out: str | PathLike[str],
-    study: Study | None = None,
-    *,
-    forces_n: Sequence[float],
-    thickness_m: float,
-    eye: str = "eye-1",
-    youngs_modulus_pa: float | None = None,
-    iop_pa: float | None = None,
-    gap_m: float | None = None,
-    polar_angle_rad: float = radians(35.0),
-    azimuth_rad: float = 0.0,
-    direction_rad: float = 0.0,
-    tilt_rad: float = 0.0,
-    mechanics: str | None = None,
-    globe: str | None = None,
-    rigidity_pa13_per_m3: float | None = None,
-    seed: int | None = None,
-    rate_hz: float | None = None,
-    ramp_n_per_s: float | None = None,
-    hold_s: float | None = None,
-    puncture_n: float | None = None,
-    planes: Sequence[Plane] = (),
-    progress: Callable[[int], object] | None = None,
-    counting: Counting | None = None,
-) -> Recording:
+    out: str | PathLike[str], study: Study | None = None, *, forces_n: Sequence[float], thickness_m: float,
+    eye: str = "eye-1", youngs_modulus_pa: float | None = None, iop_pa: float | None = None, gap_m: float | None = None,
+    polar_angle_rad: float = radians(35.0), azimuth_rad: float = 0.0, direction_rad: float = 0.0, tilt_rad: float = 0.0,
+    mechanics: str | None = None, globe: str | None = None, rigidity_pa13_per_m3: float | None = None,
+    seed: int | None = None, rate_hz: float | None = None, ramp_n_per_s: float | None = None,
+    hold_s: float | None = None, puncture_n: float | None = None, planes: Sequence[Plane] = (),
+    progress: Callable[[int], object] | None = None, counting: Counting | None = None,
+) -> Recording:  # fmt: skip
     r"""Make a virtual acquisition: a recording folder of raw B-scans and a force log, with its truth.
 
     Args:

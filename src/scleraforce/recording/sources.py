@@ -195,11 +195,9 @@ class Gathered:
 
 
 def gather(
-    sources: Sequence[Path],
-    options: ImportOptions,
-    seen: Callable[[int], None] = lambda _: None,
+    sources: Sequence[Path], options: ImportOptions, seen: Callable[[int], None] = lambda _: None,
     planes: Sequence[Plane | None] = (),
-) -> Gathered:
+) -> Gathered:  # fmt: skip
     """Read all sources, of several `planes` one for each source; `seen` is called with 1 after each file.
 
     Ask for answers that `options` do not give.
