@@ -1,8 +1,9 @@
 """Meshes: shape functions, subdivision, grading, and directions that are located in them."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from math import pi, radians
+from math import radians
 
 import numpy as np
 import pytest
@@ -60,15 +61,6 @@ def exact_volume(thickness_m: float) -> float:
     return 2.0 / 3.0 * np.pi * (R**3 - (R - thickness_m) ** 3)
 
 
-@pytest.mark.parametrize("thickness_m", [0.3e-3, 0.75e-3, 1.2e-3])
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_element_is_positive_and_their_volume_is_that_of_the_shell(kind: str, thickness_m: float) -> None:
-    mesh = build_mesh(R, thickness_m, divisions=10, level=1, layers=2, **KINDS[kind])
-    volumes = volume_points(mesh).volumes_ep  # raises where a Jacobian is not positive
-    assert volumes.min() > 0.0
-    assert volumes.sum() == pytest.approx(exact_volume(thickness_m), rel=4e-3 if mesh.order == 1 else 2e-6)
-
-
 def test_the_volume_of_curved_elements_converges_with_fourth_order() -> None:
     errors = [
         abs(volume_points(build_mesh(R, 1e-3, divisions=n, level=0)).volumes_ep.sum() - exact_volume(1e-3))
@@ -113,13 +105,6 @@ def test_the_wall_is_watertight_and_has_the_topology_of_a_ball(kind: str, layers
     assert vertices - len(directed) // 2 + len(skin) == 2  # Euler characteristic of a closed surface without holes
     volume_edges = {frozenset(e) for q in faces.tolist() for e in zip(q, q[1:] + q[:1], strict=True)}
     assert len(np.unique(mesh.cells_en[:, :8])) - len(volume_edges) + len(same) - len(mesh.cells_en) == 1
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_node_belongs_to_an_element_and_no_two_coincide(kind: str) -> None:
-    mesh = build_mesh(R, 1e-3, divisions=4, level=0, layers=2, **KINDS[kind])
-    assert len(np.unique(mesh.cells_en)) == len(mesh.points_nc)
-    assert len(np.unique(np.round(mesh.points_nc / R, 9), axis=0)) == len(mesh.points_nc)
 
 
 def test_a_mesh_that_does_not_exist_is_an_input_error() -> None:
@@ -199,20 +184,23 @@ def tip_of(mesh: HexMesh, contact: Contact) -> float:
     return tip_displacement(mesh, contact, wall.needle_cnc([contact], NEEDLE_RADIUS)[0])
 
 
-def directions(count: int, whole: bool) -> np.ndarray:
+def directions(count: int, whole: bool = False) -> np.ndarray:
+    """Return rays of any length, upwards unless they are of a whole globe."""
     rays = np.random.default_rng(0).normal(size=(count, 3))
     if not whole:
         rays[:, 2] = np.abs(rays[:, 2])
     return rays
 
 
-@pytest.mark.parametrize("contact", CONTACTS[:3], ids=str)
 @pytest.mark.parametrize("kind", KINDS)
-def test_elements_are_positive_and_fill_the_shell(kind: str, contact: Contact) -> None:
-    tolerance = {"8 nodes": 8e-2, "27 nodes": 5e-4}[kind]  # far elements are large
-    half = 2.0 / 3.0 * pi * (R**3 - (R - T) ** 3)
-    for mesh, volume in ((graded_mesh(R, T, contact, **KINDS[kind]), half),
-                         (graded_mesh(R, T, contact, **KINDS[kind], whole=True), 2.0 * half)):  # fmt: skip
+def test_elements_are_positive_fill_the_shell_and_share_their_nodes(kind: str) -> None:
+    linear, far = kind == "8 nodes", 8e-2 if kind == "8 nodes" else 5e-4  # far elements are large
+    shells = [(build_mesh(R, t, layers=2, **KINDS[kind]), exact_volume(t), 4e-3 if linear else 2e-6)
+              for t in (0.3e-3, 0.75e-3, 1.2e-3)]  # fmt: skip
+    for contact in CONTACTS[:3]:
+        shells.append((graded_mesh(R, T, contact, **KINDS[kind]), exact_volume(T), far))
+        shells.append((graded_mesh(R, T, contact, **KINDS[kind], whole=True), 2.0 * exact_volume(T), far))
+    for mesh, volume, tolerance in shells:
         volumes = volume_points(mesh).volumes_ep  # raises where a Jacobian is not positive
         assert volumes.sum() == pytest.approx(volume, rel=tolerance)
         assert len(np.unique(mesh.cells_en)) == len(mesh.points_nc)
@@ -231,22 +219,6 @@ def test_the_grading_follows_the_contact_and_turns_with_its_azimuth() -> None:
     s, c = np.sin(1.0), np.cos(1.0)
     turned = straight.points_nc @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(mesh.points_nc, turned, atol=1e-15)
-
-
-@pytest.mark.parametrize("contact", CONTACTS, ids=str)
-@pytest.mark.parametrize("whole", [False, True])
-@pytest.mark.parametrize("grid", [{"core": 4, "rings": 8}, {}, {"core": 8, "rings": 30}], ids=str)
-def test_directions_are_found_inside_their_quads(whole: bool, contact: Contact, grid: dict) -> None:
-    mesh = graded_mesh(R, T, contact, **grid, whole=whole)
-    rays = directions(5_000, whole)
-    rays = np.concatenate([rays, mesh.points_nc[np.unique(mesh.outer_qn)]])  # nodes: where quads meet
-    quads, local = mesh.locator.locate(rays)
-    assert np.abs(local).max() <= 1.0
-    for surface_qn in (mesh.outer_qn, mesh.inner_qn):
-        points = np.einsum("pn,pnc->pc", shape_values(local, surface_qn.shape[1]), mesh.points_nc[surface_qn[quads]])
-        assert np.all(np.sum(points * rays, axis=1) > 0)
-        off_ray = np.linalg.norm(np.cross(points, rays), axis=1) / np.linalg.norm(rays, axis=1)
-        assert off_ray.max() < 1e-12 * R
 
 
 def test_a_globe_has_no_base_and_is_closed() -> None:
@@ -324,41 +296,30 @@ def test_an_automatic_mesh_is_graded_for_one_contact_alone_or_a_bed() -> None:
         assert same_mesh(Study(mesh=stated), replace(stated, kind="hexahedra"), CONTACT, alone=True)
 
 
-QUAD_KINDS = {"4 nodes": {"order": 1}, "9 nodes": {"order": 2}}
-
-
-def upward(count: int, seed: int = 0) -> np.ndarray:
-    normal = np.random.default_rng(seed).normal(size=(count, 3))
-    normal[:, 2] = np.abs(normal[:, 2])
-    return normal  # of any length: locate normalises
-
-
 def pierced(mesh: HexMesh, quads_qn: np.ndarray, quads: np.ndarray, local: np.ndarray) -> np.ndarray:
     return np.einsum("pn,pnc->pc", shape_values(local, quads_qn.shape[1]), mesh.points_nc[quads_qn[quads]])
 
 
-@pytest.mark.parametrize("kind", QUAD_KINDS)
-@pytest.mark.parametrize("grid", [{"divisions": 2, "level": 0}, {"divisions": 10, "level": 1}])
-def test_the_point_found_lies_on_the_ray_inside_its_quad(kind: str, grid: dict) -> None:
-    mesh = build_mesh(R, T, **grid, **QUAD_KINDS[kind])
-    rays = upward(20_000)
-    quads, local = mesh.locator.locate(rays)
-    assert np.abs(local).max() <= 1.0
-    for surface_qn in (mesh.outer_qn, mesh.inner_qn):  # local coordinates found on the outer surface serve the inner
-        points = pierced(mesh, surface_qn, quads, local)
-        assert np.all(np.sum(points * rays, axis=1) > 0)
-        off_ray = np.linalg.norm(np.cross(points, rays), axis=1) / np.linalg.norm(rays, axis=1)
-        assert off_ray.max() < 1e-13 * R
+def meshes_to_look_in() -> Iterator[HexMesh]:
+    """Yield half-spheres of both kinds and whole globes."""
+    for kind, grid in product(KINDS.values(), ({"divisions": 2, "level": 0}, {}, {"divisions": 6})):
+        yield build_mesh(R, T, **grid, **kind)
+    grids = {"core": 4, "rings": 8}, {}, {"core": 8, "rings": 30}
+    for contact, whole, grid in product(CONTACTS, (False, True), grids):
+        yield graded_mesh(R, T, contact, **grid, whole=whole)
 
 
-@pytest.mark.parametrize("kind", QUAD_KINDS)
-def test_nodes_are_found_at_themselves(kind: str) -> None:
-    """Nodes lie on edges and corners, where quads meet, at the base and at the cube's corners of valence 3."""
-    mesh = build_mesh(R, T, divisions=6, level=1, **QUAD_KINDS[kind])
-    nodes = np.unique(mesh.outer_qn)
-    quads, local = mesh.locator.locate(mesh.points_nc[nodes])
-    points = pierced(mesh, mesh.outer_qn, quads, local)
-    np.testing.assert_allclose(points, mesh.points_nc[nodes], atol=1e-13 * R)
+def test_the_point_found_lies_on_the_ray_inside_its_quad() -> None:
+    """Nodes are looked for too: they lie where quads meet, at the base, and at a cube's corners of valence 3."""
+    for mesh in meshes_to_look_in():
+        rays = np.concatenate([directions(5_000, len(mesh.base_nodes) == 0), mesh.points_nc[np.unique(mesh.outer_qn)]])
+        quads, local = mesh.locator.locate(rays)
+        assert np.abs(local).max() <= 1.0
+        for surface_qn in (mesh.outer_qn, mesh.inner_qn):  # coordinates found on the outer surface serve the inner
+            points = pierced(mesh, surface_qn, quads, local)
+            assert np.all(np.sum(points * rays, axis=1) > 0)
+            off_ray = np.linalg.norm(np.cross(points, rays), axis=1) / np.linalg.norm(rays, axis=1)
+            assert off_ray.max() < 1e-12 * R
 
 
 def test_a_direction_that_rounding_put_below_the_base_is_found_at_the_base() -> None:
@@ -371,7 +332,7 @@ def test_a_direction_that_rounding_put_below_the_base_is_found_at_the_base() -> 
 
 def test_the_quad_is_the_one_that_a_search_over_all_quads_finds() -> None:
     mesh = build_mesh(R, T, divisions=4, level=1, order=1)
-    rays = upward(300, seed=1)
+    rays = directions(300)
     corners = mesh.points_nc[mesh.outer_qn]
     # Inside the spherical polygon: on the inner side of the plane through the centre and each edge.
     planes = np.cross(corners, np.roll(corners, -1, axis=1))
@@ -382,7 +343,7 @@ def test_the_quad_is_the_one_that_a_search_over_all_quads_finds() -> None:
 
 def test_answers_do_not_depend_on_what_else_is_asked_for() -> None:
     mesh = build_mesh(R, T)
-    rays = upward(40_000)
+    rays = directions(40_000)
     quads, local = mesh.locator.locate(rays)
     for pick in (slice(0, 1), slice(16_380, 16_390), slice(39_999, None)):
         alone = mesh.locator.locate(rays[pick])
