@@ -258,14 +258,9 @@ class BaseShift:
 
 
 def base_shift(
-    radius_m: float,
-    thickness_m: float,
-    poisson_ratio: float,
-    needle_radius_m: float,
-    *,
-    polar_rad: float,
+    radius_m: float, thickness_m: float, poisson_ratio: float, needle_radius_m: float, *, polar_rad: float,
     size: MeridianSize | None = None,
-) -> BaseShift:
+) -> BaseShift:  # fmt: skip
     """Return the shift for a needle at a polar angle, up to 55 deg: one linear solution in 3-D and one of revolution.
 
     See `axisymmetric_path` for the arguments.

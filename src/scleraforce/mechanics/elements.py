@@ -85,20 +85,18 @@ def element_stiffness(points: VolumePoints, lame_lambda: float, lame_mu: float) 
     return K
 
 
-class FacePlaces:
-    """The places of the unknowns of outer or inner quads in the matrices of the elements that they belong to."""
+def add_faces(
+    element_eiajb: Reals, mesh: HexMesh, face_qiajb: Floats, quads_q: Integers | None = None, *, layer: int
+) -> None:
+    """Add matrices of faces (face, 3, node, 3, node) to the matrices of their elements, in place.
 
-    def __init__(self, mesh: HexMesh, quads_q: Integers, layer: int) -> None:
-        """`quads_q`: numbers of quads of the outer (`layer` 2) or inner surface (0); one may occur more than once."""
-        nodes = mesh.cells_en.shape[1]
-        local_n = np.array([COLUMN_NODES.index((layer, node)) for node in range(mesh.outer_qn.shape[1])])
-        unknown_in = np.arange(3)[:, None] * nodes + local_n
-        # Elements come layer by layer, the outermost first.
-        element_q = quads_q + (0 if layer == 2 else len(mesh.cells_en) - len(mesh.inner_qn))
-        row_qin = (element_q[:, None, None] * 3 * nodes + unknown_in) * 3 * nodes
-        self._entries = (row_qin[..., None, None] + unknown_in).ravel()
-
-    def add(self, element_eiajb: Reals, face_qiajb: Floats) -> None:
-        """Add matrices of the faces (face, 3, node, 3, node) to element matrices, in place."""
-        entries = element_eiajb.reshape(-1)  # a view: element matrices are made in one piece
-        np.add.at(entries, self._entries, face_qiajb.ravel().astype(entries.dtype))
+    `quads_q`: numbers of the faces, by default all, on the outer (`layer` 2) or inner surface (0); they may repeat.
+    """
+    nodes, quads = mesh.cells_en.shape[1], len(mesh.outer_qn)
+    local_n = np.array([COLUMN_NODES.index((layer, node)) for node in range(mesh.outer_qn.shape[1])])
+    unknown_in = np.arange(3)[:, None] * nodes + local_n
+    # Elements come layer by layer, the outermost first.
+    element_q = (np.arange(quads) if quads_q is None else quads_q) + (0 if layer == 2 else len(mesh.cells_en) - quads)
+    row_qin = (element_q[:, None, None] * 3 * nodes + unknown_in) * 3 * nodes
+    entries = element_eiajb.reshape(-1)  # a view: element matrices are made in one piece
+    np.add.at(entries, (row_qin[..., None, None] + unknown_in).ravel(), face_qiajb.ravel().astype(entries.dtype))

@@ -27,14 +27,9 @@ class LinearWall:
     """
 
     def __init__(
-        self,
-        mesh: HexMesh,
-        poisson_ratio: float,
-        held_nc: Flags | None = None,
-        *,
-        springs: Springs | None = None,
+        self, mesh: HexMesh, poisson_ratio: float, held_nc: Flags | None = None, *, springs: Springs | None = None,
         springs_modulus_pa: float = 1.0,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Assemble and factor.
 
         Springs do not scale with E: the wall then represents `springs_modulus_pa` only. By default the base is clamped.

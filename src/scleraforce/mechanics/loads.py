@@ -11,7 +11,6 @@ other eyes at the same angles.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import asin, pi
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 from scleraforce.arrays import Flags, Floats, Integers, Reals
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import FacePlaces, VolumePoints, gauss_points, surface_points
+from scleraforce.mechanics.elements import VolumePoints, add_faces, gauss_points, surface_points
 from scleraforce.mechanics.mesh import HexMesh, locate, sum_at
 from scleraforce.mechanics.shapes import shape_gradients, shape_values
 from scleraforce.study import SupportsStudy
@@ -167,13 +166,12 @@ class InnerSurface:
     def __init__(self, mesh: HexMesh) -> None:
         places, weights = gauss_points(2, PRESSURE_POINTS)
         nodes = mesh.inner_qn.shape[1]
-        self._points_nc, self._quads_qn = mesh.points_nc, mesh.inner_qn
+        self._mesh, self._points_nc, self._quads_qn = mesh, mesh.points_nc, mesh.inner_qn
         base = mesh.points_nc[np.intersect1d(mesh.base_nodes, mesh.inner_qn)]
         self._origin_c = base.mean(axis=0) if len(base) else np.zeros(3)
         self._values_pn = shape_values(places, nodes)
         self._slopes_kpn = shape_gradients(places, nodes).transpose(2, 0, 1)
         self._weights_p = weights
-        self._places = FacePlaces(mesh, np.arange(len(mesh.inner_qn)), layer=0)
         # integral of N_a N_b,k for the derivative: w_p N_a N_b,k, (k, a, b, point)
         self._products = np.einsum("p,pa,kpb->kabp", weights, self._values_pn, self._slopes_kpn)
 
@@ -208,7 +206,7 @@ class InnerSurface:
         for i, k, m in TURNS:
             local[:, i, :, k] = vectors[..., m]
             local[:, k, :, i] = -vectors[..., m]
-        self._places.add(element_eiajb, local)
+        add_faces(element_eiajb, self._mesh, local, layer=0)
 
     def _areas(self, x_qnc: Floats) -> Floats:
         """x,1 x x,2 at the Gauss points of quads with nodes at x, (quad, point, 3)."""
@@ -253,13 +251,10 @@ class Springs:
         quads_q = np.concatenate([self.quads_q, other.quads_q])
         return Springs(self.mesh, quads_q, np.concatenate([self.blocks_qnnii, other.blocks_qnnii]))
 
-    @cached_property
-    def _places(self) -> FacePlaces:
-        return FacePlaces(self.mesh, self.quads_q, layer=2)
-
     def add_to(self, element_eiajb: Reals, factor: float) -> None:
         """Add `factor` times the stiffness to element matrices, in place."""
-        self._places.add(element_eiajb, factor * self.blocks_qnnii.transpose(0, 3, 1, 4, 2))
+        blocks = factor * self.blocks_qnnii.transpose(0, 3, 1, 4, 2)
+        add_faces(element_eiajb, self.mesh, blocks, self.quads_q, layer=2)
 
     def forces(self, displacement_nc: Floats) -> Floats:
         """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m against the springs, in N."""

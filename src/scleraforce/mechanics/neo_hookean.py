@@ -113,14 +113,9 @@ class NeoHookeanSolid:
     """The wall's material on its mesh, E = 1 Pa times a factor: forces are divided by E."""
 
     def __init__(
-        self,
-        mesh: HexMesh,
-        poisson_ratio: float,
-        modulus_factor_ep: Floats | None = None,
-        *,
-        stiffening: float = 0.0,
+        self, mesh: HexMesh, poisson_ratio: float, modulus_factor_ep: Floats | None = None, *, stiffening: float = 0.0,
         fibres: FibreLaw | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Prepare everything that does not depend on the displacement.
 
         `modulus_factor_ep`: modulus over E at every Gauss point of `volume_points`, (element, point) or anything that

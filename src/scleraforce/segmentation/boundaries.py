@@ -150,34 +150,21 @@ def workplace_for(rows: int, width: int, lateral_m: float, depth_m: float, refra
     place, weight = _two_of_each(continuation(width, float(middle[0]), spacing, len(middle)))
     group, group_weight = _two_of_each(groups)
     map_rows = grid.rows // ROWS
-    return _new_workplace(
-        Tables(
-            width=width,
-            step_rows=grid.step_rows,
-            top_rows=top_rows(grid),
-            line_rows=_rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2,  # an opening touches one row more
-            judged_rows=_rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3),
-            reach=min(max(2, reach), map_rows // 3),
-            strip_half=max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m))),
-            strip_line=max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m))),
-            widest_gap=round(min(GAP_M / point_m, GAP_SHARE * len(column))),
-            point_m=point_m,
-            tissue_depth_m=scale.depth_m / scale.refractive_index,
-            pairs=np.stack([first, first + 1], axis=1).ravel().astype(np.uintp),
-            downwards=np.linspace(0.0, 2e-3, map_rows, endpoint=False, dtype=np.float32),
-            column=column,
-            columns=columns,
-            across=across,
-            looked_at=looked_at.astype(np.int64),
-            looked_columns=np.ascontiguousarray(columns[:, looked_at]),
-            looked_across=across[looked_at],
-            place=place,
-            weight=weight,
-            group=group,
-            group_weight=group_weight,
-            nearest=nearest_point(width),
-        )
-    )
+    tables = Tables(
+        width=width, step_rows=grid.step_rows, top_rows=top_rows(grid),
+        line_rows=_rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2,  # an opening touches one row more
+        judged_rows=_rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3), reach=min(max(2, reach), map_rows // 3),
+        strip_half=max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m))),
+        strip_line=max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m))),
+        widest_gap=round(min(GAP_M / point_m, GAP_SHARE * len(column))), point_m=point_m,
+        tissue_depth_m=scale.depth_m / scale.refractive_index,
+        pairs=np.stack([first, first + 1], axis=1).ravel().astype(np.uintp),
+        downwards=np.linspace(0.0, 2e-3, map_rows, endpoint=False, dtype=np.float32), column=column, columns=columns,
+        across=across, looked_at=looked_at.astype(np.int64),
+        looked_columns=np.ascontiguousarray(columns[:, looked_at]), looked_across=across[looked_at], place=place,
+        weight=weight, group=group, group_weight=group_weight, nearest=nearest_point(width),
+    )  # fmt: skip
+    return _new_workplace(tables)
 
 
 def _rows_of(pixels: float, length_m: float, size: GridSize, least: int) -> int:
