@@ -16,6 +16,7 @@ from math import radians
 from pathlib import Path
 from shutil import copytree
 from time import monotonic
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,11 +26,16 @@ from small_models import fixed_study
 from small_monitor import Peer
 from waiting import FUSE_S, wait_until
 
+from scleraforce.cli import monitor as command
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
+from scleraforce.known import NOTHING_KNOWN
+from scleraforce.models import SHIPPED_READER
 from scleraforce.monitor import MonitorLimits
 from scleraforce.openigtlink import Image, Sensor, Status
-from scleraforce.recording.folder import read_recording
+from scleraforce.reader import load_model
+from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.recording.folder import Plane, read_recording, true_forces
 from scleraforce.service.decision_log import read_log
 from scleraforce.units import to_si
 
@@ -123,6 +129,42 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(fold
     assert read_recording(withdrawn).frames
 
 
+@pytest.mark.slow
+@unless_starved
+def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(folder: Path, tmp_path: Path) -> None:
+    model = folder / "shipped" / "reader"
+    model.parent.mkdir(exist_ok=True)
+    with suppress(FileExistsError):
+        model.symlink_to(SHIPPED_READER)
+    push, session = tmp_path / "push", tmp_path / "session"
+    eye = ["--thickness-um", "650", "--youngs-modulus-mpa", "0.3"]
+    drawn = ["--mechanics", "finite-strain", "--rate-hz", "20", "--forces-mn", "12", "--hold-s", "0.5"]
+    quick = Path(__file__).parents[2] / "docs" / "quick.toml"
+    assert run(["phantom", "--study", str(quick), "--out", str(push), *eye, *drawn, *CROSS, "--quiet"]) == 0
+    known = [*eye, "--iop-mmhg", "2", "--globe", "open", *CROSS]
+    kept = ["--black-box", str(tmp_path / "box"), "--record", str(session)]
+    with started(model.parent, *known, *kept) as monitor:
+        if run(["replay", str(push), "--port", str(monitor.port), "--quiet"]):
+            raise StarvedError
+        wait_until(lambda: len(read_recording(session).frames) == len(read_recording(push).frames))
+    log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
+    read = [record["entry"] for record in log if record["kind"] == "entry" and record["entry"]["frame"]]
+    assert [entry["plane"] for entry in read] == ["along", "across"] * (len(read) // 2)
+    assert read[0]["code"] == 13
+    true_mn = [1e3 * force_n for force_n in true_forces(push).values()]
+    assert [entry["force_mn"] for entry in read] == pytest.approx(true_mn, abs=1.5)
+    assert read[-1]["planes_force_mn"] == pytest.approx(12.0, abs=1.5)
+    assert np.hypot(*read[-1]["contact_xyz_mm"][:2]) == pytest.approx(0.5, abs=0.15)
+    kept_lines = (session / "frames.csv").read_text().splitlines()
+    (session / "frames.csv").write_text("\n".join([kept_lines[0], *kept_lines[-8:]]) + "\n")
+    (session / "forces.csv").unlink()  # of the whole push
+    found = evaluate_recordings(load_model("default"), [session])
+    assert [frame.plane for frame in found.frames] == ["along", "across"] * 4
+    forces_n = [frame.answer.force_n for frame in found.frames]  # E is not known to it
+    assert forces_n == pytest.approx([force_mn / 1e3 for force_mn in true_mn[-8:]], abs=4e-3)
+    assert all(frame.answer.place for frame in found.frames)
+
+
 def _after(scanner: Peer, force_mn: int) -> Status:
     push(scanner, force_mn, 3)
     return scanner.statuses()[-1]
@@ -165,6 +207,7 @@ def _wait_at_rest(scanner: Peer, monitor: Started) -> None:
     wait_until(at_rest)
 
 
+CROSS = ["--plane", "along:0:0", "--plane", "across:0.1:90"]
 MINE = ["--calibration", "calibration.json", "--eye", "mine"]
 
 
@@ -203,6 +246,12 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None
         ([*EYE, "--learn-eye", "--no-second-opinion"], "--learn-eye: needs the second opinion"),
         ([*EYE, "--learn-eye", "--resume", "calibration.json"], "mine: no monitor has learned it"),
         ([*EYE, "--resume", "calibration.json"], "--resume: needs --learn-eye"),
+        (["--plane", "a:0:0"], "--plane: only one"),
+        (["--plane", "a:0:0", "--plane", "a:0:90"], "--plane: name: 'a' is there twice"),
+        (["--plane", "a"], "--plane: 'a' is not NAME:OFFSET_MM:DIRECTION_DEG"),
+        (["--plane", "a,b:0:0", "--plane", "b:0:90"], "--plane: 'a,b' cannot name a device"),
+        ([*CROSS, "--gap-mm", "0.5"], "--gap-mm: several planes show their gaps"),
+        ([*CROSS, "--eye", "mine", "--iop-mmhg", "2", "--learn-eye"], "--learn-eye: it learns from a single plane"),
         (["--host", ""], "--host: empty"),
         (["--host", "no-such-host.invalid"], "--host 'no-such-host.invalid'"),
         (["--web-port", "0", "--web-host", ""], "--web-host: empty"),
@@ -212,6 +261,13 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None
         (["--host", "203.0.113.7"], "203.0.113.7"),
     ):
         assert words in refused(*options)
+
+
+def test_a_model_that_reads_single_planes_serves_no_others() -> None:
+    classifier = SimpleNamespace(kind="classifier", path="digits")
+    with pytest.raises(InputError, match="--plane: digits is a classifier, which reads single planes"):
+        command._planes(tuple(CROSS[1::2]), classifier, NOTHING_KNOWN, False)
+    assert command._planes((), classifier, NOTHING_KNOWN, True) == ()
 
 
 @pytest.mark.slow
@@ -276,7 +332,15 @@ def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypat
     }  # fmt: skip
     words = (word for pair in other.items() for word in pair)
     assert "far enough" in shell.refused(*monitor, "--no-second-opinion", *words)
-    plain, settings = taken
+    shell.refused(*monitor, *CROSS, "--plane-direction-deg", "-120")
+    plain, settings, crossed = taken
+    assert crossed.planes == (
+        Plane("along", 0.0, 0.0),
+        Plane("across", pytest.approx(1e-4), pytest.approx(radians(90.0))),
+    )
+    assert crossed.known.gap_m is None
+    turned = module._seen_in(crossed.planes[1], crossed.known)
+    assert turned.direction_rad == pytest.approx(radians(-30.0))
     limits, study = settings.limits, fixed_study(BINS)
     assert (settings.address, settings.console) == (module.Address("127.0.0.2", 1), module.Address("127.0.0.3", 2))
     assert (settings.eye, settings.record, settings.black_box) == ("yours", tmp_path / "session", tmp_path)

@@ -150,7 +150,7 @@ def test_frames_of_several_planes_are_one_moment(folder):
         ("frames.csv", "0.2,b", "0.2,a", r"frames.csv:3: plane: 'a' has a frame at 0.2 s already"),
         ("frames.csv", "0.2,b", "0.2,", r"frames.csv:3: time_s: 0.2 does not come after 0.2"),
         ("frames.csv", "0.2,b", "0.8,", "frames.csv: plane: missing for b.png; give one of a, b"),
-        ("frames.csv", "0.2,b", "0.8,b", "frames.csv: plane: no frame of 'b' at 0.2 s"),
+        ("frames.csv", "0.2,b", "0.8,b", "frames.csv: plane: no two frames have one time_s"),
         ("frames.csv", "0.2,b", "0.1,b", r"frames.csv:3: time_s: 0.1 does not come after 0.2"),
     ]:  # fmt: skip
         refuses(folder, file, old, new, message)

@@ -14,7 +14,7 @@ from waiting import FUSE_S, wait_until
 
 import scleraforce.service.black_box as module
 import scleraforce.service.decision_log as log_sync
-from scleraforce.recording.folder import read_recording
+from scleraforce.recording.folder import NeedleInfo, Plane, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.service import messages
@@ -57,7 +57,9 @@ class Monitor:
         self.at_s = 1000.0
         self.answers = []
 
-    def decide(self, state="WATCHING", times=1, with_frame=True, turns=3, travel_m=None, pierced=False):
+    def decide(
+        self, state="WATCHING", times=1, with_frame=True, turns=3, travel_m=None, pierced=False, plane=None, moment=None
+    ):
         for _ in range(times):
             self.at_s += 0.01
             self.decisions += 1
@@ -66,9 +68,9 @@ class Monitor:
                 self.ring.put(self.frames, frame(self.frames))
             entry = decision(
                 state, number=self.decisions, time_s=1.8e9 + self.at_s, at_s=self.at_s, cause=CAUSES.get(state),
-                frame=self.frames if with_frame else None,
+                frame=self.frames if with_frame else None, plane=plane,
             )  # fmt: skip
-            self.tell(Decided(entry=entry, travel_m=travel_m, pierced=pierced), turns)
+            self.tell(Decided(entry=entry, travel_m=travel_m, pierced=pierced, moment=moment), turns)
 
     def tell(self, message, turns=1):
         assert self.channel.send(message)
@@ -505,3 +507,22 @@ def test_memory_is_that_of_ten_minutes():
         force.add(step * 0.01 + 0.005, [1.0], "robot")
     assert len(force.samples) == 60_000
     assert force.samples[-1][0] - force.samples[0][0] == pytest.approx(599.99)
+
+
+def test_frames_of_several_planes_are_recorded_by_moments_and_those_alone_stay(tmp_path):
+    planes = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5708))
+    info = replace(INFO, oct=replace(INFO.oct, plane=planes), needle=NeedleInfo(gauge=22))
+    monitor = Monitor(tmp_path, record=tmp_path / "session", info=info)
+    for moment in (1, 3, 5):
+        monitor.decide(plane="along", moment=moment)
+        monitor.decide(plane="across", moment=moment, pierced=moment == 5)
+    monitor.decide(plane="across", moment=7)  # the other one falls silent
+    monitor.decide("WITHDRAW", with_frame=False)
+    monitor.end()
+    for folder in (tmp_path / "session", monitor.withdrawals()[0]):
+        assert numbers_in(folder) == [*range(1, 8)]
+        recording = read_recording(folder)
+        assert recording.info.oct.plane == planes
+        moments = [[(entry.plane, bool(entry.pierced)) for entry in moment] for moment in recording.moments]
+        together = [("along", False), ("across", False)]
+        assert moments == [together, together, [("along", False), ("across", True)], [("across", False)]]

@@ -6,14 +6,17 @@ from pathlib import Path
 from select import select
 from time import monotonic, sleep
 
+import numpy as np
 import pytest
 from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
+from scanned_planes import CROSS, cut_wall
 from small_models import write_fixed_reader
 from waiting import FUSE_S
 
 from scleraforce.errors import InputError
 from scleraforce.known import Known, Modulus
 from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.recording.folder import Plane
 from scleraforce.service import messages
 from scleraforce.service.channel import ChannelClosedError, Child
 from scleraforce.service.frame_ring import FrameRing
@@ -31,15 +34,23 @@ EYE = replace(KNOWN, modulus=PRIOR)
 class Reader:
     """The process, and the ring that it reads from; with a `record` it learns the eye, and saves it there."""
 
-    def __init__(self, model: Path, known: Known = RELAXING, record: Path | None = None) -> None:
+    def __init__(
+        self, model: Path, known: Known = RELAXING, record: Path | None = None, planes: tuple[Plane, ...] = ()
+    ) -> None:
         self.ring, self.number = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns), 0
         settings = messages.OpinionSettings(
-            model=model, known=known, scale=SCALE, ring=self.ring.place, learns=record and "eye-a", record=record
-        )
+            model=model, known=known, scale=SCALE, ring=self.ring.place, learns=record and "eye-a", record=record,
+            planes=planes,
+        )  # fmt: skip
         self.child = Child("scleraforce.service.second_opinion", settings, [self.ring.place.descriptor])
 
-    def ask(self, number: int, order: int, at_s: float = 0.0, teaches: bool = False, pierced: bool = False) -> None:
-        asked = messages.OpinionAsked(number=number, order=order, at_s=at_s, teaches=teaches, pierced=pierced)
+    def ask(
+        self, number: int, order: int, at_s: float = 0.0, teaches: bool = False, pierced: bool = False,
+        planes: tuple[tuple[str, int, int], ...] = (),
+    ) -> None:  # fmt: skip
+        asked = messages.OpinionAsked(
+            number=number, order=order, at_s=at_s, teaches=teaches, pierced=pierced, planes=planes
+        )
         assert self.child.channel.send(asked)
 
     def hear(self, kind: type[messages.CompanionMessage]) -> list[messages.CompanionMessage]:
@@ -47,7 +58,7 @@ class Reader:
         heard = list[messages.CompanionMessage]()
         while not any(isinstance(one, kind) for one in heard):
             assert select([self.child.channel], [], [], FUSE_S)[0], heard
-            heard += self.child.channel.receive()
+            heard += self.child.channel.receive(1)
         return heard
 
     def opinion(self) -> messages.OpinionGiven:
@@ -116,6 +127,32 @@ def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(reader: Reader
     assert [verdict.elastic_force_n for verdict in verdicts] == pytest.approx([0.015] * 12, abs=1.2e-3)
     assert verdicts[-1].force_n / verdicts[-1].elastic_force_n == pytest.approx(0.805, abs=0.01)
     assert verdicts[0].force_n - verdicts[0].interval_n[0] > 4 * (verdicts[-1].force_n - verdicts[-1].interval_n[0])
+
+
+def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_not_judged(tmp_path: Path) -> None:
+    write_fixed_reader(tmp_path / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
+    cross = Reader(tmp_path / "reader", KNOWN, planes=CROSS)
+    assert cross.hear(messages.Alive) == [messages.Alive(faults=())]
+    contact_m = (0.15e-3, -0.5e-3, 0.5e-3)
+    for number, plane in enumerate(CROSS, 1):
+        cross.ring.put(number, image(cut_wall(plane, tip_of(0.015), contact_m), number))
+    cross.ring.put(3, np.zeros((STUDY.oct.rows, STUDY.oct.columns), np.uint16))
+    asked = [("across", 2, 72), ("along", 1, 71)]  # as they came
+    cross.ask(2, 72, planes=tuple(asked))
+    first, second = cross.opinion(), cross.opinion()
+    assert [(one.plane, one.order, one.verdict.usable) for one in (first, second)] == [
+        ("along", 71, True), ("across", 72, True),
+    ]  # fmt: skip
+    assert first.verdict == second.verdict
+    assert first.verdict.force_n == pytest.approx(0.015, abs=1.2e-3)
+    assert first.contact_m is not None
+    assert first.contact_m[:2] == pytest.approx(contact_m[:2], abs=0.1e-3)
+    cross.ask(3, 73, planes=(("along", 1, 71), ("across", 3, 73)))
+    seen, dark = cross.opinion(), cross.opinion()
+    assert (seen.verdict.usable, dark.verdict.usable, dark.contact_m) == (True, False, None)
+    assert dark.verdict.reason
+    assert dark.verdict.reason.startswith("left out: plane across: ")
+    assert cross.child.end(FUSE_S) == 0
 
 
 def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import count
+from typing import Any
 
 import numpy as np
 import pytest
@@ -561,3 +562,78 @@ def test_while_no_frames_come_the_console_gets_the_state_again_and_the_log_has_n
     assert sum(entry.event == "tick" for entry in logged) == 1  # a silence is logged once, however long it lasts
     again = [entry for entry in shown if entry.event == "again"]
     assert (again[-1].state, again[-1].number, again[-1].frame) == ("WITHDRAW", logged[-1].number, None)
+
+
+CROSS = ("along", "across")
+
+
+def test_frames_of_planes_are_known_by_their_device_and_each_moment_is_asked_about_once(clock: TurnedClock) -> None:
+    companions = {name: FakeCompanion() for name in (OPINION, BLACK_BOX)}
+    with (
+        serving(Companions(companions), clock=clock, planes=CROSS) as port,
+        Peer(port, version=2, clock=clock) as scanner,
+    ):
+        for _ in range(3):
+            scanner.read(10.0, device="across")
+            assert scanner.statuses()[-1].code == 13, "the other plane has sent nothing yet"
+        for number in range(12):
+            for plane in CROSS:
+                scanner.read(10.0, device=plane, time_s=2e9 + 0.02 * number)
+        assert scanner.statuses()[-1].code == 1
+        assert [json.loads(text.text)["plane"] for text in scanner.texts()[-4:]] == [*CROSS] * 2
+        asked = list[Any]()
+        wait_until(lambda: asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 12)
+        assert [tuple(name for name, *_ in one.planes) for one in asked] == [CROSS] * 12
+        heard = companions[BLACK_BOX].theirs.receive()
+        decided = [one for one in heard if isinstance(one, messages.Decided) and one.entry.frame]
+        assert [one.moment for one in decided[-4:]] == [24, 24, 26, 26]
+        (_, _, order), (_, _, other) = asked[-1].planes
+        contact_m = (1e-4, 2e-4, 1e-3)
+        for plane, of_plane in zip(CROSS, (order, other), strict=True):
+            given = messages.OpinionGiven(
+                order=of_plane, verdict=rule.verdict(9.0, (8.0, 10.0)), plane=plane, contact_m=contact_m
+            )
+            companions[OPINION].says(given)
+        later_s = count(2e9 + 1.0, 0.02)
+
+        def read_together() -> bool:
+            for plane in CROSS:
+                scanner.read(10.0, device=plane, time_s=next(later_s))
+            return json.loads(scanner.texts()[-1].text).get("contact_xyz_mm") == pytest.approx([0.1, 0.2, 1.0])
+
+        wait_until(read_together)
+        scanner.show(10.0, device="Scanner")
+        status = scanner.wait_for_code(3)
+        words = "IMAGE of device 'Scanner': must be a plane's name: along, across"
+        assert (status.name, words in status.message) == ("BAD_IMAGE", True)
+    for companion in companions.values():
+        companion.end()
+
+
+def test_of_frames_that_came_together_the_newest_of_each_plane_is_answered_first(clock: TurnedClock) -> None:
+    with serving(clock=clock, planes=CROSS) as port, Peer(port, version=2, clock=clock) as scanner:
+        for number in range(4):
+            for plane in CROSS:
+                scanner.read(10.0, device=plane, message_id=number + 1)
+        images = [encode(Image(frame_of(10_000 + n, n)[None], rule.MATRIX), plane, version=2, time_s=2e9, message_id=n)
+                  for n in range(11, 14) for plane in CROSS]  # fmt: skip
+        with clock.held():
+            scanner.link.sendall(b"".join(images))
+        scanner.hear(lambda peer: peer.readings() >= 10)
+        texts = [json.loads(text.text) for text in scanner.texts()[-2:]]
+        assert [(text["plane"], text["frame_id"], text["overtaken"]) for text in texts] == [
+            ("along", 13, 4), ("across", 13, 4),
+        ]  # fmt: skip
+        assert scanner.statuses()[-1].code == 1
+
+
+def test_parts_of_images_of_two_planes_may_come_in_turns(clock: TurnedClock) -> None:
+    with serving(clock=clock, planes=CROSS) as port, Peer(port, version=2, clock=clock) as scanner:
+        whole = frame_of(10_000, 1)
+        for first in (0, rule.ROWS // 2):
+            for plane in CROSS:
+                part = whole[None, first : first + rule.ROWS // 2] + np.uint16(plane == "across")
+                image = Image(part, rule.MATRIX, (rule.COLUMNS, rule.ROWS, 1), (0, first, 0))
+                scanner.say(image, plane, message_id=1)
+        scanner.hear(lambda peer: peer.readings() >= 2)
+        assert scanner.statuses()[-1].code == 1

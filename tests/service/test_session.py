@@ -359,3 +359,94 @@ def test_old_pictures_leave_gaps_and_overtaken_frames_have_the_history_before_th
         expected, _ = before.read(read(frame_of(force_un, 0), PixelScale(**SCALE)), CLASSES_N, clock.now_s)
         assert one.force_n == pytest.approx(expected.force_n, abs=1e-12)
         assert one.interval_n == pytest.approx(expected.interval_n, abs=1e-12)
+
+
+CROSS = ("along", "across")
+
+
+def cross(**limits: float) -> tuple[Clock, Session]:
+    clock = Clock()
+    return clock, Session(dict.fromkeys(CROSS, read), replace(LIMITS, **limits), clock, clock)
+
+
+def of_plane(session: Session, clock: Clock, plane: str, number: int, force_un: int = 10_000, **sent: float) -> Frame:
+    image = ScannerFrame(frame_of(force_un, 1000 * CROSS.index(plane) + number), **SCALE)
+    return session.frame(image, number, 1, clock.now_s, plane=plane, **sent)
+
+
+def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pace_and_queue() -> None:
+    for numbers in ((1, 1), (1, 2)):
+        clock, session = cross()
+        for turn in range(300):
+            clock.now_s += 0.01
+            for plane, number in zip(CROSS, numbers, strict=True):
+                session.take_frame(of_plane(session, clock, plane, number + 2 * turn, sent_s=clock.now_s))
+        assert (session.decision.code, session.entry("tick", clock.now_s).lost) == (1, 0)
+        frames = [of_plane(session, clock, plane, 700 + turn) for turn in range(15) for plane in CROSS]
+        assert frames[-1].interval_s == pytest.approx(0.01, abs=1e-3), "of a plane, not of all frames"
+        for frame in frames:
+            session.defer(frame, next(one for one in frames[-2:] if one.plane == frame.plane))
+        losses = session.losses(clock.now_s)
+        assert sorted((loss.plane, loss.lost) for loss in losses) == [("across", 5), ("along", 5)]
+        read_again = [session.catch_up().plane for _ in range(20)]
+        assert read_again == [*CROSS] * 10, "the oldest first"
+        assert not session.behind
+
+
+def test_a_moment_is_one_time_stamp_or_less_than_one_interval_and_never_two_frames_of_a_plane() -> None:
+    def moments(stamped: bool, lost: tuple[int, ...], apart_s: float) -> list[int]:
+        clock, session = cross()
+        begun_s, found = clock.now_s, list[int]()
+        for number in range(1, 200):
+            turn, place = divmod(number, 2)
+            clock.now_s = begun_s + 0.01 * turn + apart_s * place
+            frame = of_plane(session, clock, CROSS[place], number, sent_s=begun_s + 0.01 * turn if stamped else None)
+            if number not in lost:
+                found.append(len(session.moment(frame)))
+        return found
+
+    for stamped, apart_s in ((True, 0.0), (True, 0.009), (False, 0.001), (False, 0.005)):
+        assert set(moments(stamped, (), apart_s)[-100:]) == {1, 2}
+        assert moments(stamped, (), apart_s)[-100:].count(2) == 50
+    assert moments(True, (100,), 0.0)[-99:].count(2) == 49, "the frame after a lost one begins a moment"
+    assert moments(False, (), 0.0099)[-100:].count(2) == 50, "which plane comes first does not matter"
+
+
+def test_a_picture_under_two_names_is_frozen() -> None:
+    clock, session = cross()
+    for number in range(1, 12):
+        clock.now_s += 0.01
+        for plane in CROSS:
+            image = ScannerFrame(frame_of(10_000, number), **SCALE)
+            session.take_frame(session.frame(image, number, 1, clock.now_s, plane=plane))
+        assert (session.decision.code == 3) == (number >= 2)
+    assert session.decision.cause.name == "FROZEN"
+    assert "plane across: a picture of 2 frames ago" in session.decision.message
+
+
+def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
+    clock, forces_un = Clock(), {"along": 12_000, "across": 20_000}
+    session = Session(dict.fromkeys(CROSS, read), LIMITS, clock, clock, RELAXING, CLASSES_N)
+    read_n = dict[str, list[float]](along=[], across=[])
+    for number in range(1, 80):
+        clock.now_s += 0.01
+        for plane in CROSS:
+            session.take_frame(of_plane(session, clock, plane, number, forces_un[plane]))
+            read_n[plane].append(session.answer.force_n)
+    for plane, force_un in forces_un.items():
+        assert read_n[plane] == pytest.approx(felt(RELAXING, [force_un] * 79, 100.0)[0], abs=1e-12)
+    assert session.decision.cause is None
+
+
+def test_an_entry_of_several_planes_has_the_frames_and_what_all_show_and_another_has_no_such_keys() -> None:
+    clock, session = cross()
+    session.read_together(verdict(12.0, (11.0, 13.0)), (0.1e-3, -0.2e-3, 1e-3))
+    frame = of_plane(session, clock, "across", 1)
+    session.take_frame(frame)
+    record = session.entry("frame", clock.now_s, frame, 0.0).as_json()
+    assert (record["plane"], record["planes_force_mn"], record["planes_interval_mn"]) == ("across", 12.0, [11.0, 13.0])
+    assert record["contact_xyz_mm"] == pytest.approx((0.1, -0.2, 1.0))
+    assert Entry.from_json(record).plane == "across"
+    session.read_together(verdict(usable=False, predicted=2), None)
+    assert not {"planes_force_mn", "contact_xyz_mm"} & session.entry("tick", clock.now_s).as_json().keys()
+    assert not {"plane", "contact_xyz_mm"} & READ_ENTRY.as_json().keys()

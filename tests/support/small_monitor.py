@@ -98,6 +98,7 @@ def small_server(
     borne_s: float = 0.5,
     catch_up_s: float | None = None,
     stalled_s: float = 600.0,
+    planes: tuple[str, ...] = (),
     **settings: Any,
 ) -> tuple[Server, int]:
     """A server of small frames, and its port; without a clock of the test it needs to bear what holds a test up."""
@@ -106,7 +107,8 @@ def small_server(
     )
     listener = socket.create_server(("127.0.0.1", 0))
     ring = FrameRing.create(100, ROWS, COLUMNS)
-    session = Session(read, limits, clock, clock) if clock else Session(read, limits)
+    reads = dict.fromkeys(planes, read) or read
+    session = Session(reads, limits, clock, clock) if clock else Session(reads, limits)
     server = Server(
         session, listener, ServerSettings(TOKEN, stalled_s=stalled_s, **settings), ring, guard, companions, note
     )
@@ -282,12 +284,12 @@ class Peer:
         stamp = (self.clock or time)() if time_s is None else time_s
         self.link.sendall(encode(message, device, version=self.version, time_s=stamp, message_id=message_id))
 
-    def show(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: float) -> None:
+    def show(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: Any) -> None:
         """Send a frame that reads as a force."""
         pixels = frame_of(round(force_mn * 1e3), next(SERIALS)) if pixels is None else pixels
-        self.say(Image(pixels[None], MATRIX), **header)  # type: ignore[arg-type]
+        self.say(Image(pixels[None], MATRIX), **header)
 
-    def read(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: float) -> None:
+    def read(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: Any) -> None:
         """Send a frame and wait until it is answered."""
         before = self.readings()
         self.show(force_mn, pixels, **header)

@@ -1,6 +1,7 @@
 """`scleraforce monitor` and `monitor-reset`: the service in the robot's control loop, and the operator's reset."""
 
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -13,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import EYE, LEAN_DEFAULT, PATH, in_si, options
+from scleraforce.cli.options import EYE, LEAN_DEFAULT, PATH, PLANE, in_si, options, parse_plane
 from scleraforce.cli.output import Command, Report
-from scleraforce.errors import InputError
+from scleraforce.errors import InputError, StudyError
 from scleraforce.processes import one_thread
 from scleraforce.units import from_si
 
@@ -23,11 +24,13 @@ if TYPE_CHECKING:
     from scleraforce.known import Known
     from scleraforce.monitor import MonitorLimits
     from scleraforce.reader import Reader
+    from scleraforce.recording.folder import Plane
     from scleraforce.service.monitor_service import Address, MonitorSettings
 
 PORT, POSITIVE = click.IntRange(0, 65535), click.FloatRange(0.0, min_open=True)
 STUDYS = "default: that of the model's study"
 LIMITS = ("unusable_frames", "unusable_opinions", "loss_in_window_s", "reaction_s", "retraction_m_s")
+DEVICE_NAME = re.compile(r"[\w.+-]{1,20}", re.ASCII)  # that OpenIGTLink can send, and a table needs no quotes for
 UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come earlier"
 
 
@@ -65,6 +68,8 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
               "a puncture.")  # fmt: skip
 @click.option("--on-pierced", type=click.Choice(["withdraw", "report"]), default="withdraw", show_default=True,
               help="After a puncture, order to withdraw or only report it: code 14, not OK.")  # fmt: skip
+@click.option("--plane", "planes", metavar=PLANE, multiple=True, help="One of several planes that the scanner takes at "
+              "once, in place of --gap-mm: its frames are IMAGE messages of the device NAME.")  # fmt: skip
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
               help="Read the frames with the fit as well, in another process.")  # fmt: skip
 @click.option("--learn-eye", is_flag=True, help="Learn E from the shape of dents during the session; needs --iop-mmhg.")
@@ -73,7 +78,8 @@ UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come
 @click.option("--black-box", type=PATH, help="Folder of the log; default: in the user's state folder.")
 def monitor(
     model: Path, host: str, port: int, web_port: int | None, web_host: str, calibration: Path | None, eye: str | None,
-    learn_eye: bool, resume: Path | None, record: Path | None, black_box: Path | None, **given: Any,
+    learn_eye: bool, resume: Path | None, record: Path | None, black_box: Path | None, planes: tuple[str, ...],
+    **given: Any,
 ) -> Report:  # fmt: skip
     """Receive B-scans and tell the robot when to withdraw. Research use only.
 
@@ -114,6 +120,7 @@ def monitor(
     if learn_eye:
         known = _to_learn(reader, known, resume, eye, given)
     reader = suited(reader, known)
+    scanned = _planes(planes, reader, known, learn_eye)
     if reason := reader.refusal(known):  # all frames would be unusable
         raise InputError(f"{reader.path}: {reason}")
     if eye is not None and (fault := name_fault(eye)):
@@ -129,6 +136,7 @@ def monitor(
         black_box=black_box or user_state_path("scleraforce") / "monitor" / begun,
         record=record,
         learns=learn_eye,
+        planes=scanned,
         token=token_hex(16),  # it cannot be guessed
     )
     with closing(Notes(_write_line)) as notes:
@@ -156,6 +164,29 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
         raise InputError(f"--eye: missing; say which eye of {calibration} it is ({others})")
     summary = read_calibration(calibration)
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
+
+
+def _planes(given: tuple[str, ...], reader: "Reader", known: "Known", learn_eye: bool) -> "tuple[Plane, ...]":
+    """Return the planes of a scanner that takes several; () of one that takes a single one."""
+    from scleraforce.reader.limits import READER
+    from scleraforce.recording.folder import check_planes
+
+    planes = tuple(parse_plane(words) for words in given)
+    try:
+        check_planes(planes)
+    except StudyError as fault:
+        raise InputError(f"--plane: {str(fault).removeprefix('plane: ')}") from None
+    named = next((plane.name for plane in planes if not DEVICE_NAME.fullmatch(plane.name)), None)
+    refused = {
+        f"--plane: {named!r} cannot name a device; use 1 to 20 of the characters A-Z a-z 0-9 . _ + -": named,
+        f"--plane: {reader.path} is a {reader.kind}, which reads single planes": planes and reader.kind != READER,
+        "--gap-mm: several planes show their gaps; leave it out": planes and known.gap_m is not None,
+        "--learn-eye: it learns from a single plane; leave it or --plane out": planes and learn_eye,
+    }
+    for reason, holds in refused.items():
+        if holds:
+            raise InputError(reason)
+    return planes
 
 
 def _to_learn(reader: "Reader", known: "Known", resume: Path | None, eye: str | None, given: dict[str, Any]) -> "Known":
@@ -213,6 +244,10 @@ def _greeting(
     yield "research use only: not a medical device"
     yield f"model      {reader.path} ({reader.kind})"
     yield f"eye        {settings.eye}: {_eye_words(settings.known)}"
+    if settings.planes:
+        places = ((plane.name, from_si(plane.offset_m, "mm"), from_si(plane.direction_rad, "deg"))
+                  for plane in settings.planes)  # fmt: skip
+        yield "planes     " + ", ".join(f"{name} ({mm:g} mm, {deg:.0f}°)" for name, mm, deg in places)
     yield f"globe      {globe_words(settings.known, reader.reads_force)}"
     relaxation = settings.known.relaxation
     if relaxation is not None and any(relaxation.shares):

@@ -48,7 +48,7 @@ class FrameAnswer:
     it has a label (pierced, or above the study's largest force); `pierced`: the needle had gone through
     the wall, by frames.csv, or else by the readings or the force log; `calibration` marks a frame that Young's modulus
     was fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`. Frames
-    of several planes have one answer, which counts once: the frames of other planes than the first one are `repeats`.
+    of several planes have one answer, which counts once: all frames of a moment but the first are `repeats`.
     """
 
     recording: str
@@ -292,9 +292,10 @@ def recording_scores(
     reader: Reader, recording: Recording, summary: CalibrationSummary, progress: Progress = None
 ) -> Iterator[Score]:
     """Score both methods' readings of a recording's frames that did not calibrate, by the reader's intervals."""
-    session, planes = _Session.of(reader, recording, summary), recording.info.oct.plane
+    session = _Session.of(reader, recording, summary)
+    repeats = session.repeats
     for entry, trial, answer, calibrates in session.read(progress):
-        if planes and entry.plane != planes[0].name:
+        if entry.file in repeats:
             continue
         if trial.measured_force_n is None or trial.excluded is not None or calibrates:
             continue
@@ -339,6 +340,11 @@ class _Session:
         if self.summary is None or self.reader.fixed_modulus_pa is not None:
             return None
         return foreign_modulus(self.summary, self.recording.info.eye.id)
+
+    @property
+    def repeats(self) -> set[str]:
+        """Files of the frames whose moment another frame stands for, as of several planes."""
+        return {entry.file for moment in self.recording.moments for entry in moment[1:]}
 
     def notes(self) -> Iterator[str]:
         """Yield sentences on the eye, its B-scans and its needle."""
@@ -387,7 +393,7 @@ class _Session:
         modulus_pa, source = used if fixed_pa is None else (fixed_pa, "trained")
         doubts = FOREIGN if self.foreign else ()
         true_n = true_forces(recording.path)
-        sds_n, seen, planes = label_sds(recording, self.trials), list[tuple[float, float]](), recording.info.oct.plane
+        sds_n, seen, repeats = label_sds(recording, self.trials), list[tuple[float, float]](), self.repeats
         for sd_n, (entry, trial, answer, calibrates) in zip(sds_n, self.read(progress), strict=True):
             yield FrameAnswer(
                 recording=str(recording.path),
@@ -405,7 +411,7 @@ class _Session:
                 to_bound=self._to_bound(answer, entry.time_s, seen),
                 plane=entry.plane,
                 time_s=entry.time_s,
-                repeats=bool(planes) and entry.plane != planes[0].name,
+                repeats=entry.file in repeats,
                 answer=replace(answer, warnings=(*answer.warnings, *doubts)),
             )
 

@@ -214,6 +214,7 @@ CONTACTS = 32  # polar angles whose libraries are cached
 # Shifts of the slices that the network reads of one frame, in rows; the first is the slice itself. A slice of black and
 # white does not show where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
 SHIFTS = (0.0, 0.5)
+LEFT_OUT = "left out: "  # begins the warning on a plane without a wall
 TOO_LITTLE = "too little of the wall is seen"
 
 
@@ -337,7 +338,7 @@ class ForceReader(Reader):
             shared = of_plane.get(number) or replace(found[0], contact_m=None, fit=None, can_calibrate=False)
             if fault is not None:
                 shared = replace(unusable(self.classes, fault.reason or ""), fit=shared.fit)
-            warned = (*shared.warnings, *(f"left out: {reason}" for reason in left_out)) if shared.usable else ()
+            warned = (*shared.warnings, *(f"{LEFT_OUT}{reason}" for reason in left_out)) if shared.usable else ()
             answers.append(replace(shared, segmentation=seen.segmentation, warnings=warned))
         return tuple(answers)
 

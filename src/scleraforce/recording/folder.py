@@ -216,7 +216,7 @@ class Recording:
 
     @property
     def moments(self) -> tuple[tuple[FrameEntry, ...], ...]:
-        """The frames in order, grouped by their time: one, or one of each plane."""
+        """The frames in order, grouped by their time: one, or one of each plane that has a frame then."""
         return tuple(tuple(group) for _, group in groupby(self.frames, lambda entry: entry.time_s))
 
     def __repr__(self) -> str:
@@ -323,11 +323,9 @@ def _check_planes(path: Path, frames: tuple[FrameEntry, ...], planes: tuple[Plan
         if entry.plane is not None and entry.plane not in names:
             known = f"[[oct.plane]] has {', '.join(names)}" if names else "recording.toml has no [[oct.plane]]"
             raise RecordingError(f"{path}: plane: {entry.plane!r} of {entry.file} is unknown; {known}")
-    for time_s, group in groupby(frames, lambda entry: entry.time_s):
-        shown = [entry.plane for entry in group]
-        missing = [name for name in names if name not in shown]
-        if missing:
-            raise RecordingError(f"{path}: plane: no frame of {missing[0]!r} at {time_s:g} s; give one of each plane")
+    times_s, shown = {entry.time_s for entry in frames}, {entry.plane for entry in frames}
+    if len(shown) > 1 and len(times_s) == len(frames):
+        raise RecordingError(f"{path}: plane: no two frames have one time_s; frames of one moment need the same")
 
 
 def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:

@@ -95,6 +95,8 @@ def prepare(
     """
     if name not in FAULTS:
         raise InputError(f"fault: {name!r}; choose one of: {', '.join(FAULTS)}")
+    if recording.info.oct.plane:
+        raise InputError(f"{recording.path}: oct.plane: faults need a recording of a single plane")
     frames_s = [entry.time_s for entry in recording.frames]
     first = int(np.searchsorted(frames_s, time_s))
     if not 2 <= first < len(frames_s) - 1:

@@ -58,10 +58,13 @@ class Unstamped:
 
 
 def frame_message(
-    pixels: Pixels, oct_info: OctInfo, number: int, version: int, *, matrix: tuple[float, ...] | None = None
-) -> Unstamped:
-    """Encode a frame as an IMAGE of one slice; `matrix` replaces the recording's."""
-    return Unstamped(igtl.Image(pixels[None], matrix or image_matrix(oct_info)), SCANNER_DEVICE, version, number)
+    pixels: Pixels, oct_info: OctInfo, number: int, version: int, *, matrix: tuple[float, ...] | None = None,
+    plane: str | None = None,
+) -> Unstamped:  # fmt: skip
+    """Encode a frame as an IMAGE of one slice, whose device is its plane's name; `matrix` replaces the recording's."""
+    return Unstamped(
+        igtl.Image(pixels[None], matrix or image_matrix(oct_info)), plane or SCANNER_DEVICE, version, number
+    )
 
 
 def image_matrix(oct_info: OctInfo) -> tuple[float, ...]:
@@ -222,15 +225,15 @@ class AnswerLog:
         self.status_s: float | None = None
         self.longest_silence_s = 0.0
         self.answered: int | None = None
-        self._waiting: OrderedDict[int, tuple[int, float]] = OrderedDict()
+        self._waiting: OrderedDict[tuple[str | None, int], tuple[int, float]] = OrderedDict()
         self._last: tuple[int, float] | None = None
         self._changed = False
 
-    def sent(self, number: int, frame_id: int, at_s: float) -> None:
-        """Take a frame that was sent: its number in the recording, its id, when its last byte was sent."""
+    def sent(self, number: int, frame_id: int, at_s: float, plane: str | None = None) -> None:
+        """Take a frame that was sent: its number in the recording, its id, when its last byte was sent, its plane."""
         self.frames_sent += 1
         self.begun_s = at_s if self.begun_s is None else self.begun_s
-        self._last = self._waiting[frame_id] = number, at_s
+        self._last = self._waiting[plane, frame_id] = number, at_s
         if len(self._waiting) > WAITING:
             self._waiting.popitem(last=False)
 
@@ -275,9 +278,10 @@ class AnswerLog:
         except msgspec.DecodeError:
             return
         frame_id, at_s, status = reading.get("frame_id"), self.status_s, self.status
-        if not isinstance(frame_id, int) or at_s is None or status is None or frame_id not in self._waiting:
+        sent = self._waiting.pop((reading.get("plane"), frame_id), None) if isinstance(frame_id, int) else None
+        if at_s is None or status is None or sent is None:
             return
-        number, sent_s = self._waiting.pop(frame_id)
+        number, sent_s = sent
         self.answered = number
         latency_ms = reading.get("latency_ms")
         self.answers.append(TimedAnswer(code=status.code, took_s=at_s - sent_s, server_ms=latency_ms))
@@ -312,6 +316,7 @@ class Timed:
     time_s: float
     number: int
     message: Unstamped = field(compare=False)
+    plane: str | None = field(default=None, compare=False)
 
 
 @dataclass(eq=False)
@@ -385,7 +390,7 @@ class Player:
         sent_s = self.client.send(timed.message.stamped(stamp_s))
         if timed.number:
             self.last = timed.number
-            self.log.sent(timed.number, timed.message.frame_id, sent_s)
+            self.log.sent(timed.number, timed.message.frame_id, sent_s, timed.plane)
         else:
             self.forces_sent += timed.message.device == FORCE_DEVICE
         self.watch()
@@ -407,7 +412,8 @@ class Player:
 
     def _read(self, entry: FrameEntry, number: int) -> Timed:
         pixels = self.recording.frame(entry)
-        return Timed(entry.time_s, number, frame_message(pixels, self.recording.info.oct, number, self.version))
+        message = frame_message(pixels, self.recording.info.oct, number, self.version, plane=entry.plane)
+        return Timed(entry.time_s, number, message, entry.plane)
 
     def _poses(self, entries: list[FrameEntry]) -> Iterator[Timed]:
         """Yield the needle's travel at each frame, if the recording has it; it goes out just before the frame."""

@@ -38,6 +38,7 @@ MOST_LINES = 20_000
 HISTORY_S = 600.0  # the tare is found before the first contact, so a log of the last 10 s would be too short
 CLOCK_STEP_S = 1e-6  # of frames.csv
 COLUMNS, FARTHEST_M = ("pierced", "travel_m"), 1.0  # of frames.csv, of a travel in it
+PLANE_COLUMN = ("plane",)  # as well, of several planes
 SESSION, WITHDRAWAL = "session", "withdrawal"  # the names of their faults
 
 
@@ -101,16 +102,20 @@ class FrameTaker:
     def __init__(self, ring: FrameRing, folder: Path, info: RecordingInfo, comment: str) -> None:
         self.folder = folder
         self.written = self.lost = 0
-        self._ring, self._writer = ring, RecordingWriter(folder, info, comment, COLUMNS)
-        self._waiting: deque[tuple[int, float, tuple[str, ...]]] = deque()
-        self._last_s = -float("inf")
+        columns = COLUMNS + PLANE_COLUMN * bool(info.oct.plane)
+        self._ring, self._writer = ring, RecordingWriter(folder, info, comment, columns)
+        self._waiting: deque[tuple[int, float, tuple[str, ...], int | None]] = deque()
+        self._last_s, self._moment = -float("inf"), 0
 
-    def add(self, number: int, time_s: float, cells: tuple[str, ...]) -> None:
-        """Enqueue a frame; `time_s` is the time of its decision on the recording's clock, `cells` are of `COLUMNS`."""
+    def add(self, number: int, time_s: float, cells: tuple[str, ...], moment: int | None = None) -> None:
+        """Enqueue a frame; `time_s` is the time of its decision on the recording's clock, `cells` are of the columns.
+
+        Frames of one `moment`, of several planes, get the time of the first one of them.
+        """
         if len(self._waiting) == self._ring.frames:  # then the oldest one has been overwritten
             self._waiting.popleft()
             self.lost += 1
-        self._waiting.append((number, time_s, cells))
+        self._waiting.append((number, time_s, cells, moment))
 
     @property
     def next(self) -> int | None:
@@ -119,12 +124,14 @@ class FrameTaker:
 
     def take(self) -> None:
         """Write the next frame, or count it as lost."""
-        number, time_s, cells = self._waiting.popleft()
+        number, time_s, cells, moment = self._waiting.popleft()
         pixels = self._ring.get(number)
         if pixels is None:
             self.lost += 1
             return
-        self._last_s = max(time_s, self._last_s + CLOCK_STEP_S)  # no two frames of a table share a time
+        if moment is None or moment != self._moment:
+            self._last_s = max(time_s, self._last_s + CLOCK_STEP_S)  # no two frames of one plane share a time
+            self._moment = moment or number
         try:
             self._writer.add(f"{number:07d}.png", self._last_s, pixels, cells)
         except OSError:
@@ -220,7 +227,7 @@ class Withdrawals:
         self, settings: messages.BlackBoxSettings, ring: FrameRing, force: RobotForce, journal: Journal
     ) -> None:
         self._settings, self._ring, self._force, self._journal = settings, ring, force, journal
-        self._frames: deque[tuple[float, int, tuple[str, ...]]] = deque(maxlen=ring.frames)
+        self._frames: deque[tuple[float, int, tuple[str, ...], int | None]] = deque(maxlen=ring.frames)
         self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=WITHDRAWAL)
         self._writing: _Writing | None = None
@@ -234,7 +241,7 @@ class Withdrawals:
             self._lines.popleft()
         if entry.frame is None or (self._frames and entry.frame <= self._frames[-1][1]):
             return False
-        self._frames.append((entry.at_s, entry.frame, _cells(decided)))
+        self._frames.append((entry.at_s, entry.frame, _cells(decided), decided.moment))
         return True
 
     @property
@@ -268,9 +275,9 @@ class Withdrawals:
         taker = FrameTaker(self._ring, partial, self._settings.info, comment)
         lines = [line for line_s, line in self._lines if since_s <= line_s <= entry.at_s]
         (partial / "decisions.jsonl").write_bytes(b"".join(lines))
-        for frame_s, number, cells in self._frames:
+        for frame_s, number, cells, moment in self._frames:
             if since_s <= frame_s <= entry.at_s:
-                taker.add(number, frame_s - beginning.at_s, cells)
+                taker.add(number, frame_s - beginning.at_s, cells, moment)
         # Labels of the last frames average over what comes after them.
         return _Writing(folder, taker, beginning.at_s, time.monotonic() + self._settings.force.average_s)
 
@@ -315,10 +322,10 @@ class Withdrawals:
 
 
 def _cells(decided: messages.Decided) -> tuple[str, ...]:
-    """Return the cells of a frame in `COLUMNS`, empty where nothing is known."""
-    travel_m = decided.travel_m
+    """Return the cells of a frame in the columns, empty where nothing is known."""
+    travel_m, plane = decided.travel_m, decided.entry.plane
     known = travel_m is not None and abs(travel_m) <= FARTHEST_M
-    return "1" if decided.pierced else "", f"{travel_m:.7f}" if known else ""
+    return "1" if decided.pierced else "", f"{travel_m:.7f}" if known else "", *([plane] if plane else [])
 
 
 def _finish(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
@@ -438,7 +445,7 @@ class BlackBox:
         is_new = self._withdrawals.remember(message, self._journal.record(message))
         beginning = self._begin(entry.at_s, entry.time_s)
         if entry.frame and is_new and self._session.taker:
-            self._session.taker.add(entry.frame, entry.at_s - beginning.at_s, _cells(message))
+            self._session.taker.add(entry.frame, entry.at_s - beginning.at_s, _cells(message), message.moment)
         if entry.state == "WITHDRAW" and (before is None or before.state != "WITHDRAW"):
             self._keep(str(entry.cause).lower(), entry)
 

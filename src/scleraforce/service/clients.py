@@ -121,8 +121,8 @@ class Connection:
     """A client.
 
     `version` is the header version that it used last, `heard_s` when it was last read from, `message_since_s` since
-    when a message from it has been incomplete; `frames` assembles its images; `notes` and `forces` limit the rate of
-    notes on its errors and of its forces.
+    when a message from it has been incomplete; `frames` assembles the images of each plane; `notes` and `forces` limit
+    the rate of notes on its errors and of its forces.
     """
 
     def __init__(self, link: socket.socket, address: str, number: int) -> None:
@@ -130,7 +130,7 @@ class Connection:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         link.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         self.number, self.address, self.version = number, address, 1
-        self.frames = FrameAssembler()
+        self.frames = dict[str | None, FrameAssembler]()
         self.heard_s, self.wrong_tokens = 0.0, 0
         self.message_since_s: float | None = None
         self.notes, self.forces = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE), RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)

@@ -18,7 +18,7 @@ from scleraforce.known import Known
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import State, Verdict
 from scleraforce.plain_json import finite
-from scleraforce.recording.folder import ForceInfo, RecordingInfo
+from scleraforce.recording.folder import ForceInfo, Plane, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.frame_ring import RingPlace
 from scleraforce.units import from_si, to_si
@@ -30,6 +30,7 @@ LATER = {
     "withdrawn_s": None, "present_cause": None, "present": "", "elastic_force_mn": None, "time_to_bound_ms": None,
     "time_to_bound_ms_interval": None, "modulus_mpa": None, "modulus_sd_mpa": None, "modulus_frames": None,
 }  # fmt: skip
+OF_PLANES = dict.fromkeys(("plane", "planes_force_mn", "planes_interval_mn", "contact_xyz_mm"))  # left out if None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +41,9 @@ class Entry:
     `latency_ms` runs from the frame's last byte to the answer on the wire; `verdict` is also None for a frame that
     could not be read. `time_to_bound_ms` is the median, an end of the interval None beyond 2 s (`monitor.trend`).
     `modulus_mpa` is E as learned in this session (mean, SD, number of frames), None if it is not.
-    `overtaken` counts the frames since the start that newer ones overtook, `lost` the unread ones.
+    `overtaken` counts the frames since the start that newer ones overtook, `lost` the unread ones. `plane`: the
+    frame's, if there are several; then `planes_force_mn` and `contact_xyz_mm` are what the second opinion last read in
+    all planes together.
     """
 
     number: int
@@ -66,6 +69,10 @@ class Entry:
     modulus_mpa: float | None = None
     modulus_sd_mpa: float | None = None
     modulus_frames: int | None = None
+    plane: str | None = None
+    planes_force_mn: float | None = None
+    planes_interval_mn: tuple[float, float] | None = None
+    contact_xyz_mm: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.state not in State.__members__:
@@ -99,6 +106,8 @@ class Entry:
         }
         record: dict[str, Any] = {}
         for name, value in vars(self).items():
+            if value is None and name in OF_PLANES:
+                continue
             record |= reading if name == "verdict" else {name: finite(value)}
         elastic_mn = from_si(verdict.elastic_force_n, "mn") if verdict else None
         return record | {"class": verdict.predicted if verdict else None, "elastic_force_mn": finite(elastic_mn)}
@@ -106,7 +115,7 @@ class Entry:
     @classmethod
     def from_json(cls, value: Any) -> "Entry":
         """Return the entry of an object of `as_json`; in a list null becomes NaN. A MessageError names the field."""
-        if not isinstance(value, dict) or (LATER | value).keys() != KEYS:
+        if not isinstance(value, dict) or (LATER | OF_PLANES | value).keys() != KEYS:
             raise MessageError("not an entry: an object with the keys of one")
         try:
             return convert(value | {"verdict": _verdict_of(value)}, cls)
@@ -118,7 +127,7 @@ class Entry:
 START = Entry(
     number=0, time_s=0.0, at_s=0.0, event="start", state="NOT_READY", code=13, sub_code=0, cause=None, message=""
 )
-KEYS = START.as_json().keys()
+KEYS = START.as_json().keys() | OF_PLANES.keys()
 
 
 def _verdict_of(value: dict[str, Any]) -> Verdict | None:
@@ -143,16 +152,20 @@ def _with_nan(value: Any) -> Any:
     return [nan if number is None else number for number in value] if isinstance(value, list) else value
 
 
-class _Message(Struct, frozen=True, kw_only=True, tag=True, forbid_unknown_fields=True):
+class _Message(Struct, frozen=True, kw_only=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
     """A message; the name of its class goes with it."""
 
 
 class Decided(_Message, frozen=True, kw_only=True):
-    """To the black box and the console: a decision; of a frame also the needle's travel, m, and whether it pierced."""
+    """To the black box and the console: a decision; of a frame also the needle's travel, m, and whether it pierced.
+
+    `moment`: of several planes, the number of the first frame that is read together with this one.
+    """
 
     entry: Entry
     travel_m: float | None
     pierced: bool
+    moment: int | None = None
 
 
 class ForceHeard(_Message, frozen=True, kw_only=True):
@@ -226,7 +239,7 @@ class OpinionAsked(_Message, frozen=True, kw_only=True):
     """To the second opinion: read the frame of this number in the ring, complete at `at_s`.
 
     `order` is the decision's name for it. `teaches`: the eye may be learned from it, as the monitor watches and can
-    read it; `pierced`: it showed a puncture.
+    read it; `pierced`: it showed a puncture. `planes`: of several ones the name, number and order of each one's frame.
     """
 
     number: int
@@ -234,13 +247,16 @@ class OpinionAsked(_Message, frozen=True, kw_only=True):
     at_s: float
     teaches: bool
     pierced: bool
+    planes: tuple[tuple[str, int, int], ...] = ()
 
 
 class OpinionGiven(_Message, frozen=True, kw_only=True):
-    """From the second opinion: its verdict on the frame of this order."""
+    """From the second opinion: its verdict on the frame of this order; of several planes, the contact (x, y, depth)."""
 
     order: int
     verdict: Verdict
+    plane: str | None = None
+    contact_m: tuple[float, ...] | None = None
 
 
 class EyeLearned(_Message, frozen=True, kw_only=True):
@@ -297,7 +313,8 @@ class BlackBoxSettings(_Message, frozen=True, kw_only=True):
 class OpinionSettings(_Message, frozen=True, kw_only=True):
     """Settings of the second opinion: the model's folder, what is known of the eye, and the frames.
 
-    `learns`: the name of the eye, if its E is learned; `record`: the folder of the session's recording.
+    `learns`: the name of the eye, if its E is learned; `record`: the folder of the session's recording. `planes`: of
+    the scanner, if it takes several.
     """
 
     model: Path
@@ -306,6 +323,7 @@ class OpinionSettings(_Message, frozen=True, kw_only=True):
     ring: RingPlace
     learns: str | None
     record: Path | None
+    planes: tuple[Plane, ...] = ()
 
 
 class ConsoleSettings(_Message, frozen=True, kw_only=True):

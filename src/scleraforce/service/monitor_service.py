@@ -24,7 +24,7 @@ from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import Reader
 from scleraforce.reader.felt import History
 from scleraforce.reader.model import LiveReader
-from scleraforce.recording.folder import ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.recording.folder import ForceInfo, NeedleInfo, OctInfo, Plane, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.clients import ServerSettings
@@ -62,7 +62,8 @@ class MonitorSettings:
     """The settings of a monitor; `limits` has the `size` and `scale_m` of the expected frames.
 
     Without a `console` address there is no console. The log and the recordings of withdrawals are in `black_box`;
-    `record` is the folder for a recording of the whole session. `learns`: the second opinion learns E.
+    `record` is the folder for a recording of the whole session. `learns`: the second opinion learns E. `planes`: of the
+    scanner, if it takes several; then the gap is not known.
     """
 
     eye: str
@@ -75,6 +76,7 @@ class MonitorSettings:
     record: Path | None
     token: str
     learns: bool = False
+    planes: tuple[Plane, ...] = ()
 
 
 @contextmanager
@@ -97,7 +99,9 @@ def monitor_service(
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
         pages = settings.console and stack.enter_context(_listen_for_pages(settings.console))
         live = LiveReader(reader, known, settings.refractive_index)
-        ring = FrameRing.create(RING_FRAMES, rows, columns)
+        of_plane = {plane.name: LiveReader(reader, _seen_in(plane, known), settings.refractive_index).read
+                    for plane in settings.planes}  # fmt: skip
+        ring = FrameRing.create(RING_FRAMES * max(len(settings.planes), 1), rows, columns)
         info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
         folder, record = settings.black_box.absolute(), settings.record and settings.record.absolute()
@@ -105,7 +109,8 @@ def monitor_service(
         children = {BLACK_BOX: _child("black_box", kept, ring)}
         if limits.expects_opinion:
             opinion = OpinionSettings(model=model, known=known, scale=scale, ring=ring.place,
-                                      learns=settings.eye if settings.learns else None, record=record)  # fmt: skip
+                                      learns=settings.eye if settings.learns else None, record=record,
+                                      planes=settings.planes)  # fmt: skip
             children[OPINION] = _child("second_opinion", opinion, ring)
         if settings.console and pages:
             console = ConsoleSettings(
@@ -119,7 +124,7 @@ def monitor_service(
         stack.callback(companions.end)
         history = History.monitored(known, reader.study.needle.max_force_n)
         bounds_n = reader.study.classes.bounds_n
-        session = Session(live.read, limits, history=history, class_bounds_n=bounds_n, adopt=live.adopt)
+        session = Session(of_plane or live.read, limits, history=history, class_bounds_n=bounds_n, adopt=live.adopt)
         _wait_for_opinion(companions, note)
         gc.collect()
         gc.freeze()  # the model stays, so the collector need not scan it again and again
@@ -130,6 +135,12 @@ def monitor_service(
         server = Server(session, listener, ServerSettings(settings.token), ring, guard, companions, note)
         stack.callback(server.close)
         yield server, Address(*listener.getsockname()[:2])
+
+
+def _seen_in(plane: Plane, known: Known) -> Known:
+    """Return an eye as one of several planes shows it: what is known of the scanner's x axis, turned."""
+    direction_rad = None if known.direction_rad is None else known.direction_rad + plane.direction_rad
+    return replace(known, gap_m=None, direction_rad=direction_rad, lean_azimuth_rad=None)
 
 
 def _child(module: str, settings: Settings, ring: FrameRing, *descriptors: int) -> Child:
@@ -167,14 +178,16 @@ def session_scan(settings: MonitorSettings) -> OctInfo:
     rows, columns = settings.limits.size or (0, 0)
     lateral_m, depth_m = settings.limits.scale_m or (0.0, 0.0)
     scan = OctInfo(columns=columns, rows=rows, bits=MOST_BITS, width_m=columns * lateral_m, depth_m=rows * depth_m)
-    return replace(scan, plane_direction_rad=settings.known.direction_rad, refractive_index=settings.refractive_index)
+    scan = replace(scan, refractive_index=settings.refractive_index, plane=settings.planes)
+    return replace(scan, plane_direction_rad=settings.known.direction_rad)
 
 
 def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     """Return the contents of recording.toml for a recording of the session."""
     known, gauge = settings.known, nearest_gauge(study.needle.outer_diameter_m)
-    gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
+    stated_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     lean_rad = one_lean(known.lean_rad)
+    gap_m = None if settings.planes else stated_m
     needle = NeedleInfo(gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad, lean_rad=lean_rad)
     return RecordingInfo(stated_eye(settings.eye, known), session_scan(settings), needle, FORCE)
 

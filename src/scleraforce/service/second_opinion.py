@@ -6,17 +6,24 @@ skips frames that come meanwhile, and takes no more than half of a core: it runs
 20 ms, others would get nothing of that core. It is ready when it has read a frame of its own: a first reading takes
 0.3 s, and much longer where loops are compiled, so the opinion of a real frame would be overdue. It keeps its own
 history of tissue that relaxes. With `learns`, it also learns E (`service.learning`), which its later readings use.
+
+The frames of several planes are read together, and each gets its own opinion: the force of all, unless that plane was
+left out of the fit. A plane without the wall of an eye must not count as seen only because another one shows it.
 """
 
 from contextlib import AbstractContextManager, nullcontext
+from itertools import zip_longest
 from select import select
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
 from scleraforce.errors import MessageError
 from scleraforce.reader import Reader, load_model
+from scleraforce.reader.answer import Answer, unusable
 from scleraforce.reader.felt import History
+from scleraforce.reader.kinds import LEFT_OUT
 from scleraforce.reader.model import warming_frame
+from scleraforce.recording.folder import Plane
 from scleraforce.service.channel import Channel, run_companion
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import Alive, OpinionAsked, OpinionGiven, OpinionSettings
@@ -38,7 +45,8 @@ def serve(channel: Channel, settings: OpinionSettings) -> None:
 def _serve(channel: Channel, settings: OpinionSettings, reader: Reader, learner: "EyeLearner | None") -> None:
     ring, known = FrameRing(settings.ring), settings.known
     frame = warming_frame(ring.shape, settings.scale, reader.study.eye.radius_m, settings.known.thickness_m)
-    reader.read(frame, settings.scale, settings.known)
+    planes = settings.planes
+    reader.read_together([frame] * max(len(planes), 1), settings.scale, known, planes)
     history, study = History.monitored(settings.known, reader.study.needle.max_force_n), reader.study
     run_in_real_time(OPINION_PRIORITY)  # not before: Linux pauses what leaves a core nothing for a second
     channel.send(Alive(faults=()))
@@ -51,18 +59,33 @@ def _serve(channel: Channel, settings: OpinionSettings, reader: Reader, learner:
             if learner:
                 learner.hear(asked)
         assert isinstance(asked, OpinionAsked)
-        pixels = ring.get(asked.number)
-        if pixels is not None:
-            elastic = reader.read(pixels, settings.scale, known)
-            answer, history = history.read(elastic, study.classes.bounds_n, asked.at_s)
-            channel.send(OpinionGiven(order=asked.order, verdict=answer.verdict))
+        of_plane = {name: (number, order) for name, number, order in asked.planes}
+        asked_for = [of_plane[plane.name] for plane in planes] or [(asked.number, asked.order)]
+        frames = [pixels for number, _ in asked_for if (pixels := ring.get(number)) is not None]
+        if len(frames) == len(asked_for):
+            elastic = reader.read_together(frames, settings.scale, known, planes)
+            felt = [history.read(one, study.classes.bounds_n, asked.at_s) for one in elastic]
+            history = felt[0][1]
+            for (_, order), (answer, _), plane in zip_longest(asked_for, felt, planes):
+                channel.send(_opinion(answer, order, plane, reader.classes))
             if learner:
-                learner.show(asked, elastic, settings.scale)
+                learner.show(asked, elastic[0], settings.scale)
         if learner and (learned := learner.learned(monotonic())):
             known = learned.known if reader.refusal(learned.known) is None else known
             channel.send(learned)
         took_s = monotonic() - begun_s
         sleep(max(LEAST_S - took_s, took_s))
+
+
+def _opinion(answer: Answer, order: int, plane: Plane | None, classes: int) -> OpinionGiven:
+    """Return the opinion on a frame; one of several planes that the fit left out cannot be judged."""
+    if plane is None:
+        return OpinionGiven(order=order, verdict=answer.verdict)
+    if answer.usable and answer.fit is None:
+        words = f"{LEFT_OUT}plane {plane.name}:"
+        answer = unusable(classes, next(said for said in answer.warnings if said.startswith(words)))
+    contact_m = None if answer.place is None else answer.place.contact_m
+    return OpinionGiven(order=order, verdict=answer.verdict, plane=plane.name, contact_m=contact_m)
 
 
 def _learner(

@@ -151,9 +151,10 @@ class Server:
                 frames.append(frame)
             if client.wrong_tokens >= WRONG_TOKENS:  # it was disconnected; later messages do not count
                 break
-        overtaken = [frame for frame in frames[:-1] if not frame.misfit]
+        newest = {frame.plane: frame for frame in frames}
+        overtaken = [frame for frame in frames if not frame.misfit and frame is not newest[frame.plane]]
         for frame in overtaken:
-            self.session.defer(frame, frames[-1])
+            self.session.defer(frame, newest[frame.plane])
         self._lose(at_s)
         for frame in frames:
             if frame not in overtaken:
@@ -188,15 +189,18 @@ class Server:
     def _assemble(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
         """Return the frame that an image completes; its sender is the scanner from now on."""
         self._scanner, self._scanned_s = client, at_s
+        plane, planes = event.header.device if self.session.planes else None, self.session.planes
         try:
-            whole = client.frames.add(image)
+            if planes and plane not in planes:
+                raise ProtocolError(f"IMAGE of device {plane!r}: must be a plane's name: {', '.join(planes)}")
+            whole = client.frames.setdefault(plane, FrameAssembler()).add(image)
         except ProtocolError as fault:
             self._decide("bad image", Fault(at_s, Cause.BAD_IMAGE, str(fault)))
             return None
         if whole is None:
             return None
         sender_id = event.message_id or int(from_si(event.header.time_s, "us")) or next(self._arrivals)
-        return self.session.frame(whole, sender_id, client.number, at_s, event.header.time_s or None)
+        return self.session.frame(whole, sender_id, client.number, at_s, event.header.time_s or None, plane)
 
     def _take_faulty(
         self, client: Connection, event: BadChecksum | Malformed | Broken, at_s: float, may_scan: bool
@@ -206,7 +210,7 @@ class Server:
         if client is not self._scanner and not (may_scan and of_image):
             self._note_client(f"client {client.address}: {event.reason}", client)
             return
-        client.frames = FrameAssembler()  # no frame may mix parts from before and after the error
+        client.frames.clear()  # no frame may mix parts from before and after the error
         name, cause = ("checksum", Cause.CHECKSUM) if isinstance(event, BadChecksum) else ("bad image", Cause.BAD_IMAGE)
         self._decide(name, Fault(at_s, cause, event.reason))
 
@@ -223,16 +227,21 @@ class Server:
         self._note_state()
         if frame.image.pixels.shape == self._ring.shape:
             self._ring.put(frame.number, frame.image.pixels)
-        decided = messages.Decided(entry=entry, travel_m=frame.unread.travel_m, pierced=session.pierced)
+        moment = session.moment(frame) if frame.plane else (frame,)
+        decided = messages.Decided(
+            entry=entry, travel_m=frame.unread.travel_m, pierced=session.pierced,
+            moment=moment[0].number if frame.plane else None,
+        )  # fmt: skip
         self._companions.decided(decided)
-        if session.answer is not None:
+        if session.answer is not None and len(moment) >= len(session.planes):
             asked = messages.OpinionAsked(
                 number=frame.number, order=frame.unread.frame_id, at_s=frame.unread.at_s,
                 teaches=session.teaches and not frame.misfit and frame.unread.shown_back == 0, pierced=session.pierced,
+                planes=tuple((one.plane, one.number, one.unread.frame_id) for one in moment if one.plane),
             )  # fmt: skip
             self._companions.send(OPINION, asked, now_s)
-            if session.answer.segmentation is not None:
-                self._companions.outline(frame.number, session.answer.segmentation, now_s)
+        if session.answer is not None and session.answer.segmentation is not None:
+            self._companions.outline(frame.number, session.answer.segmentation, now_s)
 
     def _status(self) -> Outgoing:
         return Outgoing(STATUS_DEVICE, (peers.status_message(self.session.decision),), self.session.wall_clock)
@@ -302,8 +311,10 @@ class Server:
 
     def _take_message(self, message: messages.CompanionMessage, now_s: float) -> None:
         match message:
-            case messages.OpinionGiven():
-                self._decide("opinion", SecondOpinion(at_s=now_s, frame_id=message.order, verdict=message.verdict))
+            case messages.OpinionGiven(order=order, verdict=verdict, plane=plane):
+                if plane:
+                    self.session.read_together(verdict, message.contact_m)
+                self._decide("opinion", SecondOpinion(at_s=now_s, frame_id=order, verdict=verdict, plane=plane))
             case messages.EyeLearned(known=known, frames=frames, fault=fault):
                 self.session.learned(known, frames)
                 if fault:

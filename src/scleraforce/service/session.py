@@ -1,7 +1,7 @@
 """One session of the monitor without its connections: frames and events in, decisions out; deferred frames."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from statistics import median_low
@@ -9,7 +9,7 @@ from time import monotonic, time
 from typing import Any
 
 from scleraforce.known import Known
-from scleraforce.monitor import MonitorLimits, MonitorState, decide
+from scleraforce.monitor import MonitorLimits, MonitorState, PlanesState, decide, decide_planes
 from scleraforce.monitor.events import (
     SLACK_S,
     Cause,
@@ -20,6 +20,7 @@ from scleraforce.monitor.events import (
     QueueLoss,
     State,
     Tick,
+    Verdict,
 )
 from scleraforce.monitor.limits import of_scale
 from scleraforce.reader.answer import Answer, unusable
@@ -35,6 +36,7 @@ FIRST_INTERVAL_S = 0.01  # until frames show another
 LEAST_SENT_S = 0.001  # between two headers: they may count in anything
 KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # a flood hardly counts in their mean
 SETTLED_FRAMES = 100  # a pause at the start hardly counts in their mean
+OTHER_PLANE = 2  # pictures ago: a picture that another plane has shown is never the one before
 Read = Callable[[Pixels, PixelScale], Answer]
 
 
@@ -77,7 +79,7 @@ class Frame:
     `misfit`: its size, scale, pixel type or order is wrong, known before it is read; such a frame is never skipped.
     `interval_s`: the time that it stands for, the scanner's mean interval. `unread` has the time of its last byte, a
     `frame_id` that rises with `sender_id` and keeps rising where another sender starts to count anew, and the verdict
-    on a frame of another size. `history`: the tissue's before it, and before all frames that came with it.
+    on a frame of another size, and its plane. `history`: the tissue's before it, and before all that came with it.
     """
 
     number: int
@@ -88,16 +90,21 @@ class Frame:
     unread: FrameRead
     history: History = ELASTIC
 
+    @property
+    def plane(self) -> str | None:
+        """The name of its plane; None of the only one."""
+        return self.unread.plane
+
 
 class DeferredFrames:
     """A queue of deferred frames: none waits longer than `most_s`, and no bunch stands for more than that.
 
-    A bunch lasts as long as its frames stand for, however quickly they are read. The queue holds at most `MOST_FRAMES`,
-    however short the time is that they stand for.
+    A bunch lasts as long as its frames stand for, however quickly they are read. The queue holds at most `most` frames
+    of one plane, however short the time is that they stand for.
     """
 
-    def __init__(self, most_s: float) -> None:
-        self._most_s = most_s
+    def __init__(self, most_s: float, most: int = MOST_FRAMES) -> None:
+        self._most_s, self._most = most_s, most
         self._waiting: deque[tuple[Frame, int]] = deque()
         self._bunch_s, self._last_s = 0.0, float("-inf")
 
@@ -110,6 +117,11 @@ class DeferredFrames:
         self._bunch_s = max(0.0, self._bunch_s - (frame.unread.at_s - self._last_s)) + frame.interval_s
         self._last_s = frame.unread.at_s
 
+    @property
+    def oldest(self) -> int:
+        """Number of the frame that has waited longest."""
+        return self._waiting[0][0].number
+
     def take(self) -> Frame:
         """Dequeue the frame that has waited longest."""
         return self._waiting.popleft()[0]
@@ -117,23 +129,39 @@ class DeferredFrames:
     def lose(self, now_s: float) -> list[QueueLoss]:
         """Drop the frames beyond the limits, oldest first; return the loss of each row."""
         rows: dict[int, tuple[int, float]] = {}
+        plane = self._waiting[0][0].plane if self._waiting else None
         while self._waiting and self._too_much(now_s):
             frame, row = self._waiting.popleft()
             lost, unread_s = rows.get(row, (0, 0.0))
             rows[row] = lost + 1, unread_s + frame.interval_s
             self._bunch_s = max(0.0, self._bunch_s - frame.interval_s)
-        return [QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row) for row, (lost, unread_s) in rows.items()]
+        return [
+            QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row, plane=plane)
+            for row, (lost, unread_s) in rows.items()
+        ]
 
     def _too_much(self, now_s: float) -> bool:
         late = now_s - self._waiting[0][0].unread.at_s > self._most_s
-        return late or self._bunch_s > self._most_s + SLACK_S or len(self._waiting) > MOST_FRAMES
+        return late or self._bunch_s > self._most_s + SLACK_S or len(self._waiting) > self._most
+
+
+class _Stream:
+    """The frames of one plane: all that compares a frame with those before it; `read` reads one."""
+
+    def __init__(self, read: Read, limits: MonitorLimits, history: History, planes: int) -> None:
+        self.read, self.history = read, history
+        self.sender = self.offset = self.order = 0
+        self.sent_type: str | None = None
+        self.shown = ShownPictures(limits.shown_frames)
+        self.pace, self.deferred = FramePace(limits.silence_s), DeferredFrames(limits.catch_up_s, MOST_FRAMES // planes)
 
 
 class Session:
     """The state of the monitor and its decisions; its methods never raise.
 
-    `read` reads a frame of the size in `limits`; an exception in it is a cause of a withdrawal. `history`, of the
-    tissue, continues through withdrawals and resets. `clock` is monotonic, `wall_clock` counts seconds since 1970.
+    `read` reads a frame of the size in `limits`, of several planes each plane's, by name; an exception in it is a cause
+    of a withdrawal. `history`, of the tissue, continues through withdrawals and resets, on each plane by itself.
+    `clock` is monotonic, `wall_clock` counts seconds since 1970.
     `answer` is the reading of the last frame; None if it was not read. `withdrawals` has frame, time, first cause and
     message of each, for the summary. `adopt` takes the eye as learned, which `read` reads with from then on,
     and returns the stiffness of its wall, N/m, if that is known.
@@ -141,7 +169,7 @@ class Session:
 
     def __init__(
         self,
-        read: Read,
+        read: Read | Mapping[str, Read],
         limits: MonitorLimits,
         clock: Callable[[], float] = monotonic,
         wall_clock: Callable[[], float] = time,
@@ -151,15 +179,16 @@ class Session:
     ) -> None:
         self.limits, self.clock, self.wall_clock = limits, clock, wall_clock
         self.withdrawals: list[dict[str, Any]] = []
-        self._read, self._history, self._class_bounds_n = read, history, class_bounds_n
-        self._adopt, self._learned = adopt, dict[str, float]()
-        self._state, self.decision = decide(MonitorState(), Tick(clock()), limits)
+        self._class_bounds_n, self._adopt, self._beside = class_bounds_n, adopt, dict[str, Any]()
+        reads: dict[str | None, Read] = dict(read.items()) if isinstance(read, Mapping) else {None: read}
+        self.planes = tuple(name for name in reads if name is not None)
+        self._streams = {name: _Stream(one, limits, history, len(reads)) for name, one in reads.items()}
+        self._of_all = ShownPictures(len(reads) * limits.shown_frames) if self.planes else None
+        self._state: MonitorState | PlanesState = PlanesState.of(self.planes) if self.planes else MonitorState()
+        self._moment = dict[str | None, Frame]()
         self.frames = self._entries = 0  # since the start
-        self._sender = self._offset = self._order = 0
-        self._sent_type: str | None = None
+        self._decide(Tick(clock()))
         self.answer: Answer | None = None
-        self._shown = ShownPictures(limits.shown_frames)
-        self._pace, self._deferred = FramePace(limits.silence_s), DeferredFrames(limits.catch_up_s)
         self._overtaken = 0
         self._travel = (0.0, -inf)
         self._other_size = unusable(limits.withdraw_class + 1, "another size").verdict
@@ -172,17 +201,24 @@ class Session:
     @property
     def behind(self) -> bool:
         """True while frames wait that newer ones overtook."""
-        return len(self._deferred) > 0
+        return any(stream.deferred for stream in self._streams.values())
 
     def take(self, event: MonitorEvent) -> bool:
         """Decide on an event; return whether the decision has changed."""
         before = self.decision
-        self._state, self.decision = decide(self._state, event, self.limits)
+        self._decide(event)
         cause, message = self.decision.cause, self.decision.message
         if cause and State.WITHDRAW is self.decision.state is not before.state:
             begun = {"frame": self.frames, "time_s": self.wall_clock(), "cause": cause.name, "message": message}
             self.withdrawals.append(begun)
         return self.decision != before
+
+    def _decide(self, event: MonitorEvent) -> None:
+        state = self._state
+        if isinstance(state, MonitorState):
+            self._state, self.decision = decide(state, event, self.limits)
+        else:
+            self._state, self.decision = decide_planes(state, event, self.limits)
 
     @property
     def teaches(self) -> bool:
@@ -201,39 +237,70 @@ class Session:
             self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
         if known.modulus is not None:
             mean_mpa, sd_mpa = from_si(known.modulus.mean_pa, "mpa"), from_si(known.modulus.sd_pa, "mpa")
-            self._learned = {"modulus_mpa": mean_mpa, "modulus_sd_mpa": sd_mpa, "modulus_frames": frames}
+            self._beside |= {"modulus_mpa": mean_mpa, "modulus_sd_mpa": sd_mpa, "modulus_frames": frames}
+
+    def read_together(self, verdict: Verdict, contact_m: tuple[float, ...] | None) -> None:
+        """Take what all planes of a moment show together: the force, and the contact in three dimensions."""
+        force_n, (low_n, high_n) = verdict.force_n, verdict.interval_n or (None, None)
+        self._beside |= {
+            "planes_force_mn": from_si(force_n, "mn"),
+            "planes_interval_mn": None if low_n is None else (from_si(low_n, "mn"), from_si(high_n, "mn")),
+            "contact_xyz_mm": contact_m and tuple(from_si(place_m, "mm") for place_m in contact_m),
+        }
 
     def travelled(self, travel_m: float, at_s: float) -> None:
         """Take the needle's travel along its axis at a time: frames until the next one have it."""
         self._travel = travel_m, at_s
 
     def frame(
-        self, image: ScannerFrame, sender_id: int, sender: int, at_s: float, sent_s: float | None = None
-    ) -> Frame:
+        self, image: ScannerFrame, sender_id: int, sender: int, at_s: float, sent_s: float | None = None,
+        plane: str | None = None,
+    ) -> Frame:  # fmt: skip
         """Number a frame that was complete at `at_s`, from connection number `sender`; its header states `sent_s`."""
         self.frames += 1
-        if sender != self._sender:
-            self._sender, self._offset = sender, self._order + 1 - sender_id if self._sender else 0
-        order = self._offset + sender_id
-        misfit = order <= self._order or not self._fits(image)
-        self._order, self._sent_type = order, image.sent_type
+        stream = self._streams[plane]
+        if sender != stream.sender:
+            stream.sender, stream.offset = sender, stream.order + 1 - sender_id if stream.sender else 0
+        order = stream.offset + sender_id
+        misfit = order <= stream.order or not self._fits(image, stream.sent_type)
+        stream.order, stream.sent_type = order, image.sent_type
         age_s = at_s - self._travel[1]
         is_fresh = 0.0 <= age_s < self.limits.silence_s
         unread = FrameRead(
-            at_s=at_s, frame_id=order, verdict=self._other_size, shown_back=self._shown.back(image.pixels),
+            at_s=at_s, frame_id=order, verdict=self._other_size, shown_back=self._back(stream, image.pixels),
             size=(image.pixels.shape[0], image.pixels.shape[1]), scale_m=(image.lateral_m, image.depth_m),
             sent_s=sent_s, pixel_type=image.sent_type,
-            travel_m=self._travel[0] if is_fresh else None, travel_age_s=age_s if is_fresh else 0.0,
+            travel_m=self._travel[0] if is_fresh else None, travel_age_s=age_s if is_fresh else 0.0, plane=plane,
         )  # fmt: skip
         return Frame(
-            number=self.frames, sender_id=sender_id, interval_s=self._pace.arrived(at_s, sent_s), image=image,
-            misfit=misfit, unread=unread, history=self._history,
+            number=self.frames, sender_id=sender_id, interval_s=stream.pace.arrived(at_s, sent_s), image=image,
+            misfit=misfit, unread=unread, history=stream.history,
         )  # fmt: skip
 
-    def _fits(self, image: ScannerFrame) -> bool:
+    def _back(self, stream: _Stream, pixels: Pixels) -> int:
+        """Return how many pictures ago a plane has shown a picture, 0 if it is new; another plane's is not new."""
+        back = stream.shown.back(pixels)
+        elsewhere = self._of_all is not None and self._of_all.back(pixels) > 0
+        return back or (OTHER_PLANE if elsewhere else 0)
+
+    def moment(self, frame: Frame) -> tuple[Frame, ...]:
+        """Return the frames of a frame's moment so far, oldest first: of one time stamp, or within one interval.
+
+        Planes that a scanner takes in turns are less than an interval apart, frames of two moments a whole one.
+        """
+        planes = len(self._streams)
+        first = next(iter(self._moment.values()), frame)
+        within_s = (1.0 - 0.5 / planes) * frame.interval_s
+        stamped = frame.unread.sent_s is not None and frame.unread.sent_s == first.unread.sent_s
+        if frame.plane in self._moment or not (stamped or frame.unread.at_s - first.unread.at_s < within_s):
+            self._moment.clear()
+        self._moment[frame.plane] = frame
+        return tuple(self._moment.values())
+
+    def _fits(self, image: ScannerFrame, sent_type: str | None) -> bool:
         """Return whether an image is of the expected size and scale, and its pixels of the type before it."""
         limits, scale_m = self.limits, (image.lateral_m, image.depth_m)
-        same_type = image.sent_type == (self._sent_type or image.sent_type)
+        same_type = image.sent_type == (sent_type or image.sent_type)
         fits = image.pixels.shape == limits.size and of_scale(scale_m, limits.scale_m or scale_m, limits)
         return fits and same_type
 
@@ -246,21 +313,22 @@ class Session:
             self.take(_failure(frame, fault, frame.unread.at_s))
         else:
             if not frame.misfit and frame.unread.shown_back == 0:  # others are gaps
-                self._history = history
+                self._streams[frame.plane].history = history
             self.take(read)
 
     def defer(self, frame: Frame, newest: Frame) -> None:
         """Defer a frame, which `newest` overtook, until no newer one waits."""
         self._overtaken += 1
-        self._deferred.add(frame, newest.number)
+        self._streams[frame.plane].deferred.add(frame, newest.number)
 
     def losses(self, now_s: float) -> list[QueueLoss]:
         """Return the events of the deferred frames that are lost by now."""
-        return self._deferred.lose(now_s)
+        return [loss for stream in self._streams.values() for loss in stream.deferred.lose(now_s)]
 
     def catch_up(self) -> MonitorEvent:
         """Read the deferred frame that has waited longest; return the event to decide on."""
-        frame = self._deferred.take()
+        waiting = [stream.deferred for stream in self._streams.values() if stream.deferred]
+        frame = min(waiting, key=lambda deferred: deferred.oldest).take()
         try:
             _, read, _ = self._read_frame(frame)
         except Exception as fault:
@@ -275,7 +343,9 @@ class Session:
         image, unread = frame.image, frame.unread
         if unread.size != self.limits.size:
             return None, unread, frame.history
-        elastic = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
+        elastic = self._streams[frame.plane].read(
+            image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m)
+        )
         answer, history = frame.history.read(elastic, self._class_bounds_n, unread.at_s)
         read = FrameRead(**vars(unread) | {"verdict": answer.verdict})  # 3 µs; `replace` takes 8
         return answer, read, history
@@ -309,13 +379,14 @@ class Session:
             present=decision.present,
             frame=frame.number if frame else None,
             frame_id=frame.sender_id if frame else None,
+            plane=frame.plane if frame else None,
             verdict=answer.verdict if answer else None,
             latency_ms=from_si(latency_s, "ms"),
             time_to_bound_ms=to_bound[0],
             time_to_bound_ms_interval=to_bound[1],
             overtaken=self._overtaken,
             lost=self.lost,
-            **self._learned,  # type: ignore[arg-type]
+            **self._beside,
         )
 
 

@@ -84,8 +84,9 @@ def test_a_monitor_that_says_nothing_is_silent_and_sooner_while_it_watches() -> 
 
 def test_an_old_reading_is_not_shown_as_one_of_now() -> None:
     silent = entry(0.9, "WITHDRAW", "SILENCE")
-    board = board_with((0.0, entry(0.0, frame=1, **reading(12.0))), (0.4, RATES), (0.9, silent))
-    assert board.as_json(0.4, 0)["reading"]["force_mn"] == 12.0
+    board = board_with((0.0, entry(0.0, frame=1, plane="across", **reading(12.0))), (0.4, RATES), (0.9, silent))
+    shown = board.as_json(0.4, 0)["reading"]
+    assert (shown["force_mn"], shown["plane"]) == (12.0, "across")
     assert board.as_json(0.9, 0)["reading"] is None
 
 

@@ -25,7 +25,7 @@ LATENCY_S = 5.0
 OUTLINE_S = 0.2  # after this long, a frame is shown without its outline
 READING = (
     "frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason", "time_to_bound_ms",
-    "time_to_bound_ms_interval", "modulus_mpa", "modulus_sd_mpa", "modulus_frames",
+    "time_to_bound_ms_interval", "modulus_mpa", "modulus_sd_mpa", "modulus_frames", "plane",
 )  # fmt: skip
 
 
@@ -161,7 +161,7 @@ class Board:
             "kind": "state",
             "now": now_s / STEP_S,
             "monitor": self.monitor(now_s),
-            "reading": read and {name: read[name] for name in READING},
+            "reading": read and {name: read.get(name) for name in READING},
             "latency_ms": [round(median(latencies_ms), 2), round(max(latencies_ms), 2)] if latencies_ms else None,
             "frames_per_second": self._rates.frames_per_second if self._rates else None,
             "lost": self._lost,

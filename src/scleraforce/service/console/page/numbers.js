@@ -68,7 +68,7 @@ function showReading(reading, settings) {
   write("class-bounds", predicted === null ? "" : classBounds(predicted, settings.class_bounds_mn));
   showShares(usable ? (reading.probabilities ?? []) : []);
   write("force", usable ? fixed(reading.force_mn, 1) : "–");
-  write("interval", intervalText(reading, usable, settings));
+  write("interval", (reading?.plane ? `plane ${reading.plane}: ` : "") + intervalText(reading, usable, settings));
   showUntil(usable && reading.force_mn !== null ? reading : null);
   write("learned", learnedText(reading));
 }
