@@ -11,13 +11,15 @@ import pyigtl
 import pytest
 from fake_monitor import fake_monitor
 from small_monitor import Peer
+from small_recordings import drawn_wall
 from sources import example_module
 from waiting import FUSE_S, wait_until
 
 from scleraforce.openigtlink import Image, Status
 
 bridge = example_module("slicer/bridge")
-ROWS, COLUMNS = 256, 300
+WALL = drawn_wall(np.random.default_rng(7), dent_m=0.0)
+ROWS, COLUMNS = WALL.shape
 MATRIX = (0.05, 0.0, 0.0, 0.0, 4.0 / ROWS, 0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 3.0)
 
 
@@ -27,16 +29,6 @@ def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bridge, "FRAME_WAIT_S", FUSE_S)
 
 
-def wall() -> np.ndarray:
-    """A frame of 15 x 4 mm with a wall of 0.6 mm, the surface about row 32 in the middle."""
-    rng = np.random.default_rng(7)
-    lateral_m = (np.arange(COLUMNS) + 0.5) / COLUMNS * 15e-3 - 7.5e-3
-    top_m = 0.5e-3 + 12e-3 - np.sqrt(12e-3**2 - lateral_m**2)
-    depth_m = (np.arange(ROWS)[:, None] + 0.5) / ROWS * 4e-3
-    inside = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
-    return np.clip(rng.normal(np.where(inside, 2400.0, 600.0), 150.0), 0, 4095).astype(np.uint16)
-
-
 def heard(client: pyigtl.OpenIGTLinkClient, device: str):
     message = client.wait_for_message(device, timeout=FUSE_S)
     assert message is not None, f"{device} did not come"
@@ -44,13 +36,12 @@ def heard(client: pyigtl.OpenIGTLinkClient, device: str):
 
 
 def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_scanner_its_answers() -> None:
-    pixels = wall()
     with fake_monitor() as monitor, bridge.run(0, 0, ("127.0.0.1", monitor.port)) as (scanner_port, slicer_port):
         clients = [pyigtl.OpenIGTLinkClient("127.0.0.1", slicer_port)]
         try:
             with Peer(scanner_port, version=2) as scanner:
                 wait_until(clients[0].is_connected)
-                scanner.say(Image(pixels[None], MATRIX), message_id=5)
+                scanner.say(Image(WALL[None], MATRIX), message_id=5)
                 scanner.hear(lambda peer: peer.readings() > 0)
                 assert scanner.readings() == 1
                 shown = [[heard(clients[0], device) for device in ("ForceView", "ForceBar", "ForceText")]]
@@ -60,7 +51,7 @@ def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_s
         finally:
             for client in clients:
                 client.stop()
-    np.testing.assert_array_equal(event.message.pixels[0], pixels)  # handed on as it came
+    np.testing.assert_array_equal(event.message.pixels[0], WALL)  # handed on as it came
     assert event.message_id == 5
     for picture, bar, words in shown:
         assert picture.image.shape == (1, ROWS, COLUMNS, 3)
@@ -76,7 +67,7 @@ def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_s
 def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    latest, image = bridge.Latest(), Image(wall()[None], MATRIX)
+    latest, image = bridge.Latest(), Image(WALL[None], MATRIX)
     older, newer = (replace(image, matrix=(width_mm, *MATRIX[1:])) for width_mm in (1.0, 2.0))
 
     def picture_of(frame_id: int) -> Image:

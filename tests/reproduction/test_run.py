@@ -227,17 +227,12 @@ def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Eva
     """Answers to two frames, the log 2 mN above the truth."""
     frames = tuple(
         frame_answer(
-            recording=str(folder),
-            eye="eye-1",
-            file=f"{number}.png",
-            measured_force_n=true_n + 2e-3,
-            measured_force_sd_n=0.1e-3,
-            true_force_n=true_n,
-            force_n=force_n,
+            recording=str(folder), eye="eye-1", file=f"{number}.png", measured_force_n=true_n + 2e-3,
+            measured_force_sd_n=0.1e-3, true_force_n=true_n, force_n=force_n,
             interval_n=None if force_n is None else (force_n - 1e-3, force_n + 1e-3),
         )
         for number, (true_n, force_n) in enumerate(zip((10e-3, 20e-3), read_n, strict=True))
-    )
+    )  # fmt: skip
     return Evaluation(
         model="model", bounds_n=(5e-3, 30e-3), max_force_n=60e-3, youngs_modulus_pa=0.25e6, frames=frames, kind=kind
     )

@@ -9,8 +9,12 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
+from chromium import in_chromium
 from effects import SCLERAFORCE, cache_of_its_own
+from playwright.sync_api import Browser
 
 COARSE = """
 [mesh]
@@ -114,14 +118,6 @@ def test_the_bundled_reader_reads_by_default_and_the_run_says_so(bundled) -> Non
     assert not (out / "reader").exists()
 
 
-def test_a_study_that_the_bundled_reader_was_not_trained_for_is_refused(study: Path, tmp_path: Path) -> None:
-    result = run("reproduce", "--out", str(tmp_path / "out"), "--study", str(study))
-    assert (result.returncode, result.stdout) == (2, "")
-    assert result.stderr.startswith(f"error: {study}: library.")
-    assert "--train" in result.stderr
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_run_that_trains_reads_with_its_own_reader_and_answers_45_trials_of_each_kind(done) -> None:
     out, printed = done
     assert printed["reader"] == {"model": str(out / "reader"), "trained": True}
@@ -195,18 +191,11 @@ def test_control_c_leaves_a_folder_that_the_same_command_finishes(study: Path, t
     assert said_again == said_once
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium")
-def test_a_browser_renders_the_page(done, tmp_path: Path) -> None:
-    import cv2
-
-    picture = tmp_path / "page.png"
-    flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    flags += "--disable-component-update --disable-sync --hide-scrollbars --window-size=1200,3000"
-    subprocess.run(
-        ["chromium", *flags.split(), f"--user-data-dir={tmp_path}/profile", f"--screenshot={picture}",
-         (done[0] / "report.html").as_uri()],
-        check=True, capture_output=True, timeout=120,
-    )  # fmt: skip
-    shown = cv2.imread(str(picture))
+@in_chromium
+def test_a_browser_renders_the_page(done, browser: Browser) -> None:
+    page = browser.new_page(viewport={"width": 1200, "height": 3000})
+    page.goto((done[0] / "report.html").as_uri())
+    shown = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    page.close()
     assert shown.shape == (3000, 1200, 3)
     assert 0.02 < (shown.mean(axis=2) < 128).mean() < 0.9

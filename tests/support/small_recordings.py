@@ -118,7 +118,7 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
     (folder / "frames.csv").write_text("\n".join(["file,time_s", *(f"{name},{n}" for n, name in enumerate(names))]))
     rng = np.random.default_rng(7)
     for name in names:
-        cv2.imwrite(str(folder / "frames" / name), _wall(rng))
+        cv2.imwrite(str(folder / "frames" / name), drawn_wall(rng))
     recording = read_recording(folder)
     scale = PixelScale.of(recording.info.oct)
     return look_at_all(
@@ -138,9 +138,10 @@ def read_frames(folder: Path, reason: str, **more: Any) -> tuple[tuple[AnsweredF
     return looks, evaluation_of(answers, notes=("a gap of 0.9 mm",), kind="reader")
 
 
-def _wall(rng: np.random.Generator) -> np.ndarray:
+def drawn_wall(rng: np.random.Generator, dent_m: float = 0.6e-3) -> np.ndarray:
+    """A frame of 15 x 4 mm, in 12 bits, with a wall of 0.6 mm: its surface is 0.5 mm deep in the middle, and dented."""
     lateral_m = (np.arange(LOOKED_AT_COLUMNS) + 0.5) / LOOKED_AT_COLUMNS * 15e-3 - 7.5e-3
-    top_m = 0.5e-3 + 12e-3 - np.sqrt(12e-3**2 - lateral_m**2) + 0.6e-3 * np.exp(-((lateral_m / 2e-3) ** 2))
+    top_m = 0.5e-3 + 12e-3 - np.sqrt(12e-3**2 - lateral_m**2) + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
     depth_m = (np.arange(LOOKED_AT_ROWS)[:, None] + 0.5) / LOOKED_AT_ROWS * 4e-3
     wall = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
     return np.clip(rng.normal(np.where(wall, 2400.0, 600.0), 150.0), 0, 4095).astype(np.uint16)
