@@ -70,15 +70,10 @@ class StoredArray:
     def create(self, group: zarr.Group) -> zarr.Array[Any]:
         """Create the array in a group, or replace it; chunks of zeros are written, too: a missing chunk is not done."""
         return group.create_array(
-            self.name,
-            shape=self.shape,
-            chunks=self.chunks,
-            dtype=self.dtype,
-            filters=None,
+            self.name, shape=self.shape, chunks=self.chunks, dtype=self.dtype, filters=None,
             compressors=[*([ZstdCodec(level=3)] if self.compressed else []), Crc32cCodec()],
-            config={"write_empty_chunks": True},
-            overwrite=True,
-        )
+            config={"write_empty_chunks": True}, overwrite=True,
+        )  # fmt: skip
 
     def difference(self, metadata: Any) -> str | None:
         """Return the difference between the content of a `zarr.json` and this array; None if it fits."""

@@ -260,14 +260,9 @@ Message = Image | Status | Text | Sensor | Transform | Query
 
 
 def encode(
-    message: Message,
-    device: str,
-    *,
-    version: int = 1,
-    time_s: float = 0.0,
-    message_id: int = 0,
+    message: Message, device: str, *, version: int = 1, time_s: float = 0.0, message_id: int = 0,
     metadata: Mapping[str, str] = NO_METADATA,
-) -> bytes:
+) -> bytes:  # fmt: skip
     """Return a whole message as bytes, with a header of the peer's version, 1 to 3.
 
     The name of the device is ASCII, at most 20 characters. Version 1 has neither message id nor metadata. What does

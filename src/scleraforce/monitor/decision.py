@@ -318,39 +318,24 @@ def _move(state: MonitorState, finding: _Finding, limits: MonitorLimits) -> Moni
     if finding.cause is Cause.PIERCED:  # harmless frames do not mend it; a fall is found once
         pierced, dents = finding.reason, dents[-OUTSIDE:]
     moved = replace(
-        state,
-        state=after,
-        fresh=fresh.get(finding.signal, 0),
-        opinion=None if finding.cause else state.opinion,
-        cause=cause,
-        reason=reason,
-        pierced=pierced,
-        dents=dents,
+        state, state=after, fresh=fresh.get(finding.signal, 0), opinion=None if finding.cause else state.opinion,
+        cause=cause, reason=reason, pierced=pierced, dents=dents,
         present_cause=state.present_cause if keeps else finding.cause or (Cause.PIERCED if pierced else None),
         present_reason=state.present_reason if keeps else finding.reason or pierced,
-    )
+    )  # fmt: skip
     leaves = state.state in events.LATCHED and after is State.WATCHING
     return _released(moved, state, limits) if leaves else moved
 
 
 def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) -> MonitorState:
     """End what was latched: nothing from before its fresh frames counts any more."""
+    seen = [one.verdict for one in (before.frame, before.opinion) if one]
     return replace(
-        moved,
-        cause=None,
-        reason="",
-        touched=before.frame is None
-        or any(touches(seen.verdict, limits) for seen in (before.frame, before.opinion) if seen),
-        unusable=0,
-        doubted=0,
-        losses=(),
-        lost_in_row_s=0.0,
-        history=before.history[-before.fresh :],
-        dents=before.dents[-before.fresh :],
-        pierced="",
-        present_cause=None,
-        present_reason="",
-    )
+        moved, cause=None, reason="", unusable=0, doubted=0, losses=(), lost_in_row_s=0.0, pierced="",
+        touched=before.frame is None or any(touches(verdict, limits) for verdict in seen),
+        history=before.history[-before.fresh :], dents=before.dents[-before.fresh :],
+        present_cause=None, present_reason="",
+    )  # fmt: skip
 
 
 def _decision(state: MonitorState, finding: _Finding) -> Decision:

@@ -108,22 +108,13 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
             history = (*history, (frame.at_s, frame.verdict.force_n))[-NOISE_WINDOWS * limits.rate_frames :]
             dents = (*dents, _dent(frame, frame.verdict.force_n))[-DENTS:]
     return replace(
-        state,
-        at_s=_time_of(state, frame),
-        frame=frame,
-        size=size,
-        scale_m=scale_m,
-        touched=touched,
-        clear_s=clear_s,
-        history=history,
-        dents=dents,
-        repeats=state.repeats + 1 if frame.shown_back == 1 else 1,
-        returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :],
-        lags=lags,
+        state, at_s=_time_of(state, frame), frame=frame, size=size, scale_m=scale_m, touched=touched, clear_s=clear_s,
+        history=history, dents=dents, repeats=state.repeats + 1 if frame.shown_back == 1 else 1,
+        returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :], lags=lags,
         least_lag=_least_lag(state.least_lag, lags, frame.at_s, limits),
         unusable=0 if frame.verdict.usable else state.unusable + 1,
         unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
-    )
+    )  # fmt: skip
 
 
 def _dent(frame: FrameRead, force_n: float) -> Dent:

@@ -79,15 +79,9 @@ class FaultReport:
 
 
 def prepare(
-    name: str,
-    recording: Recording,
-    time_s: float,
-    rng: np.random.Generator,
-    *,
-    version: int = 1,
-    speed: float = 1.0,
+    name: str, recording: Recording, time_s: float, rng: np.random.Generator, *, version: int = 1, speed: float = 1.0,
     forces_n: Sequence[float] | None = None,
-) -> PreparedFault:
+) -> PreparedFault:  # fmt: skip
     """Prepare a fault that takes the place of the first frame at or after a time of the recording.
 
     `rng` makes random choices, such as noise or black; "rising" and "dangerous" need `forces_n`, at each frame. It

@@ -98,12 +98,11 @@ class Entry:
         """
         verdict = self.verdict
         reading = {
-            "probabilities": finite(verdict.probabilities) if verdict else None,
-            "force_mn": finite(self.force_mn),
+            "probabilities": finite(verdict.probabilities) if verdict else None, "force_mn": finite(self.force_mn),
             "interval_mn": finite(self.interval_mn),
             "usable": verdict.usable if verdict else None if self.frame is None else False,
             "reason": verdict.reason if verdict else None,
-        }
+        }  # fmt: skip
         record: dict[str, Any] = {}
         for name, value in vars(self).items():
             if value is None and name in OF_PLANES:

@@ -8,20 +8,9 @@ from datetime import datetime
 from itertools import count
 from select import select
 
+import scleraforce.openigtlink as igtl
 from scleraforce.errors import ProtocolError
 from scleraforce.monitor.events import Cause, Fault, MonitorEvent, Reset, SecondOpinion, Tick
-from scleraforce.openigtlink import (
-    BadChecksum,
-    Broken,
-    Image,
-    Malformed,
-    PeerEvent,
-    Query,
-    Received,
-    Sensor,
-    Text,
-    Transform,
-)
 from scleraforce.service import clients as peers, messages
 from scleraforce.service.clients import Clients, Connection, Outgoing, RateLimiter, ServerSettings
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
@@ -54,15 +43,9 @@ class Server:
     """
 
     def __init__(
-        self,
-        session: Session,
-        listener: socket.socket,
-        settings: ServerSettings,
-        ring: FrameRing,
-        guard: Guard,
-        companions: Companions,
-        note: Callable[[str], None],
-    ) -> None:
+        self, session: Session, listener: socket.socket, settings: ServerSettings, ring: FrameRing, guard: Guard,
+        companions: Companions, note: Callable[[str], None],
+    ) -> None:  # fmt: skip
         self.session = session
         self._ring, self._guard, self._companions, self._note = ring, guard, companions, note
         self._clients = Clients(listener, settings, guard, self._note_client)
@@ -160,33 +143,33 @@ class Server:
             if frame not in overtaken:
                 self._take_frame(frame)
         if not alive:
-            broken = next((event.reason for event in events if isinstance(event, Broken)), None)
+            broken = next((event.reason for event in events if isinstance(event, igtl.Broken)), None)
             self._clients.leave(client, f"was disconnected: {broken}" if broken else "left")
 
-    def _hear_event(self, client: Connection, event: PeerEvent, at_s: float, may_scan: bool) -> Frame | None:
+    def _hear_event(self, client: Connection, event: igtl.PeerEvent, at_s: float, may_scan: bool) -> Frame | None:
         """Handle a client's message; return the frame that it completes, if any."""
-        if not isinstance(event, Broken):
+        if not isinstance(event, igtl.Broken):
             self._clients.speaks(client, event.header.version)
         match event:
-            case Received(message=Image() as image) if may_scan:
+            case igtl.Received(message=igtl.Image() as image) if may_scan:
                 return self._assemble(client, event, image, at_s)
-            case Received(message=Query(type="STATUS")):
+            case igtl.Received(message=igtl.Query(type="STATUS")):
                 self._clients.send(client, self._status(), at_s)
-            case Received(message=Text(text)) if event.header.device == RESET_DEVICE:
+            case igtl.Received(message=igtl.Text(text)) if event.header.device == RESET_DEVICE:
                 self._reset_by_client(client, text, at_s)
-            case Received(message=Transform() as pose) if event.header.device == NEEDLE_DEVICE:
+            case igtl.Received(message=igtl.Transform() as pose) if event.header.device == NEEDLE_DEVICE:
                 self.session.travelled(to_si(pose.travel_mm, "mm"), at_s)
-            case Received(message=Sensor(values)) if client.forces.take(at_s) and self._forces.take(at_s):
+            case igtl.Received(message=igtl.Sensor(values)) if client.forces.take(at_s) and self._forces.take(at_s):
                 time_s, device = self.session.wall_clock(), event.header.device
                 force = messages.ForceHeard(at_s=at_s, time_s=time_s, values=values, device=device)
                 self._companions.send(BLACK_BOX, force, at_s)
-            case Received(message=Sensor()):  # beyond a robot's rate: it must not delay a decision
+            case igtl.Received(message=igtl.Sensor()):  # beyond a robot's rate: it must not delay a decision
                 self._left_out += 1
-            case BadChecksum() | Malformed() | Broken():
+            case igtl.BadChecksum() | igtl.Malformed() | igtl.Broken():
                 self._take_faulty(client, event, at_s, may_scan)
         return None
 
-    def _assemble(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
+    def _assemble(self, client: Connection, event: igtl.Received, image: igtl.Image, at_s: float) -> Frame | None:
         """Return the frame that an image completes; its sender is the scanner from now on."""
         self._scanner, self._scanned_s = client, at_s
         plane, planes = event.header.device if self.session.planes else None, self.session.planes
@@ -203,15 +186,16 @@ class Server:
         return self.session.frame(whole, sender_id, client.number, at_s, event.header.time_s or None, plane)
 
     def _take_faulty(
-        self, client: Connection, event: BadChecksum | Malformed | Broken, at_s: float, may_scan: bool
+        self, client: Connection, event: igtl.BadChecksum | igtl.Malformed | igtl.Broken, at_s: float, may_scan: bool
     ) -> None:
         """Handle a faulty message: from the scanner it is a cause of a withdrawal."""
-        of_image = not isinstance(event, Broken) and event.header.type == "IMAGE"
+        of_image = not isinstance(event, igtl.Broken) and event.header.type == "IMAGE"
         if client is not self._scanner and not (may_scan and of_image):
             self._note_client(f"client {client.address}: {event.reason}", client)
             return
         client.frames.clear()  # no frame may mix parts from before and after the error
-        name, cause = ("checksum", Cause.CHECKSUM) if isinstance(event, BadChecksum) else ("bad image", Cause.BAD_IMAGE)
+        is_checksum = isinstance(event, igtl.BadChecksum)
+        name, cause = ("checksum", Cause.CHECKSUM) if is_checksum else ("bad image", Cause.BAD_IMAGE)
         self._decide(name, Fault(at_s, cause, event.reason))
 
     # Decisions, and messages to clients.
@@ -354,7 +338,7 @@ class Server:
         else:
             client.wrong_tokens += not known
             granted, text = self._reset(known, now_s)
-            answer = Text(json.dumps({"granted": granted, "message": text}))
+            answer = igtl.Text(json.dumps({"granted": granted, "message": text}))
             self._clients.send(client, Outgoing(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
         if client.wrong_tokens >= WRONG_TOKENS:
             self._clients.leave(client, "was disconnected: wrong tokens")

@@ -9,19 +9,8 @@ from time import monotonic, time
 from typing import Any
 
 from scleraforce.known import Known
-from scleraforce.monitor import MonitorLimits, MonitorState, PlanesState, decide, decide_planes
-from scleraforce.monitor.events import (
-    SLACK_S,
-    Cause,
-    Fault,
-    FrameRead,
-    MonitorEvent,
-    OvertakenRead,
-    QueueLoss,
-    State,
-    Tick,
-    Verdict,
-)
+from scleraforce.monitor import MonitorLimits, MonitorState, PlanesState, decide, decide_planes, events
+from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, State
 from scleraforce.monitor.limits import of_scale
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.reader.felt import ELASTIC, History
@@ -126,7 +115,7 @@ class DeferredFrames:
         """Dequeue the frame that has waited longest."""
         return self._waiting.popleft()[0]
 
-    def lose(self, now_s: float) -> list[QueueLoss]:
+    def lose(self, now_s: float) -> list[events.QueueLoss]:
         """Drop the frames beyond the limits, oldest first; return the loss of each row."""
         rows: dict[int, tuple[int, float]] = {}
         plane = self._waiting[0][0].plane if self._waiting else None
@@ -136,13 +125,13 @@ class DeferredFrames:
             rows[row] = lost + 1, unread_s + frame.interval_s
             self._bunch_s = max(0.0, self._bunch_s - frame.interval_s)
         return [
-            QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row, plane=plane)
+            events.QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row, plane=plane)
             for row, (lost, unread_s) in rows.items()
         ]
 
     def _too_much(self, now_s: float) -> bool:
         late = now_s - self._waiting[0][0].unread.at_s > self._most_s
-        return late or self._bunch_s > self._most_s + SLACK_S or len(self._waiting) > self._most
+        return late or self._bunch_s > self._most_s + events.SLACK_S or len(self._waiting) > self._most
 
 
 class _Stream:
@@ -168,15 +157,10 @@ class Session:
     """
 
     def __init__(
-        self,
-        read: Read | Mapping[str, Read],
-        limits: MonitorLimits,
-        clock: Callable[[], float] = monotonic,
-        wall_clock: Callable[[], float] = time,
-        history: History = ELASTIC,
-        class_bounds_n: tuple[float, ...] = (),
+        self, read: Read | Mapping[str, Read], limits: MonitorLimits, clock: Callable[[], float] = monotonic,
+        wall_clock: Callable[[], float] = time, history: History = ELASTIC, class_bounds_n: tuple[float, ...] = (),
         adopt: Callable[[Known], float | None] = lambda _: None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.limits, self.clock, self.wall_clock = limits, clock, wall_clock
         self.withdrawals: list[dict[str, Any]] = []
         self._class_bounds_n, self._adopt, self._beside = class_bounds_n, adopt, dict[str, Any]()
@@ -187,7 +171,7 @@ class Session:
         self._state: MonitorState | PlanesState = PlanesState.of(self.planes) if self.planes else MonitorState()
         self._moment = dict[str | None, Frame]()
         self.frames = self._entries = 0  # since the start
-        self._decide(Tick(clock()))
+        self._decide(events.Tick(clock()))
         self.answer: Answer | None = None
         self._overtaken = 0
         self._travel = (0.0, -inf)
@@ -239,7 +223,7 @@ class Session:
             mean_mpa, sd_mpa = from_si(known.modulus.mean_pa, "mpa"), from_si(known.modulus.sd_pa, "mpa")
             self._beside |= {"modulus_mpa": mean_mpa, "modulus_sd_mpa": sd_mpa, "modulus_frames": frames}
 
-    def read_together(self, verdict: Verdict, contact_m: tuple[float, ...] | None) -> None:
+    def read_together(self, verdict: events.Verdict, contact_m: tuple[float, ...] | None) -> None:
         """Take what all planes of a moment show together: the force, and the contact in three dimensions."""
         force_n, (low_n, high_n) = verdict.force_n, verdict.interval_n or (None, None)
         self._beside |= {
@@ -321,7 +305,7 @@ class Session:
         self._overtaken += 1
         self._streams[frame.plane].deferred.add(frame, newest.number)
 
-    def losses(self, now_s: float) -> list[QueueLoss]:
+    def losses(self, now_s: float) -> list[events.QueueLoss]:
         """Return the events of the deferred frames that are lost by now."""
         return [loss for stream in self._streams.values() for loss in stream.deferred.lose(now_s)]
 
@@ -333,7 +317,7 @@ class Session:
             _, read, _ = self._read_frame(frame)
         except Exception as fault:
             return _failure(frame, fault, self.clock())
-        return OvertakenRead(self.clock(), read)
+        return events.OvertakenRead(self.clock(), read)
 
     def _read_frame(self, frame: Frame) -> tuple[Answer | None, FrameRead, History]:
         """Read a frame if it has the study's size; the decision handles frames of another size or scale.
@@ -365,30 +349,17 @@ class Session:
         decision = self.decision
         to_bound = decision.to_bound.as_ms() if frame and decision.to_bound else (None, None)
         return Entry(
-            number=self._entries,
-            time_s=self.wall_clock(),
-            at_s=at_s,
-            event=event,
-            state=decision.state.name,
-            code=decision.code,
-            sub_code=decision.sub_code,
-            cause=decision.cause.name if decision.cause else None,
+            number=self._entries, time_s=self.wall_clock(), at_s=at_s, event=event, state=decision.state.name,
+            code=decision.code, sub_code=decision.sub_code, cause=decision.cause.name if decision.cause else None,
             message=decision.message,
             withdrawn_s=self.withdrawals[-1]["time_s"] if decision.state is State.WITHDRAW else None,
-            present_cause=decision.present_cause.name if decision.present_cause else None,
-            present=decision.present,
-            frame=frame.number if frame else None,
-            frame_id=frame.sender_id if frame else None,
-            plane=frame.plane if frame else None,
-            verdict=answer.verdict if answer else None,
-            latency_ms=from_si(latency_s, "ms"),
-            time_to_bound_ms=to_bound[0],
-            time_to_bound_ms_interval=to_bound[1],
-            overtaken=self._overtaken,
-            lost=self.lost,
-            **self._beside,
-        )
+            present_cause=decision.present_cause.name if decision.present_cause else None, present=decision.present,
+            frame=frame.number if frame else None, frame_id=frame.sender_id if frame else None,
+            plane=frame.plane if frame else None, verdict=answer.verdict if answer else None,
+            latency_ms=from_si(latency_s, "ms"), time_to_bound_ms=to_bound[0], time_to_bound_ms_interval=to_bound[1],
+            overtaken=self._overtaken, lost=self.lost, **self._beside,
+        )  # fmt: skip
 
 
 def _failure(frame: Frame, fault: Exception, at_s: float) -> MonitorEvent:
-    return Fault(at_s, Cause.EXCEPTION, f"frame {frame.number}: {type(fault).__name__}: {fault}")
+    return events.Fault(at_s, Cause.EXCEPTION, f"frame {frame.number}: {type(fault).__name__}: {fault}")
