@@ -788,20 +788,10 @@ def test_a_decision_on_a_frame_says_when_the_bound_is_reached() -> None:
 
 def test_limits_that_pass_everything_or_nothing_are_refused() -> None:
     for field, value in (
-        ("bound_n", NAN),
-        ("bound_n", 0.0),
-        ("bound_n", 1e-3),
-        ("fresh_frames", 0),
-        ("unusable_frames", 0),
-        ("unusable_opinions", 0),
-        ("silence_s", -1.0),
-        ("reaction_s", float("inf")),
-        ("frozen_frames", 1),
-        ("rate_frames", 3),
-        ("lag_drift", -1e-4),
-        ("scale_tolerance", 0.0),
-        ("size", (0, 512)),
-    ):
+        ("bound_n", NAN), ("bound_n", 0.0), ("bound_n", 1e-3), ("fresh_frames", 0), ("unusable_frames", 0),
+        ("unusable_opinions", 0), ("silence_s", -1.0), ("reaction_s", float("inf")), ("frozen_frames", 1),
+        ("rate_frames", 3), ("lag_drift", -1e-4), ("scale_tolerance", 0.0), ("size", (0, 512)),
+    ):  # fmt: skip
         with pytest.raises(InputError, match=r"monitor: "):
             MonitorLimits(**{field: value})
 

@@ -90,17 +90,10 @@ def read(pixels: NDArray[Any], _: PixelScale) -> Answer:
 
 
 def small_server(
-    guard: Guard,
-    companions: Companions,
-    note: Callable[[str], None] = lambda _: None,
-    *,
-    clock: TurnedClock | None = None,
-    borne_s: float = 0.5,
-    catch_up_s: float | None = None,
-    stalled_s: float = 600.0,
-    planes: tuple[str, ...] = (),
-    **settings: Any,
-) -> tuple[Server, int]:
+    guard: Guard, companions: Companions, note: Callable[[str], None] = lambda _: None, *,
+    clock: TurnedClock | None = None, borne_s: float = 0.5, catch_up_s: float | None = None, stalled_s: float = 600.0,
+    planes: tuple[str, ...] = (), **settings: Any,
+) -> tuple[Server, int]:  # fmt: skip
     """A server of small frames, and its port; without a clock of the test it needs to bear what holds a test up."""
     limits = MonitorLimits(
         size=(ROWS, COLUMNS), scale_m=SCALE_M, silence_s=borne_s, lag_s=borne_s, catch_up_s=catch_up_s or borne_s
@@ -233,12 +226,9 @@ def small_monitor(errors: int | None = None, look_s: float = LOOK_S) -> Iterator
     """Run a small monitor, with its watchdog, in a process of its own until the block ends; `errors` is its fd 2."""
     script = Path(__file__).with_name("small_monitor.py")
     process = subprocess.Popen(
-        [sys.executable, str(script), str(look_s)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=errors,
+        [sys.executable, str(script), str(look_s)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
         text=True,
-    )
+    )  # fmt: skip
     assert process.stdin
     assert process.stdout
     try:
