@@ -334,18 +334,18 @@ def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypat
     assert "far enough" in shell.refused(*monitor, "--no-second-opinion", *words)
     shell.refused(*monitor, *CROSS, "--plane-direction-deg", "-120")
     plain, settings, crossed = taken
-    assert crossed.planes == (
-        Plane("along", 0.0, 0.0),
-        Plane("across", pytest.approx(1e-4), pytest.approx(radians(90.0))),
-    )
+    along, across = crossed.scan.plane
+    assert (along, across.name) == (Plane("along", 0.0, 0.0), "across")
+    assert (across.offset_m, across.direction_rad) == pytest.approx((1e-4, radians(90.0)))
     assert crossed.known.gap_m is None
-    turned = module._seen_in(crossed.planes[1], crossed.known)
+    turned = module._seen_in(across, crossed.known)
     assert turned.direction_rad == pytest.approx(radians(-30.0))
     limits, study = settings.limits, fixed_study(BINS)
     assert (settings.address, settings.console) == (module.Address("127.0.0.2", 1), module.Address("127.0.0.3", 2))
     assert (settings.eye, settings.record, settings.black_box) == ("yours", tmp_path / "session", tmp_path)
-    assert settings.refractive_index == 1.3
-    known = settings.known
+    known, scan = settings.known, settings.scan
+    assert (scan.columns, scan.rows, scan.bits, scan.refractive_index, scan.plane) == (400, 300, 16, 1.3, ())
+    assert (scan.width_m, scan.depth_m, scan.plane_direction_rad) == pytest.approx((8e-3, 6e-3, radians(-120.0)))
     assert (known.polar_rad, known.direction_rad) == pytest.approx((radians(30.0), radians(-120.0)))
     assert (known.iop_pa, known.thickness_m, known.gap_m) == pytest.approx((to_si(3.0, "mmhg"), 700e-6, 0.6e-3))
     assert known.modulus is not None

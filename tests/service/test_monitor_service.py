@@ -16,7 +16,7 @@ from scleraforce.errors import InputError
 from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, known_globe
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.monitor import MonitorLimits
-from scleraforce.recording.folder import ForceInfo
+from scleraforce.recording.folder import ForceInfo, OctInfo
 from scleraforce.service import monitor_service
 from scleraforce.service.companions import OPINION, Companions
 from scleraforce.service.messages import Alive, SelfReport
@@ -41,14 +41,13 @@ def test_a_recording_states_the_declared_globe() -> None:
 
 def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     known = Known(globe=OPEN, gap_m=0.4e-3, polar_rad=0.6, direction_rad=1.1)
+    scan = OctInfo(columns=500, rows=400, bits=16, width_m=10e-3, depth_m=2e-3, plane_direction_rad=1.1)
     settings = monitor_service.MonitorSettings(
-        eye="mine", known=known, limits=MonitorLimits(size=(400, 500), scale_m=(20e-6, 5e-6)), refractive_index=1.38,
-        address=monitor_service.Address("localhost", 0), console=None, black_box=Path("box"), record=None, token="",
+        eye="mine", known=known, limits=MonitorLimits(), scan=scan, address=monitor_service.Address("localhost", 0),
+        console=None, black_box=Path("box"), record=None, token="",
     )  # fmt: skip
     info = monitor_service._recording_info(settings, Study())
-    assert (info.oct.plane_direction_rad, info.needle.polar_angle_rad, info.needle.slice_gap_m) == (1.1, 0.6, 0.4e-3)
-    assert (info.oct.width_m, info.oct.depth_m) == pytest.approx((10e-3, 2e-3))
-    assert info.oct.refractive_index == 1.38
+    assert (info.oct, info.needle.polar_angle_rad, info.needle.slice_gap_m) == (scan, 0.6, 0.4e-3)
     assert info.force == ForceInfo("fz", 1, 0.2)
     relaxing = replace(known, relaxation=KnownRelaxation.declared([[0.1, 2.0]]))
     found = replace(known, relaxation=KnownRelaxation.of([0.1], [2.0], np.eye(1), "holds"))  # in the calibration
@@ -58,7 +57,7 @@ def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     ]
     assert stated == [None, ((0.1, 2.0),), None]
     unstated = monitor_service._recording_info(replace(settings, known=Known()), Study())
-    assert (unstated.oct.plane_direction_rad, unstated.needle.polar_angle_rad) == (None, None)
+    assert unstated.needle.polar_angle_rad is None
     assert unstated.needle.slice_gap_m == Study().needle.gap_m
 
 

@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     from scleraforce.known import Known
     from scleraforce.monitor import MonitorLimits
     from scleraforce.reader import Reader
-    from scleraforce.recording.folder import Plane
+    from scleraforce.recording.folder import OctInfo, Plane
     from scleraforce.service.monitor_service import Address, MonitorSettings
 
 PORT, POSITIVE = click.IntRange(0, 65535), click.FloatRange(0.0, min_open=True)
 STUDYS = "default: that of the model's study"
 LIMITS = ("unusable_frames", "unusable_opinions", "loss_in_window_s", "reaction_s", "retraction_m_s")
 DEVICE_NAME = re.compile(r"[\w.+-]{1,20}", re.ASCII)  # that OpenIGTLink can send, and a table needs no quotes for
+MOST_BITS = 16  # a scanner may use more bits than the model's study states, and its recording must stay readable
 UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come earlier"
 
 
@@ -120,7 +121,7 @@ def monitor(
     if learn_eye:
         known = _to_learn(reader, known, resume, eye, given)
     reader = suited(reader, known)
-    scanned = _planes(planes, reader, known, learn_eye)
+    scan = _scan(reader, known, _planes(planes, reader, known, learn_eye), given)
     if reason := reader.refusal(known):  # all frames would be unusable
         raise InputError(f"{reader.path}: {reason}")
     if eye is not None and (fault := name_fault(eye)):
@@ -129,14 +130,13 @@ def monitor(
     settings = MonitorSettings(
         eye=eye or "eye-1",
         known=known,
-        limits=_limits(reader, known, given),
-        refractive_index=given["refractive_index"] or reader.study.oct.refractive_index,
+        limits=_limits(reader, known, scan, given),
+        scan=scan,
         address=Address(host, port),
         console=None if web_port is None else Address(web_host, web_port),
         black_box=black_box or user_state_path("scleraforce") / "monitor" / begun,
         record=record,
         learns=learn_eye,
-        planes=scanned,
         token=token_hex(16),  # it cannot be guessed
     )
     with closing(Notes(_write_line)) as notes:
@@ -212,20 +212,25 @@ def _to_learn(reader: "Reader", known: "Known", resume: Path | None, eye: str | 
     return replace(known, modulus=known.modulus or population)
 
 
-def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "MonitorLimits":
+def _scan(reader: "Reader", known: "Known", planes: "tuple[Plane, ...]", given: dict[str, Any]) -> "OctInfo":
+    """Return what is known of the frames of a session."""
+    from scleraforce.recording.folder import OctInfo
+
+    names = ("columns", "rows", "width_m", "depth_m", "refractive_index")
+    stated = {name: given[name] or getattr(reader.study.oct, name) for name in names}
+    return OctInfo(bits=MOST_BITS, plane_direction_rad=known.direction_rad, plane=planes, **stated)
+
+
+def _limits(reader: "Reader", known: "Known", scan: "OctInfo", given: dict[str, Any]) -> "MonitorLimits":
     from scleraforce.monitor import MonitorLimits
 
-    oct_study = reader.study.oct
-    columns, rows, width_m, depth_m = (
-        given[name] or getattr(oct_study, name) for name in ("columns", "rows", "width_m", "depth_m")
-    )
     return MonitorLimits(
         withdraw_class=given["withdraw_class"] or reader.classes - 1,
         bound_n=given["bound_n"] or reader.study.classes.bounds_n[-1],
         stiffness_n_m=reader.steepest_n_m(known) or MonitorLimits.stiffness_n_m,
         reports_pierced=given["on_pierced"] == "report",
-        size=(rows, columns),
-        scale_m=(width_m / columns, depth_m / rows),
+        size=(scan.rows, scan.columns),
+        scale_m=(scan.width_m / scan.columns, scan.depth_m / scan.rows),
         reads_force=reader.reads_force,
         expects_opinion=given["second_opinion"] and reader.reads_force,  # a class is read in one way only
         **{name: given[name] for name in LIMITS},
@@ -235,18 +240,15 @@ def _limits(reader: "Reader", known: "Known", given: dict[str, Any]) -> "Monitor
 def _greeting(
     reader: "Reader", settings: "MonitorSettings", address: "Address", doubt: str | None, code: str
 ) -> Iterator[str]:
-    from scleraforce.service.monitor_service import session_scan
-
-    limits, scan = settings.limits, session_scan(settings)
+    limits, scan = settings.limits, settings.scan
     lateral_um, depth_um = from_si(scan.width_m / scan.columns, "um"), from_si(scan.depth_m / scan.rows, "um")
     bound_mn = from_si(limits.bound_n, "mn")
     forces = f", or where the force's interval reaches {bound_mn:.1f} mN" if limits.reads_force else ""
     yield "research use only: not a medical device"
     yield f"model      {reader.path} ({reader.kind})"
     yield f"eye        {settings.eye}: {_eye_words(settings.known)}"
-    if settings.planes:
-        places = ((plane.name, from_si(plane.offset_m, "mm"), from_si(plane.direction_rad, "deg"))
-                  for plane in settings.planes)  # fmt: skip
+    if scan.plane:
+        places = [(one.name, from_si(one.offset_m, "mm"), from_si(one.direction_rad, "deg")) for one in scan.plane]
         yield "planes     " + ", ".join(f"{name} ({mm:g} mm, {deg:.0f}°)" for name, mm, deg in places)
     yield f"globe      {globe_words(settings.known, reader.reads_force)}"
     relaxation = settings.known.relaxation

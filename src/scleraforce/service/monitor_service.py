@@ -43,7 +43,6 @@ READY_S = 180.0  # for the second opinion: some 15 s where its loops are compile
 NOTED_S, LOOK_S = 3.0, 0.1
 OWN_FILES = 128  # beside the clients' sockets: other processes' sockets, logs, and what the system's libraries open
 RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, which leaves time to copy them
-MOST_BITS = 16  # a scanner may use more bits than the model's study states, and its recording must stay readable
 FORCE = ForceInfo("fz", 1, 0.2)  # of a robot; the needle moves, so labels average over a short time
 WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
 WAITING_LINES = 1000  # for the operator; while this many wait, new ones are dropped
@@ -59,24 +58,23 @@ class Address:
 
 @dataclass(frozen=True)
 class MonitorSettings:
-    """The settings of a monitor; `limits` has the `size` and `scale_m` of the expected frames.
+    """The settings of a monitor; `scan`: the expected frames, whose `size` and `scale_m` `limits` has as well.
 
     Without a `console` address there is no console. The log and the recordings of withdrawals are in `black_box`;
-    `record` is the folder for a recording of the whole session. `learns`: the second opinion learns E. `planes`: of the
-    scanner, if it takes several; then the gap is not known.
+    `record` is the folder for a recording of the whole session. `learns`: the second opinion learns E. If the scan has
+    several planes, the gap is not known.
     """
 
     eye: str
     known: Known
     limits: MonitorLimits
-    refractive_index: float
+    scan: OctInfo
     address: Address
     console: Address | None
     black_box: Path
     record: Path | None
     token: str
     learns: bool = False
-    planes: tuple[Plane, ...] = ()
 
 
 @contextmanager
@@ -89,19 +87,17 @@ def monitor_service(
     folder `model` by itself; `note` is called with a line for the operator. It raises InputError if an address cannot
     be listened on, a folder cannot be written, or there is too little memory.
     """
-    limits, known = settings.limits, settings.known
-    rows, columns = limits.size or (0, 0)
-    lateral_m, depth_m = limits.scale_m or (0.0, 0.0)
-    scale = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=settings.refractive_index)
+    limits, known, scan = settings.limits, settings.known, settings.scan
+    scale = PixelScale.of(scan)
     cv2.setNumThreads(1)
     allow_files(ServerSettings.clients + OWN_FILES)
     with ExitStack() as stack:
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
         pages = settings.console and stack.enter_context(_listen_for_pages(settings.console))
-        live = LiveReader(reader, known, settings.refractive_index)
-        of_plane = {plane.name: LiveReader(reader, _seen_in(plane, known), settings.refractive_index).read
-                    for plane in settings.planes}  # fmt: skip
-        ring = FrameRing.create(RING_FRAMES * max(len(settings.planes), 1), rows, columns)
+        live = LiveReader(reader, known, scan.refractive_index)
+        eyes = {plane.name: _seen_in(plane, known) for plane in scan.plane}
+        of_plane = {name: LiveReader(reader, eye, scan.refractive_index).read for name, eye in eyes.items()}
+        ring = FrameRing.create(RING_FRAMES * max(len(scan.plane), 1), scan.rows, scan.columns)
         info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
         folder, record = settings.black_box.absolute(), settings.record and settings.record.absolute()
@@ -110,7 +106,7 @@ def monitor_service(
         if limits.expects_opinion:
             opinion = OpinionSettings(model=model, known=known, scale=scale, ring=ring.place,
                                       learns=settings.eye if settings.learns else None, record=record,
-                                      planes=settings.planes)  # fmt: skip
+                                      planes=scan.plane)  # fmt: skip
             children[OPINION] = _child("second_opinion", opinion, ring)
         if settings.console and pages:
             console = ConsoleSettings(
@@ -173,23 +169,14 @@ def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> No
         note(f"the second opinion was not ready within {READY_S:g} s: nothing is OK before its first one")
 
 
-def session_scan(settings: MonitorSettings) -> OctInfo:
-    """Return what is known of the frames of a session."""
-    rows, columns = settings.limits.size or (0, 0)
-    lateral_m, depth_m = settings.limits.scale_m or (0.0, 0.0)
-    scan = OctInfo(columns=columns, rows=rows, bits=MOST_BITS, width_m=columns * lateral_m, depth_m=rows * depth_m)
-    scan = replace(scan, refractive_index=settings.refractive_index, plane=settings.planes)
-    return replace(scan, plane_direction_rad=settings.known.direction_rad)
-
-
 def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     """Return the contents of recording.toml for a recording of the session."""
     known, gauge = settings.known, nearest_gauge(study.needle.outer_diameter_m)
     stated_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     lean_rad = one_lean(known.lean_rad)
-    gap_m = None if settings.planes else stated_m
+    gap_m = None if settings.scan.plane else stated_m
     needle = NeedleInfo(gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad, lean_rad=lean_rad)
-    return RecordingInfo(stated_eye(settings.eye, known), session_scan(settings), needle, FORCE)
+    return RecordingInfo(stated_eye(settings.eye, known), settings.scan, needle, FORCE)
 
 
 def listen(host: str, port: int, prefix: str = "") -> socket.socket:
