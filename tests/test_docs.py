@@ -82,9 +82,7 @@ def ignored(name: str) -> bool:
 
 
 @pytest.mark.parametrize("page", pages_with_commands())
-def test_the_commands_of_a_page_run_and_print_what_it_shows(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path, tmp_path: Path, monkeypatch) -> None:
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     environment = os.environ | {"PATH": path, "COLUMNS": "80"}
     (tmp_path / "docs").symlink_to(ROOT / "docs")
@@ -171,9 +169,7 @@ def test_the_examples_in_docstrings_are_true() -> None:
     "name",
     [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW_MODULES else [], id=name) for name in PUBLIC_MODULES],
 )
-def test_the_examples_of_the_public_functions_are_true(
-    name: str, notebook_folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_examples_of_the_public_functions_are_true(name: str, notebook_folder: Path, monkeypatch) -> None:
     monkeypatch.chdir(notebook_folder)
     monkeypatch.setenv("XDG_CACHE_HOME", str(notebook_folder / "cache"))
     assert doctest.testmod(import_module(name), optionflags=doctest.ELLIPSIS).failed == 0

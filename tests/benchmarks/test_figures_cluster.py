@@ -61,9 +61,7 @@ def test_eyes_are_the_same_on_a_cluster_that_loses_a_worker(cluster: Cluster, tm
     assert sum(done) == 7  # found done
 
 
-def test_workers_with_other_sources_are_refused(
-    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_with_other_sources_are_refused(cluster: Cluster, tmp_path: Path, monkeypatch) -> None:
     cluster.worker()
     monkeypatch.setattr(recordings, "hash_sources", lambda *_: "another")
     with pytest.raises(ScleraforceError, match="a worker has other sources"):

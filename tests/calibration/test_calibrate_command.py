@@ -80,9 +80,7 @@ def test_an_existing_file_is_not_overwritten(folder: Path, capsys: pytest.Captur
     assert "exists already" in capsys.readouterr().err
 
 
-def test_parameters_that_cannot_be_are_refused_in_one_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_parameters_that_cannot_be_are_refused_in_one_line(folder: Path, tmp_path: Path, capsys) -> None:
     arguments = ["calibrate", str(folder / "eye"), "--out", str(tmp_path / "o.json"), "--parameters"]
     for parameters in ("iop", "e,e", "e,stiffness"):
         assert run([*arguments, parameters]) == 2

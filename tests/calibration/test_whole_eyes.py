@@ -138,9 +138,7 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(library: 
         assert forces_n[0] > forces_n[-1] or found.modulus.mean_pa == pytest.approx(0.2217e6, rel=0.05)
 
 
-def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigidity(
-    library: Library, tmp_path: Path
-) -> None:
+def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigidity(library: Library, tmp_path) -> None:
     modulus_pa, constants = drawn_eye(np.random.default_rng(104), 0.035)
     highest_n = highest_force_n(library, modulus_pa, constants)
     eye = PhantomEye(

@@ -236,9 +236,7 @@ def test_clocks_that_overlap_in_part_are_noted_and_others_are_refused(imported, 
     assert any(note.startswith("2 frames were taken before or after the forces") for note in entry["notes"])
 
 
-def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(
-    imported, refused, tiff, tmp_path: Path
-) -> None:
+def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(imported, refused, tiff, tmp_path) -> None:
     rng, time_s = np.random.default_rng(0), np.arange(0.0, 8.0, 0.005)
     log = tmp_path / "log.csv"
     options = options_of("--bits", 16, "--clock-offset-s", 2, "--contact-sign", -1, "--column")

@@ -298,9 +298,7 @@ def test_a_reset_that_cannot_be_sent_is_one_line(shell) -> None:
     assert f"127.0.0.1:{port}" in shell.refused("monitor-reset", "--token", "x", "--port", port)
 
 
-def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_the_start(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_the_start(folder: Path, tmp_path) -> None:
     given = ["--calibration", str(folder / "calibration.json"), "--eye", "mein", "--iop-mmhg", "2", "--width-mm", "6"]
     with started(folder, *given, "--no-second-opinion", "--black-box", str(tmp_path / "box")) as monitor:
         warned = [line for line in monitor.lines if line.startswith("warning")]
@@ -384,9 +382,7 @@ def test_ctrl_c_is_its_end_and_no_module_of_the_current_folder_has_run(folder: P
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
-def test_other_signals_end_it_in_order_and_leave_no_process(
-    folder: Path, tmp_path: Path, number: signal.Signals
-) -> None:
+def test_other_signals_end_it_in_order_and_leave_no_process(folder: Path, tmp_path, number: signal.Signals) -> None:
     with started(folder, "--black-box", str(tmp_path / "box")) as monitor, Peer(monitor.port) as robot:
         robot.hear(lambda peer: bool(peer.statuses()))  # it has been let in, not only queued by the system
         children = children_of(monitor.process.pid)

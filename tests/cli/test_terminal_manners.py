@@ -106,9 +106,7 @@ def test_every_command_explains_itself_within_80_columns(shell) -> None:
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("name", [pytest.param(n, marks=marks_of(n)) for n in RUNS])
-def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_with_quiet(
-    name: str, tmp_path: Path, shell
-) -> None:
+def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_with_quiet(name: str, tmp_path, shell) -> None:
     out, err = shell.run(*words(name, tmp_path))
     assert out
     assert not CONTROL.search(out + err)

@@ -64,9 +64,7 @@ def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_s
         assert words.string.splitlines() == ["1.5 mN (90 %: 0.5 to 2.5)", "WATCHING: class 0"]
 
 
-def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on(monkeypatch) -> None:
     latest, image = bridge.Latest(), Image(WALL[None], MATRIX)
     older, newer = (replace(image, matrix=(width_mm, *MATRIX[1:])) for width_mm in (1.0, 2.0))
 

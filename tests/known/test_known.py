@@ -113,9 +113,7 @@ def test_a_recording_states_a_globe_or_none() -> None:
         assert stated_globe(EyeInfo("e", **said)) == globe
 
 
-def test_an_eye_of_the_population_has_at_least_the_spread_of_eyes_and_no_modulus_if_all_diverged(
-    tmp_path: Path,
-) -> None:
+def test_an_eye_of_the_population_has_at_least_the_spread_of_eyes_and_no_modulus_if_all_diverged(tmp_path) -> None:
     file = tmp_path / "calibration.json"
     for sd_mpa, spread in ((0.0, 0.12), (None, 0.12 * 2**0.5)):  # one eye says nothing of the spread
         file.write_text(calibration_text(0.25, {"mine": {}}, population={"mean_mpa": 0.25, "sd_mpa": sd_mpa}))

@@ -38,9 +38,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
     made.end()
 
 
-def test_slices_are_the_same_on_a_cluster_that_loses_a_worker_and_after_ctrl_c(
-    cluster: Cluster, tmp_path: Path
-) -> None:
+def test_slices_are_the_same_on_a_cluster_that_loses_a_worker_and_after_ctrl_c(cluster: Cluster, tmp_path) -> None:
     victim, _ = cluster.worker(), cluster.worker()
     done: list[int] = []
 

@@ -157,9 +157,7 @@ def test_the_command_trains_a_reader_and_prints_its_json(tmp_path: Path, capsys)
     assert all(result[key] > 0 for key in ("validation_accuracy", "mae_mn", "coverage", "seconds"))
 
 
-def test_a_reader_is_not_trained_on_a_library_of_another_eye_or_a_folder_of_slices(
-    library, tmp_path: Path, capsys
-) -> None:
+def test_a_reader_is_not_trained_on_a_library_of_another_eye_or_a_folder_of_slices(library, tmp_path, capsys) -> None:
     with pytest.raises(InputError, match=r"radius 0\.012, the study has 0\.011"):
         train_reader(library, replace(TINY, eye=EyeStudy(radius_m=11e-3)), tmp_path / "model")
     assert not list(tmp_path.iterdir())

@@ -251,15 +251,7 @@ def test_a_cornea_that_does_not_fit_the_globe_is_refused() -> None:
         corneal_surface(directions, CorneaStudy(limbus_radius_m=1e-3, edge_m=3e-3), R)
     with pytest.raises(InputError, match=r"^form\.cornea: .*polar_deg: 60; the limbus must lie above the base plane$"):
         corneal_surface(directions, CorneaStudy(polar_rad=radians(60)), R)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("radius_mm = 1.0", r"^study:2: form\.cornea\.radius_mm: 1 is below"),
-        ("radius_mm = 5.0", r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; must be below .* radius_mm, 5$"),
-    ],
-)
-def test_a_cornea_that_is_too_small_is_refused(text: str, message: str) -> None:
-    with pytest.raises(StudyError, match=message):
-        parse_study(f"[form.cornea]\n{text}\n")
+    with pytest.raises(StudyError, match=r"^study:2: form\.cornea\.radius_mm: 1 is below"):
+        parse_study("[form.cornea]\nradius_mm = 1.0\n")
+    with pytest.raises(StudyError, match=r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; .* below .* radius_mm, 5$"):
+        parse_study("[form.cornea]\nradius_mm = 5.0\n")

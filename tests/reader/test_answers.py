@@ -344,9 +344,7 @@ def test_a_classifier_withdraws_from_a_needle_in_the_picture(crossed: np.ndarray
     assert model.read(image(wall_section(tip_of(FORCE_N))), SCALE, KNOWN).usable
 
 
-def test_the_fit_s_interval_is_wider_beside_a_needle_and_under_a_conjunctiva(
-    crossed: np.ndarray, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_fit_s_interval_is_wider_beside_a_needle_and_under_a_conjunctiva(crossed: np.ndarray, monkeypatch) -> None:
     widths = []
     for stretch in (1.0, 1.5):
         monkeypatch.setattr(intervals, "NEEDLE_STRETCH", stretch)

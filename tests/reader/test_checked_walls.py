@@ -192,9 +192,7 @@ def in_json(answer: Answer) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("remembers", [False, True])
-def test_all_readings_of_a_frame_are_one(
-    small_recording: Path, capsys: pytest.CaptureFixture[str], remembers: bool
-) -> None:
+def test_all_readings_of_a_frame_are_one(small_recording: Path, capsys, remembers: bool) -> None:
     if remembers:
         toml = small_recording / "recording.toml"
         text = toml.read_text().replace("[eye]", "[eye]\nrelaxation = [[0.2, 3.0]]")

@@ -85,9 +85,7 @@ def test_errors_and_coverage_count_usable_frames_outside_the_calibration(both) -
     assert both.usable.accuracy.value == 1.0
 
 
-def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared_with(
-    places, model, tmp_path: Path
-) -> None:
+def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared_with(places, model, tmp_path) -> None:
     mine = shutil.copytree(places["mine"], tmp_path / "mine")
     calibration = read_calibration(places["calibration"])
     without = evaluate_recordings(model, [mine], calibration)

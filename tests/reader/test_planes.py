@@ -121,16 +121,13 @@ def test_the_command_reads_the_frames_of_a_moment_together(model, recording, cap
         assert second["contact_xyz_mm"] == pytest.approx(first["contact_xyz_mm"], abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("args", "words"),
-    [
+def test_wrong_planes_on_the_command_line_are_one_line(model, capsys) -> None:
+    for args, words in (
         (("f.png", "--plane", "a:0:0", "g.png"), "--plane: after f.png, whose plane is not given"),
         (("--plane", "a:0", "f.png"), "'a:0' is not NAME:OFFSET_MM:DIRECTION_DEG"),
         (("--plane", "a:99:0", "f.png"), "offset_m: 0.099 is above the largest"),
         (("--plane", "a:0:0", "f.png"), "--plane: only one"),
         (("--plane", "a:0:0", "f.png", "--plane", "a:0:9", "g.png"), "--plane: name: 'a' is there twice"),
         (("--plane", "a:0:0", "f.png", "--plane", "b:0:90", "g.png", "h.png"), "'a' has 1, 'b' has 2"),
-    ],
-)
-def test_wrong_planes_on_the_command_line_are_one_line(model, capsys, args, words) -> None:
-    assert words in said(capsys, "read", model.path, *args, code=2)
+    ):
+        assert words in said(capsys, "read", model.path, *args, code=2)

@@ -188,9 +188,7 @@ class Frames:
     frames: Sequence[int]
 
 
-def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(tmp_path: Path, monkeypatch) -> None:
     """The search of the stiffening goes through each frame several times; linear mechanics once."""
     library, counted = made_up_library(), []
 

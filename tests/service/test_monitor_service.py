@@ -68,9 +68,7 @@ def opinion() -> Iterator[FakeCompanion]:
     companion.end()
 
 
-def test_a_monitor_waits_until_the_second_opinion_is_ready(
-    opinion: FakeCompanion, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_monitor_waits_until_the_second_opinion_is_ready(opinion: FakeCompanion, monkeypatch) -> None:
     monkeypatch.setattr(monitor_service, "NOTED_S", 0.0)
     companions, notes = Companions({OPINION: opinion}), list[str]()
 

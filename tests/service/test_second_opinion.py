@@ -164,9 +164,7 @@ def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: P
         broken.child.channel.send(messages.MonitorEnds())
 
 
-def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(
-    model: Path, tmp_path: Path
-) -> None:
+def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(model: Path, tmp_path) -> None:
     learning = Reader(model, EYE, tmp_path)
     learning.hear(messages.Alive)
     learning.show(0.010, teaches=False)

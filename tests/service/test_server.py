@@ -275,9 +275,7 @@ def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer, rudeness
     scanner.watch()
 
 
-def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(monkeypatch) -> None:
     server, port = rule.small_server(rule.NoGuard(), Companions({}))  # type: ignore[arg-type] # no Guard
     heard, now_s, hear = list[int](), count(10.0, 1.1e-3), server._hear
     monkeypatch.setattr(server.session, "clock", lambda: next(now_s))
@@ -301,9 +299,7 @@ def test_half_a_message_does_not_stay_for_ever(clock: TurnedClock) -> None:
             slow.hear(within_s=0.02)
 
 
-def test_the_pose_of_the_needle_is_its_travel_along_its_own_axis(
-    scanner: Peer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_pose_of_the_needle_is_its_travel_along_its_own_axis(scanner: Peer, monkeypatch) -> None:
     travels_m: list[float] = []
     monkeypatch.setattr(Session, "travelled", lambda _, travel_m, at_s: travels_m.append(travel_m) if at_s else None)
     pose = Transform((0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.8, 3.0, 50.0, 4.0))
