@@ -128,17 +128,11 @@ def monitor(
         raise InputError(f"--eye: {fault}")
     begun = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     settings = MonitorSettings(
-        eye=eye or "eye-1",
-        known=known,
-        limits=_limits(reader, known, scan, given),
-        scan=scan,
-        address=Address(host, port),
-        console=None if web_port is None else Address(web_host, web_port),
-        black_box=black_box or user_state_path("scleraforce") / "monitor" / begun,
-        record=record,
-        learns=learn_eye,
+        eye=eye or "eye-1", known=known, limits=_limits(reader, known, scan, given), scan=scan,
+        address=Address(host, port), console=None if web_port is None else Address(web_host, web_port),
+        black_box=black_box or user_state_path("scleraforce") / "monitor" / begun, record=record, learns=learn_eye,
         token=token_hex(16),  # it cannot be guessed
-    )
+    )  # fmt: skip
     with closing(Notes(_write_line)) as notes:
         with ExitStack() as until_ended, monitor_service(reader.path, reader, settings, notes) as (server, address):
             until_ended.enter_context(_ended_by_signals(server.stop))

@@ -343,16 +343,10 @@ class ConsoleSettings(_Message, frozen=True, kw_only=True):
         return {
             "pixel_mm": (from_si(self.scale.lateral_m, "mm"), from_si(self.scale.depth_m, "mm")),
             "class_bounds_mn": [from_si(bound_n, "mn") for bound_n in self.class_bounds_n],
-            "bound_mn": from_si(self.limits.bound_n, "mn"),
-            "withdraw_class": self.limits.withdraw_class,
-            "silence_s": self.limits.silence_s,
-            "reads_force": self.limits.reads_force,
-            "model": self.model,
-            "eye": self.eye,
-            "version": __version__,
-            "rows": self.ring.rows,
-            "columns": self.ring.columns,
-        }
+            "bound_mn": from_si(self.limits.bound_n, "mn"), "withdraw_class": self.limits.withdraw_class,
+            "silence_s": self.limits.silence_s, "reads_force": self.limits.reads_force, "model": self.model,
+            "eye": self.eye, "version": __version__, "rows": self.ring.rows, "columns": self.ring.columns,
+        }  # fmt: skip
 
 
 Settings = BlackBoxSettings | OpinionSettings | ConsoleSettings

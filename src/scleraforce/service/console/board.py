@@ -158,22 +158,17 @@ class Board:
         read = self._reading[1].as_json() if self._reading and now_s - self._frame_s <= READING_S else None
         latencies_ms = [latency_ms for at_s, latency_ms in self._latencies if now_s - at_s <= LATENCY_S]
         return {
-            "kind": "state",
-            "now": now_s / STEP_S,
-            "monitor": self.monitor(now_s),
+            "kind": "state", "now": now_s / STEP_S, "monitor": self.monitor(now_s),
             "reading": read and {name: read.get(name) for name in READING},
             "latency_ms": [round(median(latencies_ms), 2), round(max(latencies_ms), 2)] if latencies_ms else None,
-            "frames_per_second": self._rates.frames_per_second if self._rates else None,
-            "lost": self._lost,
+            "frames_per_second": self._rates.frames_per_second if self._rates else None, "lost": self._lost,
             "clients": self._rates.clients if self._rates else [],
-            "steps": [step.as_json() for step in self.history.since(since)],
-            "state": entry.state,
-            "cause": entry.cause,
+            "steps": [step.as_json() for step in self.history.since(since)], "state": entry.state, "cause": entry.cause,
             "detail": entry.present if entry.cause else detail_of(entry.message, entry.state),
             "sentence": sentence_of(entry.cause) if entry.cause else "",
             "present": sentence_of(entry.present_cause) if entry.present_cause else "",
             "withdrawn_s": entry.withdrawn_s,
-        }
+        }  # fmt: skip
 
     def picture(self) -> tuple[int, Outline | None] | None:
         """Return the number of the frame to show, and its outline; None before the first frame."""
