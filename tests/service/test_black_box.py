@@ -184,7 +184,6 @@ def test_a_monitor_that_dies_is_noted_and_its_last_seconds_are_kept(tmp_path):
 def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_before(tmp_path):
     """The sensor reads 50 mN without contact; contact of 20 mN begins 20 s before the withdrawal."""
     monitor = Monitor(tmp_path, ring_frames=300)
-    monitor.box._withdrawals._keep_s = 1.0
     for number in range(2500):
         pushed_n = 0.02 if number > 500 else 0.0
         monitor.force([0.0, 0.001, 0.05 - pushed_n], monitor.at_s + 0.005)

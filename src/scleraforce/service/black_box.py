@@ -96,44 +96,45 @@ class RobotForce:
 class FrameTaker:
     """Takes frames out of the ring, oldest first, and writes them into a new recording folder, or raises OSError.
 
-    `written` counts the complete frames, `lost` the ones that were overwritten before or could not be written.
+    `start_s` is time 0 of the recording. `written` counts the complete frames, `lost` the ones that were overwritten
+    before or could not be written.
     """
 
-    def __init__(self, ring: FrameRing, folder: Path, info: RecordingInfo, comment: str) -> None:
-        self.folder = folder
+    def __init__(
+        self, ring: FrameRing, folder: Path, info: RecordingInfo, beginning: SessionBeginning, kept: str = ""
+    ) -> None:
+        self.folder, self.start_s = folder, beginning.at_s
         self.written = self.lost = 0
         columns = COLUMNS + PLANE_COLUMN * bool(info.oct.plane)
-        self._ring, self._writer = ring, RecordingWriter(folder, info, comment, columns)
-        self._waiting: deque[tuple[int, float, tuple[str, ...], int | None]] = deque()
+        self._ring, self._writer = ring, RecordingWriter(folder, info, beginning.comment + kept, columns)
+        self._waiting: deque[messages.Decided] = deque()
         self._last_s, self._moment = -float("inf"), 0
 
-    def add(self, number: int, time_s: float, cells: tuple[str, ...], moment: int | None = None) -> None:
-        """Enqueue a frame; `time_s` is the time of its decision on the recording's clock, `cells` are of the columns.
-
-        Frames of one `moment`, of several planes, get the time of the first one of them.
-        """
+    def add(self, decided: messages.Decided) -> None:
+        """Enqueue the frame of a decision, whose time it gets; frames of one moment get that of the first of them."""
         if len(self._waiting) == self._ring.frames:  # then the oldest one has been overwritten
             self._waiting.popleft()
             self.lost += 1
-        self._waiting.append((number, time_s, cells, moment))
+        self._waiting.append(decided)
 
     @property
     def next(self) -> int | None:
         """Number of the next frame to write."""
-        return self._waiting[0][0] if self._waiting else None
+        return self._waiting[0].entry.frame if self._waiting else None
 
     def take(self) -> None:
         """Write the next frame, or count it as lost."""
-        number, time_s, cells, moment = self._waiting.popleft()
+        decided = self._waiting.popleft()
+        number, moment = decided.entry.frame or 0, decided.moment
         pixels = self._ring.get(number)
         if pixels is None:
             self.lost += 1
             return
-        if moment is None or moment != self._moment:
-            self._last_s = max(time_s, self._last_s + CLOCK_STEP_S)  # no two frames of one plane share a time
+        if moment is None or moment != self._moment:  # no two frames of one plane share a time
+            self._last_s = max(decided.entry.at_s - self.start_s, self._last_s + CLOCK_STEP_S)
             self._moment = moment or number
         try:
-            self._writer.add(f"{number:07d}.png", self._last_s, pixels, cells)
+            self._writer.add(f"{number:07d}.png", self._last_s, pixels, _cells(decided))
         except OSError:
             self.lost += 1
             raise
@@ -163,14 +164,14 @@ class SessionRecording:
         folder = self._settings.record
         if folder is not None and self._journal.has_room(SESSION, folder):
             with self._ended_by_a_fault():
-                self.taker = FrameTaker(self._ring, folder, self._settings.info, beginning.comment)
+                self.taker = FrameTaker(self._ring, folder, self._settings.info, beginning)
 
-    def add_force(self, columns: tuple[str, ...], sample: ForceSample, start_s: float) -> None:
-        """Add a sample of the robot's force; `start_s` is time 0 of the recording, on the clock of the sample."""
+    def add_force(self, columns: tuple[str, ...], sample: ForceSample) -> None:
+        """Add a sample of the robot's force."""
         if self.taker is not None:
             with self._ended_by_a_fault():
                 self._forces = self._forces or ForceWriter(self.taker.folder, columns)
-                self._forces.add(sample[0] - start_s, sample[1])
+                self._forces.add(sample[0] - self.taker.start_s, sample[1])
 
     def write_frame(self, taker: FrameTaker) -> None:
         """Write the next frame of the taker."""
@@ -209,13 +210,12 @@ class SessionRecording:
 class _Writing:
     """A withdrawal that is being written, in `.NAME.partial`, which is renamed to `folder` when it is complete.
 
-    `start_s` is time 0 of the recording, and from `due_s` on the forces after it suffice. `finishing` writes the rest
-    after the frames; its result is the reason if the force log gives no labels, else None.
+    From `due_s` on the forces after it suffice. `finishing` writes the rest after the frames; its result is the reason
+    if the force log gives no labels, else None.
     """
 
     folder: Path
     taker: FrameTaker
-    start_s: float
     due_s: float
     finishing: Future[str | None] | None = None
 
@@ -227,7 +227,7 @@ class Withdrawals:
         self, settings: messages.BlackBoxSettings, ring: FrameRing, force: RobotForce, journal: Journal
     ) -> None:
         self._settings, self._ring, self._force, self._journal = settings, ring, force, journal
-        self._frames: deque[tuple[float, int, tuple[str, ...], int | None]] = deque(maxlen=ring.frames)
+        self._frames: deque[messages.Decided] = deque(maxlen=ring.frames)
         self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=WITHDRAWAL)
         self._writing: _Writing | None = None
@@ -239,9 +239,9 @@ class Withdrawals:
         self._lines.append((entry.at_s, line))
         while self._lines[0][0] < entry.at_s - self._settings.keep_s:
             self._lines.popleft()
-        if entry.frame is None or (self._frames and entry.frame <= self._frames[-1][1]):
+        if entry.frame is None or (self._frames and entry.frame <= (self._frames[-1].entry.frame or 0)):
             return False
-        self._frames.append((entry.at_s, entry.frame, _cells(decided), decided.moment))
+        self._frames.append(decided)
         return True
 
     @property
@@ -253,9 +253,8 @@ class Withdrawals:
         """Keep the seconds up to an entry; while others are being written, only the latest request waits."""
         if self._writing is not None:
             if self._wanted:
-                self._journal.note(
-                    f"the seconds up to {self._wanted[0]} are not kept: more happened while others were written"
-                )
+                lost = f"the seconds up to {self._wanted[0]} are not kept"
+                self._journal.note(f"{lost}: more happened while others were written")
             self._wanted = cause, entry, beginning
             return
         self._wanted = None
@@ -271,15 +270,15 @@ class Withdrawals:
         since_s = entry.at_s - self._settings.keep_s
         stamp = datetime.fromtimestamp(entry.time_s, UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
         folder = self._settings.folder / "withdrawals" / f"{stamp}Z-{cause}"
-        partial, comment = folder.parent / f".{folder.name}.partial", f"{beginning.comment} Kept: {cause}."
-        taker = FrameTaker(self._ring, partial, self._settings.info, comment)
+        partial = folder.parent / f".{folder.name}.partial"
+        taker = FrameTaker(self._ring, partial, self._settings.info, beginning, f" Kept: {cause}.")
         lines = [line for line_s, line in self._lines if since_s <= line_s <= entry.at_s]
         (partial / "decisions.jsonl").write_bytes(b"".join(lines))
-        for frame_s, number, cells, moment in self._frames:
-            if since_s <= frame_s <= entry.at_s:
-                taker.add(number, frame_s - beginning.at_s, cells, moment)
+        for decided in self._frames:
+            if since_s <= decided.entry.at_s <= entry.at_s:
+                taker.add(decided)
         # Labels of the last frames average over what comes after them.
-        return _Writing(folder, taker, beginning.at_s, time.monotonic() + self._settings.force.average_s)
+        return _Writing(folder, taker, time.monotonic() + self._settings.force.average_s)
 
     def write_frame(self, taker: FrameTaker) -> None:
         """Write the next frame of the taker."""
@@ -345,7 +344,7 @@ def _write_forces(writing: _Writing, columns: Sequence[str], forces: Sequence[Fo
     partial = writing.taker.folder
     log = ForceWriter(partial, columns)
     for at_s, values in forces:
-        log.add(at_s - writing.start_s, values)
+        log.add(at_s - writing.taker.start_s, values)
     log.close()
     try:
         label_frames(read_recording(partial), ClassesStudy())
@@ -443,21 +442,21 @@ class BlackBox:
         if before and entry.number != before.number + 1:
             self._journal.note(f"decisions {before.number + 1} to {entry.number - 1} never arrived")
         is_new = self._withdrawals.remember(message, self._journal.record(message))
-        beginning = self._begin(entry.at_s, entry.time_s)
-        if entry.frame and is_new and self._session.taker:
-            self._session.taker.add(entry.frame, entry.at_s - beginning.at_s, _cells(message), message.moment)
+        self._begin(entry.at_s, entry.time_s)
+        if is_new and self._session.taker:
+            self._session.taker.add(message)
         if entry.state == "WITHDRAW" and (before is None or before.state != "WITHDRAW"):
             self._keep(str(entry.cause).lower(), entry)
 
     def _take_force(self, heard: messages.ForceHeard) -> None:
-        beginning, force = self._begin(heard.at_s, heard.time_s), self._force
-        refused = force.refused
+        self._begin(heard.at_s, heard.time_s)
+        force, refused = self._force, self._force.refused
         sample = force.add(heard.at_s, heard.values, heard.device)
         if force.refused > refused == 0:
             values = list(heard.values)
             self._journal.note(f"a force of {heard.device} is not kept: {values}; so are others like it")
         if sample:
-            self._session.add_force(force.columns, sample, beginning.at_s)
+            self._session.add_force(force.columns, sample)
 
     def _begin(self, at_s: float, time_s: float) -> SessionBeginning:
         """Return the beginning of the session; the first message, at `time_s` since 1970, begins its recording."""
