@@ -77,7 +77,7 @@ def _agree(before: dict[str, Any], now: dict[str, Any]) -> bool:
 
 def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
     """Return the fingerprint of a reader's network: load paths, a small library, samples, first steps of a descent."""
-    reader, source = study.reader, Source.of(library, study.reader, study.slice)
+    reader, source = study.reader, Source(library, study.reader, study.slice)
     samples = source.chunk(1, SAMPLES)
     rng = np.random.default_rng(reader.seed)
     _, _, seen = draw_seen(source.library, reader, study.slice, SAMPLES, rng)

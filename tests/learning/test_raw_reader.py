@@ -77,7 +77,7 @@ def test_a_training_is_repeatable_and_learns_where_the_wall_is(library: Library)
     assert counted == [1, 1]
     assert all(map(torch.equal, first.network.parameters(), again.network.parameters()))
     assert first.training_loss == again.training_loss
-    samples = raw_reader.RawSource.of(library, study).chunk(2**31, 40)
+    samples = raw_reader.RawSource(library, study).chunk(2**31, 40)
     with torch.inference_mode():
         _, _, rows, _ = first.network(torch.from_numpy(samples.frames), torch.from_numpy(samples.given))
     found = (rows.softmax(dim=2) * torch.arange(80.0)[:, None]).sum(dim=2).numpy()
@@ -109,7 +109,7 @@ COUNT = 60
 
 @pytest.fixture(scope="module")
 def source(library: Library) -> raw_reader.RawSource:
-    return raw_reader.RawSource.of(library, STUDY)
+    return raw_reader.RawSource(library, STUDY)
 
 
 def study_with(**raw: object) -> Study:
@@ -186,6 +186,6 @@ def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
 def test_a_linear_display_is_drawn_where_the_phantom_has_one(library: Library) -> None:
     linear = replace(Study(), phantom=replace(Study().phantom, display="linear"))
     assert drawn_optics(linear, 1)[0].display == "linear"
-    frames = [raw_reader.RawSource.of(library, study).chunk(1, 20).frames for study in (Study(), linear)]
+    frames = [raw_reader.RawSource(library, study).chunk(1, 20).frames for study in (Study(), linear)]
     walls = [each[(each > 0.3) & (each < 0.9)].size / each.size for each in frames]
     assert abs(walls[1] - walls[0]) > 0.02  # dim tissue is dark on a linear display

@@ -33,7 +33,7 @@ TINY = Study(
 
 @pytest.fixture(scope="module")
 def source(library) -> Source:
-    return Source.of(library, TINY.reader, TINY.slice)
+    return Source(library, TINY.reader, TINY.slice)
 
 
 def network(seed: int = 1) -> reader.ReaderNetwork:

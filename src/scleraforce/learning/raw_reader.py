@@ -7,7 +7,7 @@ learned from raw frames by the wall finder's loss, and last everything by the fo
 
 from collections.abc import Generator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -29,7 +29,7 @@ from scleraforce.library import OUTER, Library
 from scleraforce.library.sections import column_laterals
 from scleraforce.models import NETWORK_FILE, network_session
 from scleraforce.reader import networks
-from scleraforce.reader.intervals import Score
+from scleraforce.reader.intervals import Score, scored
 from scleraforce.reader.verdicts import read_by_fit
 from scleraforce.segmentation.wall_finder import FrameWindow
 from scleraforce.study import Range, RawReaderStudy, ReaderStudy, SliceStudy, Study, draw, fixed
@@ -120,18 +120,13 @@ def draw_shafts(
     ]
 
 
-@dataclass(frozen=True)
 class RawSource:
     """A source of samples: the same chunk for the same seed and number."""
 
-    library: Library
-    study: Study
-
-    @classmethod
-    def of(cls, library: Library, study: Study) -> "RawSource":
+    def __init__(self, library: Library, study: Study) -> None:
         """Keep only the part of a library that frames can show: it is quicker."""
         columns = window_columns(FrameWindow.of(study.raw_reader))
-        return cls(Source.of(library, study.reader, columns).library, study)
+        self.library, self.study = Source(library, study.reader, columns).library, study
 
     def chunk(self, number: int, count: int = FRAMES_TOGETHER) -> RawSamples:
         """Draw a chunk of samples, shuffled: a share of them is crossed by a needle."""
@@ -155,7 +150,7 @@ class RawSource:
         pairs = boundary_rows.reshape(count, 2, -1, 2).mean(axis=3)  # at every second column
         rows = np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32)
         given, modulus_pa = networks.given_inputs(eyes.stated, trained), networks.given_modulus(eyes.stated, trained)[0]
-        return RawSamples(frames, rows, given, eyes.force_n, modulus_pa, framing.lateral_m)
+        return RawSamples(given, eyes.force_n, modulus_pa, framing.lateral_m, frames, rows)
 
 
 def window_columns(window: FrameWindow) -> SliceStudy:
@@ -174,10 +169,10 @@ def fit_raw_reader(
     """Train a raw reader; the same study and library give the same weights on the same machine."""
     raw, gaps = study.raw_reader, read_by_fit(study.reader)
     on_slices = replace(study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed))
-    slices = Source.of(library, on_slices.reader, study.slice)
+    slices = Source(library, on_slices.reader, study.slice)
     reads_slices = fit_reader(on_slices, slices.chunk, workers, progress, device).network
     build, losses_of = partial(RawReaderNetwork, study, reads_slices), partial(_losses, study)
-    drawn = _batches(RawSource.of(library, study), raw, workers)
+    drawn = _batches(RawSource(library, study), raw, workers)
     return trained(build, losses_of, drawn, raw, raw.batches, learned, device=device)
 
 
@@ -221,7 +216,7 @@ def measuring_raw(study: Study, library: Library, network: bytes) -> virtual_eye
         forces_n = rng.uniform(0.0, eye.largest_n, FRAMES)
         frames = _frames(eye, forces_n, study, rng)
         return [
-            virtual_eyes.network_score(reads_frames.read(frame[None], given), given, str(number), float(force_n))
+            scored("network", reads_frames.read(frame[None], given), given, str(number), float(force_n))
             for given in (known, virtual_eyes.of_population(eye, study, rng))
             for frame, force_n in zip(frames, forces_n, strict=True)
         ]

@@ -60,13 +60,12 @@ class Eyes:
 
 
 @dataclass(frozen=True)
-class ReaderSamples:
-    """Samples of the reader: `slices` uint8 (sample, row, column), 0 or 255; `given` float32 (sample, len(GIVEN)).
+class ForceSamples:
+    """Samples of forces: known values `given` float32 (sample, len(GIVEN)), beside pictures.
 
-    `modulus_pa` is given to the network; `lateral_m`: of the needle axis from the slice's middle; (sample,).
+    `modulus_pa` is given to the network; `lateral_m`: of the needle axis from the picture's middle; (sample,).
     """
 
-    slices: Bytes
     given: NDArray[np.float32]
     force_n: Floats
     modulus_pa: Floats
@@ -74,6 +73,13 @@ class ReaderSamples:
 
     def __len__(self) -> int:
         return len(self.force_n)
+
+
+@dataclass(frozen=True)
+class ReaderSamples(ForceSamples):
+    """With `slices` uint8 (sample, row, column), 0 or 255."""
+
+    slices: Bytes
 
     def mirrored(self) -> "ReaderSamples":
         """Return the mirror images, left for right: of eyes whose poles lie on the other side."""
@@ -83,28 +89,18 @@ class ReaderSamples:
 
 
 @dataclass(frozen=True)
-class RawSamples:
-    """Reduced frames (sample, row, column), float32; the rest is as in `ReaderSamples`.
+class RawSamples(ForceSamples):
+    """With reduced `frames` float32 (sample, row, column), and the wall's rows in them.
 
-    `boundary_rows` float32 (sample, boundary, column / 2): of the wall, kept inside the window, NaN without wall.
+    `boundary_rows` float32 (sample, boundary, column / 2): kept inside the window, NaN without wall.
     """
 
     frames: NDArray[np.float32]
     boundary_rows: NDArray[np.float32]
-    given: NDArray[np.float32]
-    force_n: Floats
-    modulus_pa: Floats
-    lateral_m: Floats
-
-    def __len__(self) -> int:
-        return len(self.force_n)
 
     def picked(self, order: Places) -> "RawSamples":
         """Return these samples, in this order."""
         return RawSamples(*(getattr(self, item.name)[order] for item in fields(self)))
-
-
-ForceSamples = ReaderSamples | RawSamples
 
 
 def concatenated(parts: Sequence[Samples]) -> Samples:
@@ -130,7 +126,7 @@ def draw_samples(
     eyes, framing, seen = draw_seen(library, reader, slice_study, count, rng)
     slices = fill_boundaries(seen, slice_study)
     stated_pa, _ = given_modulus(eyes.stated, reader)
-    return ReaderSamples(slices, given_inputs(eyes.stated, reader), eyes.force_n, stated_pa, framing.lateral_m)
+    return ReaderSamples(given_inputs(eyes.stated, reader), eyes.force_n, stated_pa, framing.lateral_m, slices)
 
 
 def draw_seen(
@@ -282,19 +278,13 @@ def log_even(values: Sampled, count: int, rng: np.random.Generator) -> Floats:
     return np.exp(rng.uniform(low, high, count))
 
 
-@dataclass(frozen=True)
 class Source:
     """A source of samples: the same chunk for the same seed and number."""
 
-    library: Library
-    reader: ReaderStudy
-    slice_study: SliceStudy
-
-    @classmethod
-    def of(cls, library: Library, reader: ReaderStudy, slice_study: SliceStudy) -> "Source":
+    def __init__(self, library: Library, reader: ReaderStudy, slice_study: SliceStudy) -> None:
         """Keep only the part of a library that slices can show: it is quicker."""
         reach_m = _reach_m(reader, slice_study) + reader.gap_m.bounds[1]
-        return cls(library.within(reach_m + BEYOND_SLICE_M), reader, slice_study)
+        self.library, self.reader, self.slice_study = library.within(reach_m + BEYOND_SLICE_M), reader, slice_study
 
     def chunk(self, number: int, count: int = CHUNK) -> ReaderSamples:
         """Draw a chunk of samples."""

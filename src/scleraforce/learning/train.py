@@ -122,7 +122,7 @@ def train_reader(
     check_library(library, study)
     device, own, stored = chosen_device(device), study.reader, BytesIO()
     errors = save_library(library, stored)
-    source = Source.of(library, own, study.slice)
+    source = Source(library, own, study.slice)
     fitted = reader.fit_reader(study, source.chunk, workers or _other_cores(), progress, device)
     provenance = _provenance("reader", study, own.seed, device, _of_library(stored, study))
     graph = reader.force_bytes(fitted.network, provenance)
@@ -162,7 +162,7 @@ def train_raw_reader(
     record = {
         "samples": {"slices": slices, "training": frames, "validation": raw.validation_frames},
         "batches": raw.batches,
-        "metrics": raw_reader.measure_raw_reader(fitted.network, raw_reader.RawSource.of(library, study), study),
+        "metrics": raw_reader.measure_raw_reader(fitted.network, raw_reader.RawSource(library, study), study),
         "curves": {"training_loss": curve(fitted.training_loss)},
     }
     measure, cores = partial(raw_reader.measuring_raw, study, library, graph), workers or available_cores()

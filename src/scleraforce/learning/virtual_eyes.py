@@ -38,7 +38,7 @@ from scleraforce.models import NETWORK_FILE, network_session
 from scleraforce.processes import work_in_order
 from scleraforce.reader import intervals
 from scleraforce.reader.answer import Reading, fit_reading
-from scleraforce.reader.intervals import Factors, Score, score, traits_of
+from scleraforce.reader.intervals import Factors, Score, scored
 from scleraforce.reader.kinds import SHIFTS
 from scleraforce.reader.networks import ForceNetwork
 from scleraforce.segmentation.observations import Boundaries
@@ -319,11 +319,6 @@ def calibrated_otherwise(
         return None
 
 
-def network_score(reading: Reading, known: Known, eye: str, force_n: float) -> Score:
-    """Return the score of a network's reading of an eye under a force, N."""
-    return Score("network", traits_of(known, reading.force_n), eye, score(reading, force_n))
-
-
 def _scores(
     study: Study,
     library: Library,
@@ -338,12 +333,12 @@ def _scores(
     walls = library.for_stiffening(known.stiffening or 0.0).for_contact(polar_rad)
     prior = prior_of(known, study.reader)
     for frame in frames:
-        found.append(network_score(read(frame.cuts, known), known, eye, frame.force_n))
+        found.append(scored("network", read(frame.cuts, known), known, eye, frame.force_n))
         seen = frame.boundaries
         fit = fit_boundaries(walls, seen.lateral_m, seen.depth_m, prior, study.calibration.surface_smoothing_m)
         if fit is not None:
             by_fit = fit_reading(fit, study.classes.bounds_n, intervals.NO_FACTORS.of_fit(known, fit))
-            found.append(Score("fit", traits_of(known, fit.force_n, fit), eye, score(by_fit, frame.force_n)))
+            found.append(scored("fit", by_fit, known, eye, frame.force_n, fit))
     return found
 
 

@@ -23,7 +23,7 @@ from scleraforce.monitor.trend import OUTSIDE, Dent, TimeToBound, rise_of, time_
 from scleraforce.reader import metrics
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History, Leak
-from scleraforce.reader.intervals import Score, score, traits_of
+from scleraforce.reader.intervals import Score, scored
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import suited
 from scleraforce.recording import labels
@@ -300,8 +300,8 @@ def recording_scores(
         if trial.measured_force_n is None or trial.excluded is not None or calibrates:
             continue
         for method, reading in answer.readings if answer.usable else ():
-            traits = traits_of(session.known, reading.force_n, answer.fit if method == "fit" else None)
-            yield Score(method, traits, recording.info.eye.id, score(reading, trial.measured_force_n))
+            fit, eye = answer.fit if method == "fit" else None, recording.info.eye.id
+            yield scored(method, reading, session.known, eye, trial.measured_force_n, fit)
 
 
 @dataclass(frozen=True, eq=False)

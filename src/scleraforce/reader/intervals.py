@@ -168,6 +168,13 @@ def score(reading: Reading, force_n: float) -> float:
     return abs(force_n - reading.force_n) / max(abs(end_n - reading.force_n), LEAST_N)
 
 
+def scored(
+    method: str, reading: Reading, known: Known, eye: str, force_n: float, fit: BoundaryFit | None = None
+) -> Score:
+    """Return the score of a method's reading of an eye under a force, N; `fit`: the fit's own."""
+    return Score(method, traits_of(known, reading.force_n, fit), eye, score(reading, force_n))
+
+
 def eye_count(scores: Iterable[Score]) -> int:
     """Return the number of eyes among scores."""
     return len({entry.eye for entry in scores})

@@ -317,17 +317,17 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lin
                 raise StudyError(f"{place}: expected a table [{key}]")
             values[item.name] = _record(hint, value, (*path, key), lines, name)  # type: ignore[arg-type]  # a class
         elif get_origin(hint) is tuple and is_dataclass(get_args(hint)[0]):
-            values[item.name] = _records(get_args(hint)[0], value, (*path, key), lines, name, place)
+            tables = _entries(value, place, f"a list of tables [[{'.'.join((*path, key))}]]", dict)
+            values[item.name] = tuple(
+                _record(get_args(hint)[0], entry, (*path, key), lines, name, number)
+                for number, entry in enumerate(tables, start=1)
+            )
         else:
             values[item.name] = map_numbers(_value(hint, value, place), field_unit(item).to_si)
-    missing = [
-        key
-        for key, item in known.items()
-        if item.name not in values and item.default is MISSING and item.default_factory is MISSING
-    ]
-    if missing:
-        place = f"{name}:{_line(lines, path, nth)}" if path else name
-        raise StudyError(f"{place}: {'.'.join((*path, missing[0]))}: missing")
+    for key, item in known.items():
+        if item.name not in values and item.default is MISSING and item.default_factory is MISSING:
+            place = f"{name}:{_line(lines, path, nth)}" if path else name
+            raise StudyError(f"{place}: {'.'.join((*path, key))}: missing")
     try:
         return kind(**values)
     except StudyError as fault:
@@ -335,21 +335,11 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lin
         raise StudyError(f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, ''))}{fault}") from None
 
 
-def _records(kind: Any, value: Any, path: tuple[str, ...], lines: Lines, name: str, place: str) -> tuple[object, ...]:
-    if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
-        raise StudyError(f"{place}: expected a list of tables [[{'.'.join(path)}]]")
-    _check_length(value, place)
-    return tuple(_record(kind, entry, path, lines, name, nth) for nth, entry in enumerate(value, start=1))
-
-
 def _value(hint: Any, value: Any, place: str) -> Any:
     if isinstance(hint, UnionType) and Range in get_args(hint):
         return _sampled(value, place)
     if get_origin(hint) is tuple:
-        if not isinstance(value, list):
-            raise StudyError(f"{place}: expected a list")
-        _check_length(value, place)
-        return tuple(_value(get_args(hint)[0], entry, place) for entry in value)
+        return tuple(_value(get_args(hint)[0], entry, place) for entry in _entries(value, place))
     return _scalar(hint, value, place)
 
 
@@ -358,14 +348,17 @@ def _sampled(value: Any, place: str) -> Choice | Range:
         if set(value) != {"min", "max"}:
             raise StudyError(f"{place}: a range is {{ min = a, max = b }}")
         return Range(min=_scalar(float, value["min"], place), max=_scalar(float, value["max"], place))
-    entries = value if isinstance(value, list) else [value]
-    _check_length(entries, place)
+    entries = _entries(value if isinstance(value, list) else [value], place)
     return Choice(tuple(_scalar(float, entry, place) for entry in entries))
 
 
-def _check_length(entries: list[Any], place: str) -> None:
-    if len(entries) > MAX_ENTRIES:
-        raise StudyError(f"{place}: {len(entries)} entries; at most {MAX_ENTRIES} are allowed")
+def _entries(value: Any, place: str, wanted: str = "a list", kind: type = object) -> list[Any]:
+    """Return the entries of a list, each of a kind."""
+    if not isinstance(value, list) or not all(isinstance(entry, kind) for entry in value):
+        raise StudyError(f"{place}: expected {wanted}")
+    if len(value) > MAX_ENTRIES:
+        raise StudyError(f"{place}: {len(value)} entries; at most {MAX_ENTRIES} are allowed")
+    return value
 
 
 def _scalar(kind: type, value: Any, place: str) -> Any:
