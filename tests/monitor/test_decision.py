@@ -117,26 +117,16 @@ STATES: dict[State, Callable[[], MonitorState]] = {
     State.PIERCED: pierced,
     State.WITHDRAW: withdrawn,
 }
+WRONG_NUMBERS: list[dict[str, Any]] = [
+    {"force_n": NAN}, {"interval_n": (0.0, NAN)}, {"interval_n": (0.0, float("inf"))}, {"interval_n": (0.02, 0.01)},
+    {"probabilities": (NAN, 0.5, 0.5)}, {"probabilities": None}, {"probabilities": (0.5, 0.3, 0.1)}, {"predicted": -1},
+    {"force_n": None, "interval_n": None}, {"usable": False, "force_n": NAN}, {"elastic_force_n": NAN},
+]  # fmt: skip
 VERDICTS: list[tuple[dict[str, Any], Cause]] = [  # of any reader, each with the cause in it
     ({"predicted": 2, "probabilities": (0.0, 0.0, 1.0)}, Cause.DANGEROUS_CLASS),
     ({"force_n": 0.031, "interval_n": (0.0295, 0.0325)}, Cause.BOUND),
     ({"force_n": 0.0286, "interval_n": (0.0271, 0.0301)}, Cause.BOUND),
-    *(
-        (wrong, Cause.NO_NUMBER)
-        for wrong in (
-            {"force_n": NAN},
-            {"interval_n": (0.0, NAN)},
-            {"interval_n": (0.0, float("inf"))},
-            {"interval_n": (0.02, 0.01)},
-            {"probabilities": (NAN, 0.5, 0.5)},
-            {"probabilities": None},
-            {"probabilities": (0.5, 0.3, 0.1)},
-            {"predicted": -1},
-            {"force_n": None, "interval_n": None},
-            {"usable": False, "force_n": NAN},
-            {"elastic_force_n": NAN},
-        )
-    ),
+    *((wrong, Cause.NO_NUMBER) for wrong in WRONG_NUMBERS),
 ]
 ALARMS: list[tuple[MonitorEvent, Cause]] = [
     *((judged(frame(6), **said), cause) for said, cause in VERDICTS),
@@ -155,17 +145,11 @@ ALARMS: list[tuple[MonitorEvent, Cause]] = [
     (opinion(5, at_s=NAN), Cause.NO_NUMBER),
 ]
 AFTER_A_FRAME: list[tuple[MonitorEvent, Cause]] = [
-    (Tick(0.1501), Cause.SILENCE),
-    (frame(6, at_s=0.1501), Cause.SILENCE),
-    (Reset(0.1501), Cause.SILENCE),
-    (unusable(6), Cause.UNUSABLE),
-    (frame(5, at_s=0.06), Cause.OUT_OF_ORDER),
-    (frame(3, at_s=0.06), Cause.OUT_OF_ORDER),
-    (Tick(0.03), Cause.OUT_OF_ORDER),
-    (replace(frame(6), size=(512, 511)), Cause.SIZE),
-    (replace(frame(6), scale_m=(1.1e-5, 5e-6)), Cause.SCALE),
-    (replace(frame(6), scale_m=(1e-5, 5.1e-6)), Cause.SCALE),
-]
+    (Tick(0.1501), Cause.SILENCE), (frame(6, at_s=0.1501), Cause.SILENCE), (Reset(0.1501), Cause.SILENCE),
+    (unusable(6), Cause.UNUSABLE), (frame(5, at_s=0.06), Cause.OUT_OF_ORDER), (frame(3, at_s=0.06), Cause.OUT_OF_ORDER),
+    (Tick(0.03), Cause.OUT_OF_ORDER), (replace(frame(6), size=(512, 511)), Cause.SIZE),
+    (replace(frame(6), scale_m=(1.1e-5, 5e-6)), Cause.SCALE), (replace(frame(6), scale_m=(1e-5, 5.1e-6)), Cause.SCALE),
+]  # fmt: skip
 OPINIONS = [
     *((judged(opinion(5), **said), cause) for said, cause in VERDICTS),
     (opinion(5, at_s=0.03), Cause.OUT_OF_ORDER),
@@ -313,12 +297,10 @@ def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever() -> None:
 
 def test_one_wrong_frame_withdraws_and_makes_no_later_reset_impossible() -> None:
     for wrong, cause in (
-        ({"frame_id": 2 * 10**15}, Cause.OUT_OF_ORDER),
-        ({"at_s": 1e9}, Cause.SILENCE),
-        ({"size": (512, 500)}, Cause.SIZE),
-        ({"scale_m": (2e-5, 5e-6)}, Cause.SCALE),
+        ({"frame_id": 2 * 10**15}, Cause.OUT_OF_ORDER), ({"at_s": 1e9}, Cause.SILENCE),
+        ({"size": (512, 500)}, Cause.SIZE), ({"scale_m": (2e-5, 5e-6)}, Cause.SCALE),
         ({"pixel_type": "uint8"}, Cause.PIXEL_TYPE),
-    ):
+    ):  # fmt: skip
         for first, begun in ((1, MonitorState()), (6, watching())):
             state = play([replace(frame(first), **wrong), frame(first + 1)], begun)
             assert first == 1 or state.cause is cause

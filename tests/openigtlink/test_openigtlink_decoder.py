@@ -180,17 +180,11 @@ GOOD = igtl.encode(igtl.Text("force"), "peer")
 
 def test_a_stream_that_cannot_be_followed_is_refused_from_then_on() -> None:
     for data in (
-        b"GET / HTTP/1.1\r\n" + b"x" * 60,
-        b"\0\0" + GOOD[2:],
-        b"\0\4" + GOOD[2:],
-        GOOD[:2] + b"\0" * 12 + GOOD[14:],
-        GOOD[:2] + b"\xff" * 12 + GOOD[14:],
-        GOOD[:2] + b"STRI\xe4G\0\0\0\0\0\0" + GOOD[14:],
-        GOOD[:2] + b"STRI G\0\0\0\0\0\0" + GOOD[14:],
-        GOOD[:2] + b"STRI\nG\0\0\0\0\0\0" + GOOD[14:],
-        GOOD[:42] + struct.pack(">Q", 1_000_001) + GOOD[50:],
-        GOOD[:42] + b"\xff" * 8 + GOOD[50:],
-    ):
+        b"GET / HTTP/1.1\r\n" + b"x" * 60, b"\0\0" + GOOD[2:], b"\0\4" + GOOD[2:], GOOD[:2] + b"\0" * 12 + GOOD[14:],
+        GOOD[:2] + b"\xff" * 12 + GOOD[14:], GOOD[:2] + b"STRI\xe4G\0\0\0\0\0\0" + GOOD[14:],
+        GOOD[:2] + b"STRI G\0\0\0\0\0\0" + GOOD[14:], GOOD[:2] + b"STRI\nG\0\0\0\0\0\0" + GOOD[14:],
+        GOOD[:42] + struct.pack(">Q", 1_000_001) + GOOD[50:], GOOD[:42] + b"\xff" * 8 + GOOD[50:],
+    ):  # fmt: skip
         decoder = igtl.Decoder(max_body_bytes=1_000_000)
         with less_than(100_000):
             received, broken = decoder.feed(GOOD + data + GOOD)
@@ -239,33 +233,20 @@ def test_any_body_with_a_right_checksum_is_a_message_or_malformed(name: str, ver
 
 def test_what_a_message_or_its_header_cannot_carry_is_refused() -> None:
     for wrong in (
-        igtl.Text("x" * 65_536),
-        igtl.Sensor((0.0,) * 256),
-        igtl.Status(70_000),
-        igtl.Status(1, message="x" * 65_536),
-        igtl.Status(1, name="x" * 21),
-        igtl.Transform((1.0,)),
-        igtl.Query("A_VERY_LONG_TYPE"),
-        igtl.Text("\ud800"),
-        igtl.Image(np.zeros((1, 2, 2), dtype=np.float32)),
-        igtl.Image(np.zeros((2, 2), dtype=np.uint8)),
+        igtl.Text("x" * 65_536), igtl.Sensor((0.0,) * 256), igtl.Status(70_000), igtl.Status(1, message="x" * 65_536),
+        igtl.Status(1, name="x" * 21), igtl.Transform((1.0,)), igtl.Query("A_VERY_LONG_TYPE"), igtl.Text("\ud800"),
+        igtl.Image(np.zeros((1, 2, 2), dtype=np.float32)), igtl.Image(np.zeros((2, 2), dtype=np.uint8)),
         igtl.Image(np.zeros((0, 2, 2), dtype=np.uint8)),
         replace(igtl.Image(np.zeros((1, 2, 2), dtype=np.uint8)), offset=(1, 0, 0)),
         replace(igtl.Image(np.zeros((1, 2, 2), dtype=np.uint8)), matrix=(1.0,)),
-    ):
+    ):  # fmt: skip
         with pytest.raises(ProtocolError):
             igtl.encode(wrong, "peer")
     for options in (
-        {"device": "a device's name that is too long"},
-        {"version": 4},
-        {"version": 0},
-        {"message_id": 1},
-        {"metadata": {"a": "b"}},
-        {"metadata": {"a": "b" * 16_375}, "version": 2},
-        {"message_id": 2**32, "version": 2},
-        {"time_s": -1.0},
-        {"time_s": float("nan")},
-    ):
+        {"device": "a device's name that is too long"}, {"version": 4}, {"version": 0}, {"message_id": 1},
+        {"metadata": {"a": "b"}}, {"metadata": {"a": "b" * 16_375}, "version": 2}, {"message_id": 2**32, "version": 2},
+        {"time_s": -1.0}, {"time_s": float("nan")},
+    ):  # fmt: skip
         with pytest.raises(ProtocolError):
             igtl.encode(igtl.Text("force"), **{"device": "peer", **options})
 
