@@ -20,18 +20,12 @@ PIXELS = {dtype: DRAW.integers(0, 120, (2, 3, 5)).astype(dtype) for dtype in (np
 MESSAGES: list[igtl.Message] = [
     *[igtl.Image(pixels) for pixels in PIXELS.values()],
     igtl.Image(PIXELS[np.uint16] * np.uint16(500), (0.01,) * 12, (20, 10, 4), (15, 7, 2), 2),
-    igtl.Image(DRAW.integers(0, 255, (1, 4, 4, 3)).astype(np.uint8)),
-    igtl.Status(1, -7, "Ready", "class 0, 1.2 mN"),
-    igtl.Status(13),
-    igtl.Text('{"force_mn": 12.5}'),
-    igtl.Text("µN"),
-    igtl.Text(""),
-    igtl.Sensor((1.5, -2.0, 1e300), 0x123456789, 1),
-    igtl.Sensor(()),
-    igtl.Transform((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 2.5, -3.0, 4.0)),
-    igtl.Query("STATUS"),
+    igtl.Image(DRAW.integers(0, 255, (1, 4, 4, 3)).astype(np.uint8)), igtl.Status(1, -7, "Ready", "class 0, 1.2 mN"),
+    igtl.Status(13), igtl.Text('{"force_mn": 12.5}'), igtl.Text("µN"), igtl.Text(""),
+    igtl.Sensor((1.5, -2.0, 1e300), 0x123456789, 1), igtl.Sensor(()),
+    igtl.Transform((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 2.5, -3.0, 4.0)), igtl.Query("STATUS"),
     igtl.Query("TRANSFORM"),
-]
+]  # fmt: skip
 VERSIONS = [1, 2, 3]
 
 
@@ -161,16 +155,12 @@ def test_a_body_that_is_not_what_its_type_says_is_an_event() -> None:
 
 def test_an_extended_header_that_contradicts_itself_is_an_event() -> None:
     for body in (
-        b"\0" * 11,
-        struct.pack(">HHII", 12, 0, 99, 0),
-        struct.pack(">HHII", 11, 0, 0, 0),
-        struct.pack(">HHII", 99, 0, 0, 0),
-        struct.pack(">HHII", 12, 2, 0, 0) + b"\0\1",
-        struct.pack(">HHII", 12, 1, 0, 0) + b"\0",
-        struct.pack(">HHII", 12, 0, 2, 0) + b"\0\0",
+        b"\0" * 11, struct.pack(">HHII", 12, 0, 99, 0), struct.pack(">HHII", 11, 0, 0, 0),
+        struct.pack(">HHII", 99, 0, 0, 0), struct.pack(">HHII", 12, 2, 0, 0) + b"\0\1",
+        struct.pack(">HHII", 12, 1, 0, 0) + b"\0", struct.pack(">HHII", 12, 0, 2, 0) + b"\0\0",
         struct.pack(">HHII", 12, 10, 3, 0) + struct.pack(">HHHI", 1, 2, 3, 4) + b"abc",
         struct.pack(">HHII", 12, 2, 16_383, 0) + bytes(4 + 16_385),
-    ):
+    ):  # fmt: skip
         (event,) = igtl.Decoder().feed(raw("STRING", body, version=2))
         assert isinstance(event, igtl.Malformed)
 

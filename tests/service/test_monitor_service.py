@@ -115,17 +115,12 @@ def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     box, within, long = tmp_path / "box", tmp_path / "file" / "inside", tmp_path / ("x" * 300)
     for black_box, record, words in (
-        (within, None, "Not a directory"),
-        (long, None, "File name too long"),
-        (Path("/proc/box"), None, "/proc/box"),
-        (box, tmp_path / "there", "exists already"),
-        (box, tmp_path / "link", "exists already"),
-        (box, within, "Not a directory"),
-        (box, long, "File name too long"),
-        (box, Path("/proc/session"), "--record /proc/session"),
-        (box, box, "the folder of the black box is there"),
+        (within, None, "Not a directory"), (long, None, "File name too long"), (Path("/proc/box"), None, "/proc/box"),
+        (box, tmp_path / "there", "exists already"), (box, tmp_path / "link", "exists already"),
+        (box, within, "Not a directory"), (box, long, "File name too long"),
+        (box, Path("/proc/session"), "--record /proc/session"), (box, box, "the folder of the black box is there"),
         (box / "inside", box, "the folder of the black box is there"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(InputError, match=words) as refused:
             monitor_service.try_folders(black_box, record)
         assert "\n" not in str(refused.value)

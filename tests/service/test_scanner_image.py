@@ -93,14 +93,10 @@ OTHER = COUNTS ^ 0xFFF
 
 def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten() -> None:
     for second in (
-        part(slice(3, 6)),
-        part(slice(3, 4), slice(8, 9)),
-        image(),
-        part(slice(4, 6), size=(9, 7, 1)),
-        part(slice(4, 6), counts=COUNTS.astype(np.int16)),
-        part(slice(4, 6), matrix=(0.0031, *MATRIX[1:])),
+        part(slice(3, 6)), part(slice(3, 4), slice(8, 9)), image(), part(slice(4, 6), size=(9, 7, 1)),
+        part(slice(4, 6), counts=COUNTS.astype(np.int16)), part(slice(4, 6), matrix=(0.0031, *MATRIX[1:])),
         part(slice(4, 6), coordinates=2),
-    ):
+    ):  # fmt: skip
         assembler = FrameAssembler()
         assembler.add(UPPER)
         with pytest.raises(ProtocolError, match="IMAGE: the part rows"):

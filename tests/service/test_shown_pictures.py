@@ -34,13 +34,10 @@ def changed(rng: np.random.Generator, picture: NDArray[np.uint16], what: tuple[s
 
 
 BURNED_IN = {
-    "nothing": (slice(0), slice(0)),
-    "a pixel": (slice(200, 201), slice(300, 301)),
-    "a clock": (slice(4, 24), slice(350, 500)),
-    "a row": (slice(256, 257), slice(None)),
-    "a column": (slice(None), slice(100, 101)),
-    "a strip": (slice(None), slice(400, 490)),
-}
+    "nothing": (slice(0), slice(0)), "a pixel": (slice(200, 201), slice(300, 301)),
+    "a clock": (slice(4, 24), slice(350, 500)), "a row": (slice(256, 257), slice(None)),
+    "a column": (slice(None), slice(100, 101)), "a strip": (slice(None), slice(400, 490)),
+}  # fmt: skip
 
 
 def test_old_pictures_in_turns_are_known_whatever_is_burned_in() -> None:
