@@ -93,7 +93,7 @@ class Session:
             latency_ms=1.0,
         )
         sent_s = time()
-        self.send(Decided(entry=entry, travel_m=None, pierced=False))
+        self.send(Decided(entry=entry))
         if self.frames % 4 == 0:
             self.send(Outline(frame=self.frames, step=4, outer=self.curve, inner=self.curve))
         if self.frames % 50 == 0:

@@ -57,9 +57,7 @@ class Monitor:
         self.at_s = 1000.0
         self.answers = []
 
-    def decide(
-        self, state="WATCHING", times=1, with_frame=True, turns=3, travel_m=None, pierced=False, plane=None, moment=None
-    ):
+    def decide(self, state="WATCHING", times=1, with_frame=True, turns=3, plane=None, **said):
         for _ in range(times):
             self.at_s += 0.01
             self.decisions += 1
@@ -70,7 +68,7 @@ class Monitor:
                 state, number=self.decisions, time_s=1.8e9 + self.at_s, at_s=self.at_s, cause=CAUSES.get(state),
                 frame=self.frames if with_frame else None, plane=plane,
             )  # fmt: skip
-            self.tell(Decided(entry=entry, travel_m=travel_m, pierced=pierced, moment=moment), turns)
+            self.tell(Decided(entry=entry, **said), turns)
 
     def tell(self, message, turns=1):
         assert self.channel.send(message)
@@ -402,7 +400,7 @@ class Process:
             self.ring.put(number, frame(number))
             now = {"time_s": time.time(), "at_s": time.monotonic()}
             entry = decision(state, number=number, cause=CAUSES.get(state), frame=number, **now)
-            assert self.child.channel.send(Decided(entry=entry, travel_m=None, pierced=False))
+            assert self.child.channel.send(Decided(entry=entry))
 
     def wait_for(self, kind):
         heard = []
@@ -470,7 +468,7 @@ def test_a_process_whose_log_cannot_be_opened_says_so_and_ends(tmp_path, capfd):
 def test_the_lines_of_the_log_keep_their_keys_order_and_values(tmp_path):
     """The keys, their order and the values of the log are a contract (docs/black_box.md)."""
     monitor = Monitor(tmp_path)
-    monitor.tell(Decided(entry=READ_ENTRY, travel_m=None, pierced=False))
+    monitor.tell(Decided(entry=READ_ENTRY))
     monitor.tell(Note(time_s=1.5, text="robot came"))
     monitor.end()
     assert (tmp_path / "box" / "log" / "decisions-000001.jsonl").read_bytes() == (

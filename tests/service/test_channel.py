@@ -29,7 +29,7 @@ from scleraforce.service.frame_ring import RingPlace
 RING = RingPlace(descriptor=5, frames=1200, rows=24, columns=32)
 SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
 MESSAGES: list[messages.CompanionMessage] = [
-    messages.Decided(entry=READ_ENTRY, travel_m=None, pierced=False),
+    messages.Decided(entry=READ_ENTRY),
     messages.ForceHeard(at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"),
     messages.Note(time_s=1.5, text='é "\\ \n\t\0'),
     messages.MonitorEnds(),

@@ -81,7 +81,7 @@ def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_
     for _ in range(5000):
         companions.send(BLACK_BOX, messages.ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000), 10.0)
     for number in range(1, 501):
-        companions.decided(Decided(entry=decision(number=number, message="x" * 1000), travel_m=None, pierced=False))
+        companions.decided(Decided(entry=decision(number=number, message="x" * 1000)))
         companions.send(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
     heard: list[CompanionMessage] = []
     while some := children[BLACK_BOX].theirs.receive(50):
@@ -96,10 +96,10 @@ def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_
 
 def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, children):
     for number in range(1, 200):
-        companions.decided(Decided(entry=decision(number=number, message="x" * 1000), travel_m=None, pierced=False))
+        companions.decided(Decided(entry=decision(number=number, message="x" * 1000)))
     assert companions.faults(10.1) == ()
     for number in range(200, 5000):
-        companions.decided(Decided(entry=decision(number=number, message="x" * 1000), travel_m=None, pierced=False))
+        companions.decided(Decided(entry=decision(number=number, message="x" * 1000)))
     assert companions.faults(10.1) == ("black box: it does not keep up",)
     while children[BLACK_BOX].theirs.receive(50):
         companions.faults(10.2)

@@ -93,7 +93,7 @@ class ConsoleMonitor:
             state, number=self.entries, time_s=time(), at_s=monotonic(), event="frame" if "frame" in said else "tick",
             code=CODES[state], cause=cause, message=f"{state}: {message}" if message else state, **said,
         )  # fmt: skip
-        assert self.child.channel.send(Decided(entry=entry, travel_m=None, pierced=False))
+        assert self.child.channel.send(Decided(entry=entry))
 
     def frame(self, pixels: NDArray[np.uint16], state: str = "WATCHING", message: str = "", **said: Any) -> int:
         """Put a frame into the ring and tell the decision on it; return its number."""

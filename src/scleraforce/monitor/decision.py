@@ -283,10 +283,8 @@ def _loss(now: MonitorState, event: events.QueueLoss, limits: MonitorLimits) -> 
     if not (event.lost >= 1 and event.unread_s > 0.0):
         return _alarm(Cause.QUEUE_BEHIND, f"a loss of {event.lost} frames, {event.unread_s} s")
     within_s = sum(unread_s for _, unread_s in now.losses)
-    if (
-        now.lost_in_row_s <= limits.loss_in_row_s + events.SLACK_S
-        and within_s <= limits.loss_in_window_s + events.SLACK_S
-    ):
+    most_in_row_s, most_s = limits.loss_in_row_s + events.SLACK_S, limits.loss_in_window_s + events.SLACK_S
+    if now.lost_in_row_s <= most_in_row_s and within_s <= most_s:
         return QUIET
     row_ms, within_ms = from_si(now.lost_in_row_s, "ms"), from_si(within_s, "ms")
     return _alarm(Cause.QUEUE_BEHIND, f"{row_ms:.0f} ms of frames lost in a row, {within_ms:.0f} ms within the window")

@@ -162,8 +162,8 @@ class Decided(_Message, frozen=True, kw_only=True):
     """
 
     entry: Entry
-    travel_m: float | None
-    pierced: bool
+    travel_m: float | None = None
+    pierced: bool = False
     moment: int | None = None
 
 

@@ -192,9 +192,8 @@ def listen(host: str, port: int, prefix: str = "") -> socket.socket:
     except OSError as fault:
         reason = str(fault.strerror).partition(" (while")[0]
         if fault.errno != EADDRNOTAVAIL:
-            raise InputError(
-                f"{host}:{port}: {reason}; give another --{prefix}port, or end what listens there"
-            ) from fault
+            what_to_do = f"give another --{prefix}port, or end what listens there"
+            raise InputError(f"{host}:{port}: {reason}; {what_to_do}") from fault
     raise InputError(f"--{prefix}host {host!r}: {reason}; give an address of this machine")
 
 

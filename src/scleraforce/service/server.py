@@ -234,9 +234,7 @@ class Server:
         """Decide on an event other than a frame; send the decision to the clients if it changes."""
         if self.session.take(event):
             self._clients.broadcast(self._status(), event.at_s)
-            self._companions.decided(
-                messages.Decided(entry=self.session.entry(name, event.at_s), travel_m=None, pierced=False)
-            )
+            self._companions.decided(messages.Decided(entry=self.session.entry(name, event.at_s)))
             self._note_state()
 
     def _note_state(self) -> None:
@@ -274,16 +272,13 @@ class Server:
             self._left_out = 0
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
-        clients = tuple(
-            {"address": who.address, "role": "scanner" if who is self._scanner else "listener"} for who in self._clients
-        )
+        roles = {True: "scanner", False: "listener"}
+        clients = tuple({"address": who.address, "role": roles[who is self._scanner]} for who in self._clients)
         rate = (self.session.frames - frames) / (now_s - since_s)
         rates = messages.Rates(frames_per_second=rate, lost=self.session.lost, clients=clients)
         self._companions.send(CONSOLE, rates, now_s)
         if not rate:  # a console that has lost a message must not show an old state for long
-            self._companions.send(
-                CONSOLE, messages.Decided(entry=self.session.entry("again", now_s), travel_m=None, pierced=False), now_s
-            )
+            self._companions.send(CONSOLE, messages.Decided(entry=self.session.entry("again", now_s)), now_s)
 
     def _hear_companion(self, name: str) -> None:
         now_s = self.session.clock()

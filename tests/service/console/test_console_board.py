@@ -23,8 +23,7 @@ def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said
 
 
 def take(board: Board, message: Entry | CompanionMessage, now_s: float) -> bool:
-    decided = Decided(entry=message, travel_m=None, pierced=False) if isinstance(message, Entry) else message
-    return board.take(decided, now_s)
+    return board.take(Decided(entry=message) if isinstance(message, Entry) else message, now_s)
 
 
 def board_with(*messages: tuple[float, Entry | CompanionMessage]) -> Board:
