@@ -21,7 +21,7 @@ from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
 from scleraforce.models import FILES, SHIPPED_READER, read_folder
 from scleraforce.reader.limits import limit_notes, reading_ranges
-from scleraforce.recording.folder import Recording, RecordingInfo, read_recording
+from scleraforce.recording.folder import RecordingInfo, read_recording
 from scleraforce.recording.labels import Trial, label_frames, label_notes
 from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, evenly, inches, styled
 from scleraforce.report.frame_figures import draw_montage
@@ -127,14 +127,15 @@ def show_model(path: Path) -> Thing:
     metrics, provenance = _table(record, "metrics"), _table(record, "provenance")
     ranges = reading_ranges(path)
     lines = ("what it reads:", *(f"  {name:<36}{words}" for name, words in ranges)) if ranges else ()
-    size = sum(map(len, folder.files.values()))
+    size, intervals = sum(map(len, folder.files.values())), _table(record, "intervals")
+    measured_on = f"measured on {intervals['eyes']}" if intervals.get("eyes") else "of"
     rows = (
         ("kind", record["kind"] + (f", answers with its {record['default']}" if record.get("default") else "")),
         ("training", ", ".join(f"{count} {name}" for name, count in _amounts(record))),
         ("figures below are of", MEASURED_ON[record["kind"]].format(default=f"its {record.get('default')}")),
         *((TITLES.get(name, name.replace("_", " ")), f"{value:.4g}") for name, value in metrics.items()
           if isinstance(value, int | float)),
-        ("intervals", _intervals(record)),
+        ("intervals", f"90 %, {measured_on} {intervals.get('source')}" if intervals else ""),
         ("made with", ", ".join(f"{name} {provenance[name]}" for name in MADE_WITH if name in provenance)),
         ("seed", str(provenance.get("seed", "-"))),
         ("files", f"{', '.join(sorted(folder.files))}: {from_si(float(size), 'mb'):.1f} MB, hashes match"),
@@ -167,14 +168,6 @@ def _amounts(record: Mapping[str, Any]) -> list[tuple[str, int]]:
     return [(name, count) for name, count in found.items() if isinstance(count, int)]
 
 
-def _intervals(record: Mapping[str, Any]) -> str:
-    intervals = _table(record, "intervals")
-    if not intervals:
-        return ""
-    eyes, source = intervals.get("eyes"), intervals.get("source")
-    return f"90 %, measured on {eyes} {source}" if eyes else f"90 %, of {source}"
-
-
 LISTED = 12  # frames of a recording (`evaluate` lists all), withdrawals of a log
 CLASSES = ClassesStudy()  # the paper's bounds
 SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "PIERCED": AMBER, "WITHDRAW": RED}
@@ -182,9 +175,16 @@ SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "PIERCED": AMBER, "WITHDRAW": RED
 
 def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
     """Describe a recording, and the limits of a model that reads it; forces are put into the paper's classes."""
-    recording = read_recording(path)
-    trials, fault = _labelled(recording)
+    recording, fault = read_recording(path), None
+    try:
+        trials = label_frames(recording, CLASSES)
+    except RecordingError as error:
+        trials, fault = label_frames(replace(recording, forces=None), CLASSES), str(error)
     notes = (*limit_notes(model, recording.info), *label_notes(recording, () if fault else trials))
+    log, log_words = recording.forces, "none: its frames can be read, but neither scored nor calibrated on"
+    if log is not None:
+        taken_s = log.time_s[-1] - log.time_s[0]
+        log_words = f"{len(log.time_s)} samples at {log.sample_rate_hz:.4g} Hz, {taken_s:.4g} s"
     info, seconds = recording.info, recording.frames[-1].time_s - recording.frames[0].time_s
     width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in (info.oct.width_m, info.oct.depth_m))
     forces_n = [trial.measured_force_n for trial in trials if trial.measured_force_n is not None]
@@ -199,7 +199,7 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
                    f"{info.oct.bits} bits, {width_mm:g} x {depth_mm:g} mm, "
                    f"refractive index {info.oct.refractive_index:g}"),
         ("needle", f"{info.needle.gauge} gauge, {_planes_words(info)}"),
-        ("force log", _log_words(recording)),
+        ("force log", log_words),
         ("forces", f"{span([min(forces_n), max(forces_n)], 'mn', 'mN')}: {of_classes}" if forces_n else ""),
         ("no labels", fault or ""),
         *(("note", note) for note in notes),
@@ -218,20 +218,6 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
     }  # fmt: skip
     lines, draw = tuple(_frame_lines(trials)), partial(draw_recording, recording, trials, CLASSES.bounds_n)
     return Thing(kind="recording", facts=facts, rows=rows, lines=lines, draw=draw)
-
-
-def _labelled(recording: Recording) -> tuple[tuple[Trial, ...], str | None]:
-    try:
-        return label_frames(recording, CLASSES), None
-    except RecordingError as fault:
-        return label_frames(replace(recording, forces=None), CLASSES), str(fault)
-
-
-def _log_words(recording: Recording) -> str:
-    log = recording.forces
-    if log is None:
-        return "none: its frames can be read, but neither scored nor calibrated on"
-    return f"{len(log.time_s)} samples at {log.sample_rate_hz:.4g} Hz, {log.time_s[-1] - log.time_s[0]:.4g} s"
 
 
 def _frame_lines(trials: tuple[Trial, ...]) -> list[str]:
@@ -280,10 +266,13 @@ def show_decision_log(path: Path) -> Thing:
     withdrawals = [entry for entry in _changes(decisions) if entry.state == "WITHDRAW"]
     forces_mn = [entry.force_mn for entry in decisions if entry.force_mn is not None]
     causes = Counter(entry.cause or "?" for entry in withdrawals)
-    frames = sum(entry.event == "frame" for entry in decisions)
+    frames, span_words = sum(entry.event == "frame" for entry in decisions), ""
+    if decisions:
+        begin = datetime.fromtimestamp(decisions[0].time_s, UTC)
+        span_words = f"{decisions[-1].at_s - decisions[0].at_s:.4g} s from {begin:%Y-%m-%d %H:%M:%S} UTC"
     rows = (
         ("decisions", f"{len(decisions)}, {frames} of them on a frame"),
-        ("span", _span(decisions)),
+        ("span", span_words),
         ("forces", f"{min(forces_mn):.1f} to {max(forces_mn):.1f} mN" if forces_mn else ""),
         ("lost frames", str(decisions[-1].lost) if decisions else ""),
         ("withdrawals", ", ".join(f"{count} {cause}" for cause, count in causes.items()) or "none"),
@@ -349,13 +338,6 @@ def draw_decisions(decisions: Sequence[Entry]) -> Figure:
     axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside upper left", ncols=5)
     return figure
-
-
-def _span(decisions: Sequence[Entry]) -> str:
-    if not decisions:
-        return ""
-    begin = datetime.fromtimestamp(decisions[0].time_s, UTC)
-    return f"{decisions[-1].at_s - decisions[0].at_s:.4g} s from {begin:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def _listed(withdrawals: Sequence[Entry]) -> Iterator[str]:
