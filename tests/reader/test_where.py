@@ -21,12 +21,9 @@ SHAFT = SeenNeedle(angle_rad=-0.3, tip_m=None, tip=(256.0, 100.0), top=(200.0, -
 
 
 def seen(
-    unknown: np.ndarray,
-    known: Known | None = None,
-    noise_m: float = 0.0,
-    needle: SeenNeedle | None = None,
+    unknown: np.ndarray, known: Known | None = None, noise_m: float = 0.0, needle: SeenNeedle | None = None,
     seed: int = 0,
-) -> Places:
+) -> Places:  # fmt: skip
     rng = np.random.default_rng(seed)
     depth_bc = noisy_boundaries(predict_wall(WALLS, unknown, BOTH), noise_m, rng)
     known = known or known_eye(unknown)

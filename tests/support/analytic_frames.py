@@ -34,12 +34,9 @@ CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
 SCALE = PixelScale.of(STUDY.oct)
 MODULUS_PA, IOP_PA, THICKNESS_M, GAP_M = 0.3e6, 270.0, 0.65e-3, 0.6e-3
 KNOWN = Known(
-    modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"),
-    iop_pa=IOP_PA,
-    thickness_m=THICKNESS_M,
-    gap_m=GAP_M,
-    globe=OPEN,
-)
+    modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"), iop_pa=IOP_PA, thickness_m=THICKNESS_M,
+    gap_m=GAP_M, globe=OPEN,
+)  # fmt: skip
 
 
 def tip_of(force_n: float) -> float:
@@ -130,12 +127,9 @@ def known_eye(unknown: np.ndarray, globe: KnownGlobe = OPEN, relative_sd: float 
     """The known values of an eye with these unknowns; the modulus is its own."""
     modulus = exp(unknown[at.MODULUS])
     return Known(
-        modulus=Modulus(mean_pa=modulus, sd_pa=relative_sd * modulus, source="own"),
-        iop_pa=exp(unknown[at.IOP]),
-        thickness_m=unknown[at.THICKNESS],
-        gap_m=unknown[at.GAP],
-        globe=globe,
-    )
+        modulus=Modulus(mean_pa=modulus, sd_pa=relative_sd * modulus, source="own"), iop_pa=exp(unknown[at.IOP]),
+        thickness_m=unknown[at.THICKNESS], gap_m=unknown[at.GAP], globe=globe,
+    )  # fmt: skip
 
 
 BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], COLUMNS))

@@ -134,12 +134,9 @@ def solved_library(grid: LibraryStudy) -> Library:
         for each in zip(*(solve_path(plan, unit) for unit in range(plan.paths)), strict=True)
     )
     walls = StiffenedWalls(
-        stiffening=plan.stiffening,
-        force_ratio_btpd=forces,
-        displaced_btpd=volumes,
-        undented_btpbnc=np.ascontiguousarray(curves[:, :, :, 0]),
-        curves=WholeCurves(curves),
-    )
+        stiffening=plan.stiffening, force_ratio_btpd=forces, displaced_btpd=volumes,
+        undented_btpbnc=np.ascontiguousarray(curves[:, :, :, 0]), curves=WholeCurves(curves),
+    )  # fmt: skip
     return library_of(
         walls,
         **{name: getattr(plan, name) for name in AXES_AND_SIZES},

@@ -178,13 +178,9 @@ CLASSIFIER_THREADS = 2
 
 
 def fit(
-    study: NetworkStudy,
-    training: Samples,
-    validation: Samples,
-    classes: int = 3,
-    progress: Progress = None,
+    study: NetworkStudy, training: Samples, validation: Samples, classes: int = 3, progress: Progress = None,
     device: str = "cpu",
-) -> TrainedNetwork:
+) -> TrainedNetwork:  # fmt: skip
     """Train a network; the same study and samples give the same weights on the same machine.
 
     The weights are those after the last epoch: none are picked by their validation figures, which stay an honest
@@ -270,14 +266,9 @@ def best(candidates: Sequence[Candidate]) -> int:
 
 
 def search_sizes(
-    study: NetworkStudy,
-    training: Samples,
-    validation: Samples,
-    classes: int = 3,
-    progress: Progress = None,
-    workers: int | None = None,
-    device: str = "cpu",
-) -> tuple[tuple[Candidate, ...], NetworkStudy, TrainedNetwork]:
+    study: NetworkStudy, training: Samples, validation: Samples, classes: int = 3, progress: Progress = None,
+    workers: int | None = None, device: str = "cpu",
+) -> tuple[tuple[Candidate, ...], NetworkStudy, TrainedNetwork]:  # fmt: skip
     """Train every size of the grid; return all candidates, and the study with the best size and its network.
 
     Whoever trains, the result is the same on one kind of processor. The validation set chooses, so the accuracy of the

@@ -157,17 +157,12 @@ def unit_samples(study: Study) -> list[slice]:
 
 
 KIND = StoreKind(
-    noun="data set",
-    command="generate",
-    verb="generate",
-    parts="parts",
-    schema="scleraforce-dataset-2",
-    recipe="study",
+    noun="data set", command="generate", verb="generate", parts="parts", schema="scleraforce-dataset-2", recipe="study",
     required=frozenset({"complete", "study", "study_hash", "youngs_modulus_pa", "calibration", "versions"}),
     same=("study_hash", "youngs_modulus_pa", "mechanics", "calibration", "versions"),
     others={"scleraforce-library": "a response library and no data set; `train --kind reader` learns from it"},
     error=DatasetError,
-)
+)  # fmt: skip
 SLICES = "slices"
 MAX_MODULUS_PA = 1e12
 SLACK = 1e-12
@@ -273,13 +268,9 @@ def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
 
 
 def create_dataset(
-    path: Path,
-    study: Study,
-    youngs_modulus_pa: float,
-    calibration: CalibrationSummary | None,
-    plan: DatasetPlan,
+    path: Path, study: Study, youngs_modulus_pa: float, calibration: CalibrationSummary | None, plan: DatasetPlan,
     mechanics: str = "linear",
-) -> CheckedStore:
+) -> CheckedStore:  # fmt: skip
     """Create the store with all metadata and no slices, or continue that of an interrupted run of the same study."""
     modulus = calibration and {
         "youngs_modulus_pa": calibration.population_mean_pa,
@@ -420,15 +411,9 @@ class Generation:
 
 
 def generate_dataset(
-    study: Study,
-    out: Path,
-    *,
-    youngs_modulus_pa: float | None = None,
-    calibration: CalibrationSummary | None = None,
-    library: Library | None = None,
-    workers: int | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> Generation:
+    study: Study, out: Path, *, youngs_modulus_pa: float | None = None, calibration: CalibrationSummary | None = None,
+    library: Library | None = None, workers: int | None = None, progress: Callable[[int], None] | None = None,
+) -> Generation:  # fmt: skip
     """Simulate the data set of a study, or the part of it that an interrupted run has left to do.
 
     The result is the same, byte for byte, for any number of workers and interruptions. The workers are spawned: a

@@ -32,12 +32,9 @@ OPSET = 17  # old enough for every ONNX Runtime since 1.12
 
 
 def onnx_bytes(
-    network: torch.nn.Module,
-    inputs: Mapping[str, torch.Tensor],
-    outputs: Sequence[str],
-    provenance: Mapping[str, str],
+    network: torch.nn.Module, inputs: Mapping[str, torch.Tensor], outputs: Sequence[str], provenance: Mapping[str, str],
     folded: bool = True,
-) -> bytes:
+) -> bytes:  # fmt: skip
     """Return a network in evaluation mode as a checked ONNX model; equal networks and provenance give equal bytes."""
     file = BytesIO()
     with warnings.catch_warnings():
@@ -134,15 +131,10 @@ class Fitted(Generic[Network]):
 
 
 def trained(
-    build: Callable[[], Network],
-    losses_of: Callable[[Network, int, Samples], Losses],
-    drawn: Generator[Samples, None, None],
-    study: Settings,
-    steps: int,
-    progress: Progress = None,
-    threads: int = READER_THREADS,
-    device: str = "cpu",
-) -> Fitted[Network]:
+    build: Callable[[], Network], losses_of: Callable[[Network, int, Samples], Losses],
+    drawn: Generator[Samples, None, None], study: Settings, steps: int, progress: Progress = None,
+    threads: int = READER_THREADS, device: str = "cpu",
+) -> Fitted[Network]:  # fmt: skip
     """Train a new network on one thread or on a GPU, as others draw; the losses are of each draw.
 
     `losses_of` gives the mean losses of the batches in the samples of a draw, by its number, and their sizes; `drawn`

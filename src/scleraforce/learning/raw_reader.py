@@ -159,13 +159,9 @@ def window_columns(window: FrameWindow) -> SliceStudy:
 
 
 def fit_raw_reader(
-    library: Library,
-    study: Study,
-    workers: int,
-    progress: Progress = None,
-    learned: Progress = None,
+    library: Library, study: Study, workers: int, progress: Progress = None, learned: Progress = None,
     device: str = "cpu",
-) -> Fitted[RawReaderNetwork]:
+) -> Fitted[RawReaderNetwork]:  # fmt: skip
     """Train a raw reader; the same study and library give the same weights on the same machine."""
     raw, gaps = study.raw_reader, read_by_fit(study.reader)
     on_slices = replace(study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed))

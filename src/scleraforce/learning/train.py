@@ -38,15 +38,9 @@ EYES = "virtual eyes of the library's walls"
 
 
 def train_classifier(
-    dataset: Dataset,
-    out: Path,
-    network: NetworkStudy | None = None,
-    search: bool = False,
-    progress: Progress = None,
-    youngs_modulus_pa: float | None = None,
-    workers: int | None = None,
-    device: str = "auto",
-) -> Record:
+    dataset: Dataset, out: Path, network: NetworkStudy | None = None, search: bool = False, progress: Progress = None,
+    youngs_modulus_pa: float | None = None, workers: int | None = None, device: str = "auto",
+) -> Record:  # fmt: skip
     """Train the classifier on a data set and write its model folder; return what `model.json` keeps of it."""
     check_place(out)
     device = chosen_device(device)
@@ -109,14 +103,9 @@ def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[classifie
 
 
 def train_reader(
-    library: Library,
-    study: Study,
-    out: Path,
-    workers: int | None = None,
-    progress: Progress = None,
-    measured: Progress = None,
-    device: str = "auto",
-) -> Record:
+    library: Library, study: Study, out: Path, workers: int | None = None, progress: Progress = None,
+    measured: Progress = None, device: str = "auto",
+) -> Record:  # fmt: skip
     """Train the reader on a library and write its model folder."""
     check_place(out)
     check_library(library, study)
@@ -141,15 +130,9 @@ def train_reader(
 
 
 def train_raw_reader(
-    library: Library,
-    study: Study,
-    out: Path,
-    workers: int | None = None,
-    progress: Progress = None,
-    learned: Progress = None,
-    measured: Progress = None,
-    device: str = "auto",
-) -> Record:
+    library: Library, study: Study, out: Path, workers: int | None = None, progress: Progress = None,
+    learned: Progress = None, measured: Progress = None, device: str = "auto",
+) -> Record:  # fmt: skip
     """Train the raw reader as `train_reader` does; `learned` is called with 1 after each batch of raw frames."""
     check_place(out)
     check_library(library, study)
@@ -228,14 +211,9 @@ def _whole_chunks(study: Study) -> int:
 
 
 def _written(
-    out: Path,
-    study: Study,
-    graph: bytes,
-    provenance: Mapping[str, str],
-    found: Mapping[str, Any],
-    words: Mapping[str, Any] = MappingProxyType({}),
-    more: Mapping[str, bytes] = MappingProxyType({}),
-) -> Record:
+    out: Path, study: Study, graph: bytes, provenance: Mapping[str, str], found: Mapping[str, Any],
+    words: Mapping[str, Any] = MappingProxyType({}), more: Mapping[str, bytes] = MappingProxyType({}),
+) -> Record:  # fmt: skip
     """Write a model folder; its card is the template of its kind, filled from the study, the record and `words`."""
     kind, cut = provenance["kind"], study.slice
     record: Record = {"kind": kind, "provenance": provenance, **found}

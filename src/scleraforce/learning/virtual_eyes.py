@@ -105,14 +105,11 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
     direction_stated = rng.random() < DIRECTION_STATED
     pole_noise_rad = reader.pole_noise_rad * rng.spawn(1)[0].standard_normal(2)
     stated = replace(
-        true,
-        iop_pa=iop_pa * float(noise[0]),
-        thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
-        gap_m=gap_m * float(noise[2]),
+        true, iop_pa=iop_pa * float(noise[0]),
+        thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)), gap_m=gap_m * float(noise[2]),
         polar_rad=abs(polar_rad + float(pole_noise_rad[0])),
-        direction_rad=direction_rad + float(pole_noise_rad[1]) if direction_stated else None,
-        globe=stated_globe,
-    )
+        direction_rad=direction_rad + float(pole_noise_rad[1]) if direction_stated else None, globe=stated_globe,
+    )  # fmt: skip
     if reason := model.outside(wall):
         raise CalibrationError(reason)
     largest_n = study.needle.max_force_n
@@ -162,13 +159,9 @@ def wall_depths(eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], colu
 
 
 def calibrated(
-    eye: VirtualEye,
-    frames: Sequence[VirtualFrame],
-    study: Study,
-    library: Library,
-    rng: np.random.Generator,
+    eye: VirtualEye, frames: Sequence[VirtualFrame], study: Study, library: Library, rng: np.random.Generator,
     chosen: Sequence[int] | None = None,
-) -> tuple[Known, tuple[VirtualFrame, ...]]:
+) -> tuple[Known, tuple[VirtualFrame, ...]]:  # fmt: skip
     """Return the known values of an eye after a calibration on some of its frames, and the other frames.
 
     The frames are in the order of the pushes; the `chosen` ones calibrate, by default three as by `calibrate --frames
@@ -250,12 +243,9 @@ EyeScores = Callable[[int], list[Score]]  # of an eye, by its number
 
 
 def measured_intervals(
-    prepare: Callable[[], EyeScores],
-    eyes: int,
-    workers: int,
-    source: str,
+    prepare: Callable[[], EyeScores], eyes: int, workers: int, source: str,
     progress: Callable[[int], object] | None = None,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """Return `intervals` of `model.json` from the scores of virtual eyes: factors, and the number and kind of eyes."""
     if not eyes:
         return {}
@@ -320,14 +310,9 @@ def calibrated_otherwise(
 
 
 def _scores(
-    study: Study,
-    library: Library,
-    polar_rad: float,
-    read: Callable[[Bytes, Known], Reading],
-    eye: str,
-    known: Known,
+    study: Study, library: Library, polar_rad: float, read: Callable[[Bytes, Known], Reading], eye: str, known: Known,
     frames: Sequence[VirtualFrame],
-) -> list[Score]:
+) -> list[Score]:  # fmt: skip
     """Return the scores of both methods on frames of an eye with its contact at a polar angle."""
     found = list[Score]()
     walls = library.for_stiffening(known.stiffening or 0.0).for_contact(polar_rad)

@@ -240,11 +240,9 @@ FOREIGN = ("the modulus is the population's, not this eye's own",)
 
 
 def evaluate_recordings(
-    reader: Reader,
-    recordings: Sequence[Recording | str | PathLike[str]],
-    calibration: CalibrationSummary | None = None,
-    progress: Progress = None,
-) -> Evaluation:
+    reader: Reader, recordings: Sequence[Recording | str | PathLike[str]],
+    calibration: CalibrationSummary | None = None, progress: Progress = None,
+) -> Evaluation:  # fmt: skip
     """Read every frame of recordings and compare with their force logs, and a virtual eye's with its `truth.json`.
 
     Recordings, or their folders, are given once each. Frames of the `calibration` are marked and not scored; a reader
@@ -278,14 +276,9 @@ def evaluate_recordings(
         later += (f"{recording.path}: {doubt}" for doubt in session.doubts(answers))
         frames += answers
     return Evaluation(
-        model=model_name(reader.path),
-        bounds_n=study.classes.bounds_n,
-        max_force_n=study.needle.max_force_n,
-        youngs_modulus_pa=study.eye.youngs_modulus_pa,
-        frames=tuple(frames),
-        notes=(*notes, *later),
-        kind=reader.kind,
-    )
+        model=model_name(reader.path), bounds_n=study.classes.bounds_n, max_force_n=study.needle.max_force_n,
+        youngs_modulus_pa=study.eye.youngs_modulus_pa, frames=tuple(frames), notes=(*notes, *later), kind=reader.kind,
+    )  # fmt: skip
 
 
 def recording_scores(

@@ -41,13 +41,9 @@ def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
 
 
 def histogram_reading(
-    histogram: Sequence[float],
-    edges_m2: Sequence[float],
-    modulus_pa: float,
-    bounds_n: tuple[float, ...],
-    contact_m: float = 0.0,
-    factor_of: Callable[[float], float] = lambda _: 1.0,
-) -> Reading:
+    histogram: Sequence[float], edges_m2: Sequence[float], modulus_pa: float, bounds_n: tuple[float, ...],
+    contact_m: float = 0.0, factor_of: Callable[[float], float] = lambda _: 1.0,
+) -> Reading:  # fmt: skip
     """Return the reading of one histogram.
 
     `histogram`: probabilities of the bins, of any positive sum; with one that is not a number the reading is NaN.
@@ -187,13 +183,9 @@ class ForceNetwork:
     """
 
     def __init__(
-        self,
-        session: onnxruntime.InferenceSession,
-        study: Study,
-        place: str,
-        factors: IntervalFactors = NO_FACTORS,
+        self, session: onnxruntime.InferenceSession, study: Study, place: str, factors: IntervalFactors = NO_FACTORS,
         raw: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Check a network; raises `ModelError`."""
         trained = read_by_fit(study.reader) if raw else study.reader  # raw frames are of eyes with gaps from 0
         self._session, self._place, self._factors = session, place, factors

@@ -200,14 +200,9 @@ SECOND_SURFACE = (
 
 
 def look(
-    frame: Pixels,
-    scale: PixelScale,
-    slice_study: SliceStudy,
-    shifts: tuple[float, ...] = (0.0,),
-    thickness_m: float | None = None,
-    finder: WallFinder | None = None,
-    wall: Segmentation | None = None,
-) -> Look:
+    frame: Pixels, scale: PixelScale, slice_study: SliceStudy, shifts: tuple[float, ...] = (0.0,),
+    thickness_m: float | None = None, finder: WallFinder | None = None, wall: Segmentation | None = None,
+) -> Look:  # fmt: skip
     """Segment a frame, or take its `wall`, which was given, and draw the slices that a model reads.
 
     Where the thickness is not known and there is time for a finder, a second surface below the first is a fault.
@@ -256,14 +251,9 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
             f"{from_si(reading.width_n, 'mn'):.0f} mN",
         )
     return Answer(
-        predicted=reading.predicted,
-        probabilities=reading.probabilities,
-        usable=True,
-        reason=None,
-        force_n=reading.force_n,
-        interval_n=reading.interval_n,
-        contact_m=reading.contact_m,
-    )
+        predicted=reading.predicted, probabilities=reading.probabilities, usable=True, reason=None,
+        force_n=reading.force_n, interval_n=reading.interval_n, contact_m=reading.contact_m,
+    )  # fmt: skip
 
 
 SIDE_M, STEP_M = 1e-3, at.SOFT_M  # from a surface's ends and between the places tried of a limbus

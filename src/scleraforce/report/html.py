@@ -51,14 +51,9 @@ def bullets(entries: Iterable[str]) -> Html:
 
 
 def table(
-    head: Sequence[str],
-    rows: Sequence[Sequence[object]],
-    caption: str,
-    marked: Iterable[tuple[int, int]] = (),
-    *,
-    prose: bool = False,
-    remarks: bool = False,
-) -> Html:
+    head: Sequence[str], rows: Sequence[Sequence[object]], caption: str, marked: Iterable[tuple[int, int]] = (), *,
+    prose: bool = False, remarks: bool = False,
+) -> Html:  # fmt: skip
     """Return a table with `marked` cells (row, column); `prose`, or with `remarks` the last column, is flush left."""
     classes = dict.fromkeys(marked, "marked")
     if remarks:

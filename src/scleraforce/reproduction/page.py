@@ -105,17 +105,10 @@ def _coverage_words(reader: Evaluation) -> tuple[html.Html, ...]:
     off_mn = [from_si(abs(log.measured_n - fact.measured_n), "mn") for log, fact in zip(logged, true, strict=True)]
     reach_mn = median(from_si(high - low, "mn") / 2 for low, high in (trial.interval_n for trial in true))
     words = said(
-        "coverage",
-        off_mn=mean(off_mn),
-        most_mn=max(off_mn),
-        reach_mn=reach_mn,
-        agree=metrics.coverage(logged).value,
-        label_mn=from_si(reader.label_sd_n, "mn"),
-        hold=metrics.coverage(true).value,
-        by_eye=metrics.held_by_eye(true),
-        shared=metrics.SHARED_ERROR,
-        worst=_worst_eye(reader),
-    )
+        "coverage", off_mn=mean(off_mn), most_mn=max(off_mn), reach_mn=reach_mn, agree=metrics.coverage(logged).value,
+        label_mn=from_si(reader.label_sd_n, "mn"), hold=metrics.coverage(true).value, by_eye=metrics.held_by_eye(true),
+        shared=metrics.SHARED_ERROR, worst=_worst_eye(reader),
+    )  # fmt: skip
     return (html.paragraph(words),)
 
 
