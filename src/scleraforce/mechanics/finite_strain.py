@@ -286,14 +286,10 @@ def bend_eye(
     try:
         path = walk()
     except SolverError as fault:
-        raise SolverError(f"{fault}{_burst(study, thickness_m, youngs_modulus_pa, iop_pa)}") from fault
+        tension = burst_tension(study.eye.poisson_ratio, study.tissue.stiffening)
+        burst_pa = tension * youngs_modulus_pa * thickness_m / study.eye.radius_m
+        hint = f"; an even sphere of it bursts at {from_si(burst_pa, 'mmhg'):.3g} mmHg" if iop_pa > burst_pa else ""
+        raise SolverError(f"{fault}{hint}") from fault
     if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
         path = walk(largest_step_m=min(path.tip_m(min(goal_n, path.max_force_n)), travel_m) / LEAST_STATES)
     return path
-
-
-def _burst(study: Study, thickness_m: float, youngs_modulus_pa: float, iop_pa: float) -> str:
-    """Return the pressure at which a thin even sphere bursts, as the end of a sentence; empty below that pressure."""
-    limit = burst_tension(study.eye.poisson_ratio, study.tissue.stiffening)
-    burst_pa = limit * youngs_modulus_pa * thickness_m / study.eye.radius_m
-    return f"; an even sphere of it bursts at {from_si(burst_pa, 'mmhg'):.3g} mmHg" if iop_pa > burst_pa else ""

@@ -117,7 +117,11 @@ class SurfaceLocator:
         corners = points_nc[quad_qn[:, :4]]
         middle = corners.mean(axis=1)
         self._frames_qkc = _frames(middle, corners[:, 1] - corners[:, 0])
-        self._polynomials = _polynomials(points_nc[quad_qn], self._frames_qkc)
+        exponents_md, coefficients_mn = shape_monomials(2, quad_qn.shape[1])
+        # Each quad's surface in its frame, shape (power of x, power of y, axis, quad).
+        self._polynomials = np.zeros((3, 3, 3, len(quad_qn)))
+        surfaces = np.einsum("mn,qnc,qkc->mkq", coefficients_mn, points_nc[quad_qn], self._frames_qkc)
+        self._polynomials[*exponents_md.T] = surfaces
         self._neighbours_qe = _neighbours(quad_qn)
         self._whole = bool(np.all(self._neighbours_qe >= 0))
         side = np.sqrt(2.0 * np.pi / len(quad_qn))
@@ -171,14 +175,6 @@ def _frames(middle_qc: Floats, along_qc: Floats) -> Floats:
     a = along_qc - np.sum(along_qc * c, axis=1, keepdims=True) * c
     a /= np.linalg.norm(a, axis=1, keepdims=True)
     return np.stack([a, np.cross(c, a), c], axis=1)
-
-
-def _polynomials(nodes_qnc: Floats, frames_qkc: Floats) -> Floats:
-    """Each quad's surface in its frame as polynomial coefficients, shape (power of x, power of y, axis, quad)."""
-    exponents_md, coefficients_mn = shape_monomials(2, nodes_qnc.shape[1])
-    table = np.zeros((3, 3, 3, len(nodes_qnc)))
-    table[*exponents_md.T] = np.einsum("mn,qnc,qkc->mkq", coefficients_mn, nodes_qnc, frames_qkc)
-    return table
 
 
 def _neighbours(quad_qn: Integers) -> Integers:
@@ -268,7 +264,9 @@ def extrude_surface(surface: QuadSurface, radius_m: float, thickness_m: float, l
     sheets = order * layers + 1
     radii = radius_m - thickness_m * np.linspace(0.0, 1.0, sheets)
     points = (radii[:, None, None] * directions).reshape(-1, 3)
-    cells = _extrude(quads, len(directions), layers, order)
+    column = np.array(COLUMN_NODES[: 8 if order == 1 else 27])
+    sheet = order * np.arange(layers)[:, None] + order * (2 - column[:, 0]) // 2  # (layer, node); 0 is the outermost
+    cells = (quads[:, column[:, 1]] + sheet[:, None] * len(directions)).reshape(-1, len(column))
     inner = quads + (sheets - 1) * len(directions)
     base = np.flatnonzero(points[:, 2] == 0.0) if surface.edges[2].any() else np.empty(0, dtype=np.int64)
     return HexMesh(points, cells, quads, inner, base, radius_m, thickness_m, order)
@@ -286,14 +284,6 @@ def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:
         points = np.concatenate([points, edge_middles, face_middles])
         quads = np.concatenate([quads, edge_nodes, face_nodes[:, None]], axis=1)
     return points / np.linalg.norm(points, axis=1, keepdims=True), quads
-
-
-def _extrude(quads_qn: Integers, per_sheet: int, layers: int, order: int) -> Integers:
-    """Nodes of every hexahedron; layer 0 is the outermost."""
-    column = np.array(COLUMN_NODES[: 8 if order == 1 else 27])
-    depth = order * (2 - column[:, 0]) // 2  # sheets below the element's outer face
-    cells = [quads_qn[:, column[:, 1]] + (depth + order * layer) * per_sheet for layer in range(layers)]
-    return np.concatenate(cells)
 
 
 def locate(mesh: HexMesh, directions_dc: Floats) -> tuple[Integers, Floats]:

@@ -15,6 +15,7 @@ contour is counted at the pixel centres, column by column.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -41,12 +42,6 @@ class PlaneFrames:
 
     axes_pac: Floats
     origins_pc: Floats
-
-    @classmethod
-    def of(cls, planes: Sequence[ScanPlane], radius_m: float) -> "PlaneFrames":
-        """Stack the frames of planes through an eye of this radius."""
-        axes = np.array([[plane.lateral, plane.depth, plane.normal] for plane in planes])
-        return cls(axes, np.array([plane.origin(radius_m) for plane in planes]))
 
     def latitudes(self, radius_m: float) -> Floats:
         """Latitude of the circle that each plane cuts out of an undeformed sphere, shape (plane,)."""
@@ -120,14 +115,20 @@ def cut_sections(
     plane its sections, one for each deformation, from base to base; a plane that misses the base gives two closed
     curves.
     """
-    frames = PlaneFrames.of(planes, mesh.radius_m)
+    axes_pac = np.array([[plane.lateral, plane.depth, plane.normal] for plane in planes])
+    frames = PlaneFrames(axes_pac, np.array([plane.origin(mesh.radius_m) for plane in planes]))
     circles_xp = np.stack([frames.latitudes(mesh.radius_m - inward) for inward in (0.0, mesh.thickness_m)])
     stations_ps = place_stations(frames, circles_xp, mesh.radius_m)
     fields = np.stack([mesh.points_nc, *modes_knc], axis=1)
     surfaces = mesh.outer_qn, mesh.inner_qn
     bracket_m = BRACKET_M
     while bracket_m <= WIDEST_BRACKET_M:
-        grid = _Grid.around(mesh, frames, stations_ps, circles_xp, bracket_m)
+        margin = bracket_m / mesh.radius_m  # on either side of both undeformed circles
+        low, high = circles_xp.min(axis=0) - margin, circles_xp.max(axis=0) + margin
+        count = 2 + int((high - low).max() * mesh.radius_m / PARALLEL_M)
+        latitudes_pt = np.clip(np.linspace(low, high, count, axis=1), -1.5, 1.5)
+        directions = frames.directions(*np.broadcast_arrays(stations_ps[:, None], latitudes_pt[..., None]))
+        grid = _Grid(latitudes_pt, stations_ps, *locate(mesh, directions.reshape(-1, 3)))
         outer, inner = (_follow(mesh, fields, surface_qn, frames, grid, weights_pfk) for surface_qn in surfaces)
         if outer is not None and inner is not None:
             return [[Section(*both) for both in zip(*pair, strict=True)] for pair in zip(outer, inner, strict=True)]
@@ -137,26 +138,13 @@ def cut_sections(
     )
 
 
-@dataclass(frozen=True)
-class _Grid:
+class _Grid(NamedTuple):
     """The parallels (plane, parallel) and stations (plane, station), and their crossings located in the mesh."""
 
     latitudes_pt: Floats
     stations_ps: Floats
     quads: Integers
     weights_dn: Floats
-
-    @classmethod
-    def around(
-        cls, mesh: HexMesh, frames: PlaneFrames, stations_ps: Floats, circles_xp: Floats, bracket_m: float
-    ) -> "_Grid":
-        """Parallels from `bracket_m` on one side of both undeformed circles to as much on the other."""
-        margin = bracket_m / mesh.radius_m
-        low, high = circles_xp.min(axis=0) - margin, circles_xp.max(axis=0) + margin
-        count = 2 + int((high - low).max() * mesh.radius_m / PARALLEL_M)
-        latitudes_pt = np.clip(np.linspace(low, high, count, axis=1), -1.5, 1.5)
-        directions = frames.directions(*np.broadcast_arrays(stations_ps[:, None], latitudes_pt[..., None]))
-        return cls(latitudes_pt, stations_ps, *locate(mesh, directions.reshape(-1, 3)))
 
 
 def _follow(

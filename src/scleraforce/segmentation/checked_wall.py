@@ -204,7 +204,12 @@ class _Start:
 def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
     """Return the network's wall, moved to the edges of the full frame near it."""
     width, rows = len(part.missing), len(part.frame)
-    start = _start(seen, part.left, width, rows)
+    at, known = fine_columns(width) + part.left, seen.there
+    curves = seen.outer_row, seen.inner_row, seen.inner_sd, (seen.inner_row < rows - 1).astype(np.float64)
+    *wall, inside = (np.interp(at, seen.column[known], curve[known]) for curve in curves)
+    outer, inner, inner_sd = np.array(wall, dtype=np.float32)
+    there = seen.there_at(at)
+    start = _Start(outer, inner, inner_sd, there, there & (inside == 1.0), seen.step_rows)
     row = _surface(part, start)
     inner, shown, thickness_m = _inner(part, row, start)
     boundaries = np.full((2, part.columns), np.nan)
@@ -212,16 +217,6 @@ def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
         to = boundary[part.left : part.left + width]
         at_every_column(fine_columns(width), curve, start.there, nearest_point(width), to)
     return Segmentation(boundaries[0], boundaries[1], rows, True, "", shown, thickness_m=thickness_m)
-
-
-def _start(seen: SeenWall, left: int, width: int, rows: int) -> _Start:
-    """Return the network's wall at `fine_columns` of the imaged part, which starts at a column and is so wide."""
-    at, known = fine_columns(width) + left, seen.there
-    curves = seen.outer_row, seen.inner_row, seen.inner_sd, (seen.inner_row < rows - 1).astype(np.float64)
-    outer, inner, inner_sd, inside = (np.interp(at, seen.column[known], curve[known]) for curve in curves)
-    outer, inner, inner_sd = np.stack([outer, inner, inner_sd]).astype(np.float32)
-    there = seen.there_at(at)
-    return _Start(outer, inner, inner_sd, there, there & (inside == 1.0), seen.step_rows)
 
 
 def _surface(part: Part, start: _Start) -> Singles:

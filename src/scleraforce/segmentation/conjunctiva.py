@@ -52,7 +52,11 @@ def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thi
     path, sure = _climb(light, found.thickness_m, EXPECTED[0] * excess_m, EXPECTED[1] * excess_m, SURE_SDS)
     if not sure:
         return found
-    layer_m = _layer(light, path)
+    # The layer's thickness in each group: the path of its lower edge, smoothed by the size of the steps.
+    weight = np.maximum(_steps(light)[np.arange(len(path)), path], np.float32(0.0)) + np.float32(1e-3)
+    smooth = cv2.blur((path * weight)[None].astype(np.float32), (SMOOTHED, 1))[0]
+    smooth /= cv2.blur(weight[None].astype(np.float32), (SMOOTHED, 1))[0]
+    layer_m = smooth * np.float32(CELL_M)
     median_m = float(np.median(layer_m))
     if abs(excess_m - median_m) > FITS * excess_m:
         return found
@@ -83,7 +87,7 @@ def _surface(found: Segmentation, columns: Places, scale: PixelScale) -> tuple[S
     span = np.arange(columns[0], columns[-1] + 1)
     row = np.interp(span, columns, found.outer_row[columns]).astype(np.float32)  # across what is not seen, too
     depth_m = scale.depth_m / scale.refractive_index
-    along_rows = stretch(row, float(np.float32(span[1]) - np.float32(span[0])) * scale.lateral_m, depth_m)
+    along_rows = stretch(row, scale.lateral_m, depth_m)
     return row[columns - columns[0]], along_rows[columns - columns[0]]
 
 
@@ -96,15 +100,6 @@ def _unrolled(frame: Pixels, columns: Places, row: Singles, along_rows: Singles,
     light = cast(Singles, cv2.resize(sampled.astype(np.float32), (GROUPS, cells), interpolation=cv2.INTER_AREA)).T
     level = cv2.blur(light[:, SURFACE_CELLS:].mean(axis=1, keepdims=True), (1, 3))
     return light / np.maximum(level, np.float32(1e-6))
-
-
-def _layer(light: Singles, path: Places) -> Singles:
-    """Return the layer's thickness in each group, m, from the path of its lower edge."""
-    size = _steps(light)[np.arange(len(path)), path]
-    weight = np.maximum(size, np.float32(0.0)) + np.float32(1e-3)
-    smooth = cv2.blur((path * weight)[None].astype(np.float32), (SMOOTHED, 1))[0]
-    smooth /= cv2.blur(weight[None].astype(np.float32), (SMOOTHED, 1))[0]
-    return cast(Singles, smooth * np.float32(CELL_M))
 
 
 def _climb(light: Singles, thickness_m: float, least_m: float, most_m: float, sure_sds: float) -> tuple[Places, bool]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from scleraforce.arrays import Counts, Flags, Floats, Integers
+from scleraforce.arrays import Counts, Flags, Integers
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.boundaries import FINE_COLUMNS, Workplace, fine_columns, look, workplace_for
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
@@ -130,20 +130,16 @@ class Part(NamedTuple):
         )
         points = min(width, FINE_COLUMNS)
         if LEAST_SHAPE <= seen < LEAST_COVER * points:
-            points -= round(min(_left_share(rows[0], shape[0]), LARGEST_LEFT) * points)
+            seen_at = np.flatnonzero(np.isfinite(rows[0]))
+            low = rows[0, seen_at] >= 0.75 * shape[0]  # between two of these the surface has left the frame
+            left = float((np.diff(seen_at) - 1)[low[:-1] & low[1:]].sum() / self.columns)
+            points -= round(min(left, LARGEST_LEFT) * points)
         fault = surface_fault(seen, points, contrast, noise)
         if seen < LEAST_SHAPE:
             return (cells, floor, saturated, begin), without_wall(shape, fault or "no wall was found")
         found = not isnan(thickness_m)
         wall = Segmentation(rows[0], rows[1], shape[0], not fault, fault, found, thickness_m=thickness_m)
         return (cells, floor, saturated, begin), wall
-
-
-def _left_share(outer_row: Floats, rows: int) -> float:
-    """Return the share of columns in which a surface has left the frame: between two in its lowest quarter."""
-    seen = np.flatnonzero(np.isfinite(outer_row))
-    is_low = outer_row[seen] >= 0.75 * rows
-    return float((np.diff(seen) - 1)[is_low[:-1] & is_low[1:]].sum() / len(outer_row))
 
 
 def lit_part(frame: Pixels, scale: PixelScale) -> Part | None:
