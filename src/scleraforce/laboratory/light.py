@@ -90,15 +90,14 @@ class Conjunctiva:
         """Return the thickness along the wall's normal at lateral places, m."""
         wave = np.cos(2.0 * np.pi * lateral_m / self.wave_length_m + self.phase_rad)
         uneven_m = self.thickness_m * (1.0 + self.wave_fraction * wave)
-        return uneven_m if self.press is None else uneven_m * (1.0 - self._sunk(lateral_m, self.press))
-
-    def _sunk(self, lateral_m: Floats, press: Press) -> Floats:
-        """Return the share of the thickness that is lost at lateral places."""
+        press = self.press
+        if press is None:
+            return uneven_m
         lame_lambda, mu = lame_constants(self.modulus_pa, LAYER_POISSON_RATIO)
         pressure_pa = press.force_n / (np.pi * press.radius_m**2)
         away_m = np.maximum(np.hypot(lateral_m - press.lateral_m, press.gap_m), press.radius_m)
         beside = 2.0 / np.pi * np.arcsin(press.radius_m / away_m) * np.exp((press.radius_m - away_m) / self.thickness_m)
-        return -np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside
+        return uneven_m * (1.0 + np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside)
 
     def surface(self, outer: Floats) -> Floats:
         """Return its surface over a wall's, both (point, 2) in m: lateral, and depth, which grows downwards."""

@@ -360,27 +360,20 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
     return replace(plan, frames=tuple(frames))
 
 
-def _seen_needle(frame: PhantomFrame, section: Section, study: Study) -> DrawnShaft | None:
-    """Draw the shaft and the track of a frame, None if it has neither."""
+def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
+    """Form one frame of a plan, from the section under its force, with the needle's shaft and track, if any."""
     needle, tip_m, travel = frame.optics.needle, needle_tip(frame, section), frame.travel
     angle_rad = frame.pose.tilt_rad + (needle.angle_rad if needle else 0.0)
-    axis = np.array([-sin(angle_rad), cos(angle_rad)])
-    shaft = None
+    shaft: DrawnShaft | None = None
     if needle is not None:
-        inside_m = travel.inside_m if travel else 0.0
-        shaft = draw_shaft(needle, tip_m + inside_m * axis, frame.pose.tilt_rad, study.oct)
-    if travel is None or not travel.track_m:
-        return shaft
-    across_m2 = (0.5 * study.needle.outer_diameter_m) ** 2 - travel.gap_m**2
-    cut_m = sqrt(max(across_m2, 0.0)) if travel.inside_m else 0.0  # it closes behind the needle
-    track = draw_track(tip_m, angle_rad, cut_m, travel.track_m, study.oct)
-    return track if shaft is None else shaft.over(track)
-
-
-def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
-    """Form one frame of a plan, from the section under its force."""
-    rng, shaft = np.random.default_rng(frame.seed), _seen_needle(frame, section, study)
-    return render_bscan(frame.pose.place(section), study.oct, frame.optics, rng, shaft)
+        inside_m = (travel.inside_m if travel else 0.0) * np.array([-sin(angle_rad), cos(angle_rad)])
+        shaft = draw_shaft(needle, tip_m + inside_m, frame.pose.tilt_rad, study.oct)
+    if travel is not None and travel.track_m:
+        across_m2 = (0.5 * study.needle.outer_diameter_m) ** 2 - travel.gap_m**2
+        cut_m = sqrt(max(across_m2, 0.0)) if travel.inside_m else 0.0  # it closes behind the needle
+        track = draw_track(tip_m, angle_rad, cut_m, travel.track_m, study.oct)
+        shaft = track if shaft is None else shaft.over(track)
+    return render_bscan(frame.pose.place(section), study.oct, frame.optics, np.random.default_rng(frame.seed), shaft)
 
 
 def write_phantom(

@@ -208,8 +208,13 @@ LEAST_SEEN = 0.1  # of the columns: a frame that shows less shows no wall
 
 def judged_columns(frame: Pixels, surface: Floats, outer: Floats, inner: Floats) -> tuple[Flags, Flags]:
     """Return the columns that show wall, and the certain columns, in which no wall is invisible, (column,) each."""
-    there = np.isfinite(outer)
-    seen = there & _bridged(seen_columns(frame, surface, inner))
+    there, kept = np.isfinite(outer), seen_columns(frame, surface, inner)
+    for (run,) in find_objects(label(kept)[0]):
+        kept[run] = run.stop - run.start >= LEAST_RUN * len(kept)
+    for (gap,) in find_objects(label(~kept)[0]):
+        if gap.start > 0 and gap.stop < len(kept) and gap.stop - gap.start <= GAP_SHARE * len(kept):
+            kept[gap] = True
+    seen = there & kept
     if np.count_nonzero(seen) < LEAST_SEEN * len(seen):
         return np.zeros(len(seen), dtype=np.bool_), np.ones(len(seen), dtype=np.bool_)
     return seen, seen | ~there
@@ -241,17 +246,6 @@ def _across(values: Floats) -> Floats:
     """Return the means over neighbouring columns."""
     width = 2 * round(ACROSS_SHARE * len(values) / 2) + 1
     return np.convolve(np.pad(values, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
-
-
-def _bridged(seen: Flags) -> Flags:
-    """Return `seen` without short runs, and with the narrower gaps between the others closed."""
-    kept = seen.copy()
-    for (run,) in find_objects(label(seen)[0]):
-        kept[run] = run.stop - run.start >= LEAST_RUN * len(seen)
-    for (gap,) in find_objects(label(~kept)[0]):
-        if gap.start > 0 and gap.stop < len(kept) and gap.stop - gap.start <= GAP_SHARE * len(kept):
-            kept[gap] = True
-    return kept
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import gauss_points
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.shapes import shape_values
-from scleraforce.study.eye import CorneaStudy, FormStudy, RegionStudy
+from scleraforce.study.eye import CorneaStudy, FormStudy
 from scleraforce.units import from_si
 
 
@@ -124,16 +124,12 @@ def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:
     """Return the modulus as a multiple of the eye's in unit directions (..., 3), shape (...); regions multiply."""
     factor: Floats = np.ones(directions_nc.shape[:-1])
     for region in form.region:
-        factor *= 1.0 + (region.modulus_ratio - 1.0) * _inside(region, directions_nc)
+        axis_c = Contact(polar_rad=region.polar_rad, azimuth_rad=region.azimuth_rad).normal
+        angle = np.arccos(np.clip(directions_nc @ axis_c, -1.0, 1.0))
+        x = np.clip((region.half_angle_rad - angle) / region.edge_rad + 0.5, 0.0, 1.0)
+        inside = x * x * (3.0 - 2.0 * x)  # 1 in the cap, 0 outside, and no kinks in between
+        factor *= 1.0 + (region.modulus_ratio - 1.0) * inside
     return factor
-
-
-def _inside(region: RegionStudy, directions_nc: Floats) -> Floats:
-    """1 inside a cap, 0 outside; a cubic with no kinks in between."""
-    axis_c = Contact(polar_rad=region.polar_rad, azimuth_rad=region.azimuth_rad).normal
-    angle = np.arccos(np.clip(directions_nc @ axis_c, -1.0, 1.0))
-    x = np.clip((region.half_angle_rad - angle) / region.edge_rad + 0.5, 0.0, 1.0)
-    return x * x * (3.0 - 2.0 * x)
 
 
 def _outer_surface(directions_nc: Floats, form: FormStudy, radius_m: float) -> tuple[Floats, Floats]:

@@ -37,7 +37,12 @@ def graded_mesh(
     surface = graded_surface(contact, core, rings, CORE_M / radius_m)
     if whole:
         below = graded_surface(contact, core, max(int(FAR_RINGS * rings), 1), 2.0 * CORE_M / radius_m)
-        surface = _joined(surface, below)
+        # The mirror image of `below` joins on z = 0, where both have the same vertices, as their last ones.
+        shared, above = int(np.sum(below.points_vc[:, 2] == 0.0)), len(surface.points_vc)
+        own = len(below.points_vc) - shared
+        number = np.concatenate([above + np.arange(own), above - shared + np.arange(shared)])
+        points = np.concatenate([surface.points_vc, below.points_vc[:own] * (1.0, 1.0, -1.0)])
+        surface = QuadSurface(points, np.concatenate([surface.quads_qv, number[below.quads_qv[:, ::-1]]]))
     return extrude_surface(surface, radius_m, thickness_m, layers, order)
 
 
@@ -91,15 +96,6 @@ def _o_grid(core: int, rings: int, half: float) -> tuple[NDArray[np.complex128],
     ring_quads = np.stack([inner, outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1)], axis=-1)
     core_quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
     return disc, np.concatenate([core_quads.reshape(-1, 4), ring_quads.reshape(-1, 4)])
-
-
-def _joined(upper: QuadSurface, lower: QuadSurface) -> QuadSurface:
-    """Join one upper half and another one's mirror image; both have the same vertices on z = 0, as their last ones."""
-    shared = int(np.sum(lower.points_vc[:, 2] == 0.0))
-    own = len(lower.points_vc) - shared
-    number = np.concatenate([len(upper.points_vc) + np.arange(own), len(upper.points_vc) - shared + np.arange(shared)])
-    points = np.concatenate([upper.points_vc, lower.points_vc[:own] * (1.0, 1.0, -1.0)])
-    return QuadSurface(points, np.concatenate([upper.quads_qv, number[lower.quads_qv[:, ::-1]]]))
 
 
 def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None) -> HexMesh:

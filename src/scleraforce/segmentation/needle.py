@@ -292,13 +292,22 @@ def _edges(thin: Singles, fine: Singles, coarse: ShaftEdge, size: GridSize) -> l
 
 
 def _refined(fine: Singles, coarse: ShaftEdge, size: GridSize) -> ShaftEdge:
-    """Return the line of the frame's own columns near one of the grid."""
+    """Return the line of the frame's own columns near one of the grid: straight through the light near it."""
     step = size.step_columns
     near = (coarse.top + 0.5) * step - 0.5 + np.arange(-1.5 * step, 1.5 * step + 1)
     spread = NEAR_SLOPES * 2.0 * STEEPEST / (SLOPES - 1) * size.scale.depth_m / size.scale.lateral_m * step
     slopes = coarse.slope * step + np.linspace(-spread, spread, 2 * NEAR_SLOPES + 1)
     deepest = coarse.row + round(MORE_M / size.scale.depth_m)
-    return _straightened(fine, _best(fine[:deepest], near, slopes))
+    edge = _best(fine[:deepest], near, slopes)
+    at, rows = np.arange(fine.shape[1], dtype=np.float32), np.arange(edge.row + 1)
+    off = at - (edge.top + edge.slope * (rows[:, None] + 0.5))
+    weight = np.where(np.abs(off) <= NEAR_COLUMNS, np.maximum(fine[: edge.row + 1] - np.float32(0.25), 0.0), 0.0)
+    by_row = weight.sum(axis=1)
+    if np.count_nonzero(by_row) < LEAST_ROWS:
+        return edge
+    centre = (weight * at).sum(axis=1) / np.maximum(by_row, 1e-6)
+    slope, top = (float(value) for value in np.polyfit(rows + 0.5, centre, 1, w=np.sqrt(by_row)))  # least squares
+    return replace(edge, top=top, slope=slope)
 
 
 def _without(thin: Singles, edge: ShaftEdge, columns: float) -> Singles:
@@ -335,17 +344,3 @@ def _best(thin: Singles, start: Floats, slopes: Floats, pooled_rows: int = 1) ->
     row, length = int(sums[which, :, column].argmax()), float(lengths[which, column])
     row, length = pooled_rows * (row + 1) - 1, pooled_rows * length
     return ShaftEdge(top=float(start[column]), slope=float(slopes[which]), row=row, length=length)
-
-
-def _straightened(fine: Singles, edge: ShaftEdge) -> ShaftEdge:
-    """Return the straight line through the light near an edge (weighted least squares)."""
-    at = np.arange(fine.shape[1], dtype=np.float32)
-    rows = np.arange(edge.row + 1)
-    off = at - (edge.top + edge.slope * (rows[:, None] + 0.5))
-    weight = np.where(np.abs(off) <= NEAR_COLUMNS, np.maximum(fine[: edge.row + 1] - np.float32(0.25), 0.0), 0.0)
-    by_row = weight.sum(axis=1)
-    if np.count_nonzero(by_row) < LEAST_ROWS:
-        return edge
-    centre = (weight * at).sum(axis=1) / np.maximum(by_row, 1e-6)
-    slope, top = (float(value) for value in np.polyfit(rows + 0.5, centre, 1, w=np.sqrt(by_row)))
-    return replace(edge, top=top, slope=slope)

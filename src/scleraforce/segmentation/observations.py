@@ -122,10 +122,14 @@ class Roughness:
 def observe_points(boundaries: Boundaries, count: int, centre_m: float, span_m: float) -> Observation:
     """Take at most `count` points about the needle, at `centre_m`: half (rounded up) outer ones, the rest inner."""
     parts: list[tuple[float, float, int, float]] = []
+    inside = np.abs(boundaries.lateral_m - centre_m) <= span_m
     for boundary, wanted in enumerate((ceil(count / 2), count // 2)):
-        columns = _columns(boundaries, boundary, wanted, centre_m, span_m)
-        rough = roughness(boundaries, boundary) if len(columns) else Roughness(sd_m=0.0, correlation=0.0)
-        for column in columns:
+        seen = np.flatnonzero(inside & np.isfinite(boundaries.depth_m[boundary]))
+        if wanted == 0 or len(seen) < 10 * wanted:
+            continue
+        share = np.linspace(0.02, 0.98, wanted) if wanted > 1 else np.array([0.5])
+        rough = roughness(boundaries, boundary)
+        for column in seen[np.rint(share * (len(seen) - 1)).astype(np.intp)].tolist():
             depth_m, sd_m = _point(boundaries, boundary, column, rough)
             parts.append((boundaries.lateral_m[column], depth_m, boundary, sd_m))
     lateral, depth, kind, sd = np.array(parts, dtype=np.float64).reshape(-1, 4).T
@@ -153,16 +157,6 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
     correlation += (1 + 3 * correlation) / (2 * half)  # what the parabola takes off it (Kendall 1954)
     sd = sqrt(max(variance, boundaries.pixel_m**2 / 12))
     return Roughness(sd_m=sd, correlation=min(max(correlation, 0.0), LARGEST_CORRELATION))
-
-
-def _columns(boundaries: Boundaries, boundary: int, count: int, centre_m: float, span_m: float) -> list[int]:
-    """Return evenly spaced columns of a boundary within the span."""
-    inside = np.abs(boundaries.lateral_m - centre_m) <= span_m
-    seen = np.flatnonzero(inside & np.isfinite(boundaries.depth_m[boundary]))
-    if count == 0 or len(seen) < 10 * count:
-        return []
-    share = np.linspace(0.02, 0.98, count) if count > 1 else np.array([0.5])
-    return [int(column) for column in seen[np.rint(share * (len(seen) - 1)).astype(np.intp)]]
 
 
 def _point(boundaries: Boundaries, boundary: int, column: int, rough: Roughness) -> tuple[float, float]:

@@ -171,8 +171,15 @@ class WallFinder:
         if not first.there.any():
             return first
         rows = rows_about(first.outer_row[first.there], first.inner_row[first.there], len(frame))
-        second = first if rows is None else self._look(frame, *rows)
-        return second if _confirms(first, second) else first
+        if rows is None:
+            return first
+        second = self._look(frame, *rows)
+        both, either = first.there & second.there, first.there | second.there
+        if np.count_nonzero(both) < SAME_COLUMNS_SHARE * np.count_nonzero(either) or not both.any():
+            return first
+        moved = np.median(np.abs(second.outer_row - first.outer_row)[both])
+        same = moved < MOVED_THICKNESS * np.median((first.inner_row - first.outer_row)[both])
+        return second if same else first
 
     def _look(self, frame: Pixels, top: int, bottom: int) -> SeenWall:
         """Return the wall that the network sees between two rows of a frame."""
@@ -198,15 +205,6 @@ def rows_about(outer_row: Floats, inner_row: Floats, rows: int, share: float = B
     beyond = share * (last - first)
     top, bottom = max(int(first - beyond), 0), min(int(last + beyond) + 2, rows)
     return (top, bottom) if LEAST_SHAPE <= bottom - top < FILLED_SHARE * rows else None
-
-
-def _confirms(first: SeenWall, second: SeenWall) -> bool:
-    """Return whether a second look shows the wall of the first one, and no other."""
-    both, either = first.there & second.there, first.there | second.there
-    if np.count_nonzero(both) < SAME_COLUMNS_SHARE * np.count_nonzero(either) or not both.any():
-        return False
-    off = np.abs(second.outer_row - first.outer_row)[both]
-    return bool(np.median(off) < MOVED_THICKNESS * np.median((first.inner_row - first.outer_row)[both]))
 
 
 def _paths(probability: Singles, wall: Singles) -> tuple[Places, Places]:
