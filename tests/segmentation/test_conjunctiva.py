@@ -124,7 +124,7 @@ def test_readers_look_below_it() -> None:
     told = look(made.frame, SCALE, STUDY.slice, thickness_m=WALL_M)
     untold = look(made.frame, SCALE, STUDY.slice)
     assert rows_off(told.segmentation, made) < 3.0 < 8.0 < rows_off(untold.segmentation, made)
-    assert told.cut.sum() < untold.cut.sum()
+    assert told.cuts[0].sum() < untold.cuts[0].sum()
 
 
 def test_a_network_that_takes_the_conjunctiva_for_wall_does_not_speak_against_the_given_thickness(
