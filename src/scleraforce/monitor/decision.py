@@ -94,7 +94,9 @@ def decide_planes(planes: PlanesState, event: MonitorEvent, limits: MonitorLimit
         is_named = finding.reason and not isinstance(of_plane, events.Fault)
         findings[name] = replace(finding, reason=f"plane {name}: {finding.reason}") if is_named else finding
     if isinstance(event, FrameRead) and own and event.verdict.usable and _in_contact(remembered[own]):
-        remembered = {name: _touched(state) for name, state in remembered.items()}
+        for name, other in remembered.items():
+            if not _in_contact(other):
+                remembered[name] = replace(other, touched=True, clear_s=None)
     refusal = next((one for one in findings.values() if one.signal is not Signal.RESET_GRANTED), None)
     if isinstance(event, events.Reset) and refusal:
         refused = _Finding(Signal.RESET_REFUSED, refusal.reason)
@@ -112,10 +114,6 @@ def decide_planes(planes: PlanesState, event: MonitorEvent, limits: MonitorLimit
 
 def _in_contact(state: MonitorState) -> bool:
     return state.touched and state.clear_s is None
-
-
-def _touched(state: MonitorState) -> MonitorState:
-    return state if _in_contact(state) else replace(state, touched=True, clear_s=None)
 
 
 def _leading(states: Mapping[str, MonitorState], before: str) -> str:

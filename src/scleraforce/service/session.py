@@ -46,19 +46,15 @@ class FramePace:
     def arrived(self, at_s: float, sent_s: float | None = None) -> float:
         """Take the times of a frame, its completion's and its header's; return the interval."""
         if len(self._gaps_s) < SETTLED_FRAMES:
-            self._sent(sent_s)
+            if sent_s is not None and self._last_sent_s is not None and sent_s > self._last_sent_s:
+                self._sent_gaps_s.append(min(max(sent_s - self._last_sent_s, LEAST_SENT_S), self._most_s))
+            self._last_sent_s = sent_s
         enough = len(self._gaps_s) >= (ENOUGH_FRAMES if len(self._sent_gaps_s) == 1 else SETTLED_FRAMES)
         interval_s = sum(self._gaps_s) / len(self._gaps_s) if enough else median_low(self._sent_gaps_s)
         if self._last_s is not None:
             self._gaps_s.append(min(max(at_s - self._last_s, 0.0), self._most_s))
         self._last_s = at_s
         return interval_s
-
-    def _sent(self, sent_s: float | None) -> None:
-        """Remember the gap between two headers, if the time rises."""
-        if sent_s is not None and self._last_sent_s is not None and sent_s > self._last_sent_s:
-            self._sent_gaps_s.append(min(max(sent_s - self._last_sent_s, LEAST_SENT_S), self._most_s))
-        self._last_sent_s = sent_s
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -169,20 +169,13 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
         loop.call_later(LAST_WORDS_S if hub.pages else 0.0, setattr, server, "should_exit", True)
 
     hub = Hub(channel, Pictures(FrameRing(settings.ring)), ResetToken(settings.token_digest), end)
-    server = uvicorn.Server(
-        uvicorn.Config(
-            console_app(hub, settings),
-            http=NewestConnections,
-            lifespan="off",
-            log_level="critical",  # what strangers send is not to fill the terminal
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,
-            ws_max_size=MOST_MESSAGE_BYTES,
-            ws_per_message_deflate=False,
-            timeout_graceful_shutdown=1,
-        )
-    )
+    config = uvicorn.Config(
+        console_app(hub, settings), http=NewestConnections, lifespan="off", timeout_graceful_shutdown=1,
+        log_level="critical",  # what strangers send is not to fill the terminal
+        access_log=False, server_header=False, proxy_headers=False, ws_max_size=MOST_MESSAGE_BYTES,
+        ws_per_message_deflate=False,
+    )  # fmt: skip
+    server = uvicorn.Server(config)
     hub.listen()
     host = f"[{settings.host}]" if ":" in settings.host else settings.host
     hub.send(ListensAt(url=f"http://{host}:{listener.getsockname()[1]}/"))
