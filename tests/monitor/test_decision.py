@@ -977,6 +977,14 @@ def test_a_withdrawal_of_one_plane_is_everybodys_until_all_grant_the_reset() -> 
     assert (decision.code, "plane across: reset refused" in decision.message) == (3, True)
     _, decision = play_planes([of_plane("across", frame(13)), Reset(0.135)], fresh)
     assert decision.code == 1
+    bears = replace(LIMITS, unusable_frames=2)
+    doubted, _ = play_planes(
+        [of_plane("along", frame(6, 0.031)), *cross(range(7, 13))], play_planes(cross([5]))[0], bears
+    )
+    _, decision = play_planes([of_plane("across", unusable(13)), Reset(0.135)], doubted, bears)
+    assert (decision.code, "plane across: reset refused" in decision.message) == (3, True), (
+        "it was not withdrawn itself"
+    )
 
 
 def test_a_contact_that_one_plane_shows_is_that_of_all() -> None:
@@ -1001,8 +1009,16 @@ def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() ->
     doubts = [of_plane("across", replace(no_opinion(n), at_s=0.08)) for n in (4, 5, 6)]
     _, decision = play_planes(doubts, watching, limits)
     assert (decision.cause, "plane across: second opinion" in decision.message) == (Cause.UNUSABLE, True)
-    for stray in (frame(8), of_plane("up", frame(8)), of_plane("up", opinion(6)), object()):
+    for stray in (
+        frame(8),
+        of_plane("up", frame(8)),
+        of_plane("up", opinion(6)),
+        OvertakenRead(0.08, frame(7)),
+        object(),
+    ):
         _, decision = play_planes([stray], watching, limits)
         assert decision.state is State.WITHDRAW
+    _, decision = play_planes([OvertakenRead(0.08, of_plane("across", frame(6, 0.031)))], watching, limits)
+    assert (decision.cause, "plane across: frame 6, overtaken: up to" in decision.message) == (Cause.BOUND, True)
     _, decision = play_planes([Fault(0.08, Cause.CHECKSUM, "CRC")], watching, limits)
     assert decision.message.startswith("WITHDRAW: CRC;")

@@ -84,7 +84,7 @@ def decide_planes(planes: PlanesState, event: MonitorEvent, limits: MonitorLimit
     What is of one plane, such as a frame, is a tick for the others. A contact is that of all planes. A reset is granted
     if every plane grants it.
     """
-    own = getattr(event, "plane", None)
+    own = getattr(getattr(event, "read", event), "plane", None)
     if own not in planes.states and not isinstance(event, (events.Tick, events.Fault, events.Reset)):
         event, own = events.Fault(getattr(event, "at_s", nan), Cause.EXCEPTION, f"a frame of plane {own}"), None
     findings, remembered = dict[str, _Finding](), dict[str, MonitorState]()

@@ -135,11 +135,6 @@ class OvertakenRead:
     at_s: float
     read: FrameRead
 
-    @property
-    def plane(self) -> str | None:
-        """The frame's plane."""
-        return self.read.plane
-
 
 @dataclass(frozen=True)
 class Tick:

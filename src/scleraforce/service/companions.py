@@ -174,12 +174,13 @@ class Companions:
             self._send_waiting(entry.at_s)
         self._send(CONSOLE, data, entry.at_s)
 
-    def outline(self, frame: int, wall: Segmentation, now_s: float) -> None:
+    def outline(self, frame: int, wall: Segmentation, now_s: float, plane: str | None) -> None:
         """Send a frame's wall to the console, every `OUTLINE_S` at most."""
         if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
             self._outlined_s = now_s
-            rows = _rows(wall.outer_row), _rows(wall.inner_row)
-            self.send(CONSOLE, messages.Outline(frame=frame, step=OUTLINE_STEP, outer=rows[0], inner=rows[1]), now_s)
+            outer, inner = _rows(wall.outer_row), _rows(wall.inner_row)
+            outline = messages.Outline(frame=frame, step=OUTLINE_STEP, outer=outer, inner=inner, plane=plane)
+            self.send(CONSOLE, outline, now_s)
 
     def send(self, name: str, message: messages.CompanionMessage, now_s: float) -> bool:
         """Send a message to a companion, to the black box only while no decision waits; return whether it was taken."""

@@ -194,6 +194,7 @@ class Outline(_Message, frozen=True, kw_only=True):
     step: int
     outer: tuple[float | None, ...]
     inner: tuple[float | None, ...]
+    plane: str | None = None
 
 
 class Rates(_Message, frozen=True, kw_only=True):

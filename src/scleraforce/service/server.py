@@ -225,7 +225,7 @@ class Server:
             )  # fmt: skip
             self._companions.send(OPINION, asked, now_s)
         if session.answer is not None and session.answer.segmentation is not None:
-            self._companions.outline(frame.number, session.answer.segmentation, now_s)
+            self._companions.outline(frame.number, session.answer.segmentation, now_s, frame.plane)
 
     def _status(self) -> Outgoing:
         return Outgoing(STATUS_DEVICE, (peers.status_message(self.session.decision),), self.session.wall_clock)

@@ -114,16 +114,13 @@ class DeferredFrames:
     def lose(self, now_s: float) -> list[events.QueueLoss]:
         """Drop the frames beyond the limits, oldest first; return the loss of each row."""
         rows: dict[int, tuple[int, float]] = {}
-        plane = self._waiting[0][0].plane if self._waiting else None
         while self._waiting and self._too_much(now_s):
             frame, row = self._waiting.popleft()
             lost, unread_s = rows.get(row, (0, 0.0))
             rows[row] = lost + 1, unread_s + frame.interval_s
             self._bunch_s = max(0.0, self._bunch_s - frame.interval_s)
-        return [
-            events.QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row, plane=plane)
-            for row, (lost, unread_s) in rows.items()
-        ]
+        each = rows.items()
+        return [events.QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row) for row, (lost, unread_s) in each]
 
     def _too_much(self, now_s: float) -> bool:
         late = now_s - self._waiting[0][0].unread.at_s > self._most_s
@@ -161,7 +158,7 @@ class Session:
         self.withdrawals: list[dict[str, Any]] = []
         self._class_bounds_n, self._adopt, self._beside = class_bounds_n, adopt, dict[str, Any]()
         reads: dict[str | None, Read] = dict(read.items()) if isinstance(read, Mapping) else {None: read}
-        self.planes = tuple(name for name in reads if name is not None)
+        self.planes = tuple(read) if isinstance(read, Mapping) else ()
         self._streams = {name: _Stream(one, limits, history, len(reads)) for name, one in reads.items()}
         self._of_all = ShownPictures(len(reads) * limits.shown_frames) if self.planes else None
         self._state: MonitorState | PlanesState = PlanesState.of(self.planes) if self.planes else MonitorState()
@@ -268,12 +265,12 @@ class Session:
 
         Planes that a scanner takes in turns are less than an interval apart, frames of two moments a whole one.
         """
-        planes = len(self._streams)
-        first = next(iter(self._moment.values()), frame)
-        within_s = (1.0 - 0.5 / planes) * frame.interval_s
-        stamped = frame.unread.sent_s is not None and frame.unread.sent_s == first.unread.sent_s
-        if frame.plane in self._moment or not (stamped or frame.unread.at_s - first.unread.at_s < within_s):
-            self._moment.clear()
+        within_s = (1.0 - 0.5 / len(self._streams)) * frame.interval_s
+        others = {plane: other for plane, other in self._moment.items() if plane != frame.plane}
+        stamped = {plane: other for plane, other in others.items() if other.unread.sent_s == frame.unread.sent_s}
+        first = next(iter(others.values()), frame)
+        close = len(others) == len(self._moment) and frame.unread.at_s - first.unread.at_s < within_s
+        self._moment = stamped if stamped and frame.unread.sent_s is not None else others if close else {}
         self._moment[frame.plane] = frame
         return tuple(self._moment.values())
 
@@ -303,7 +300,8 @@ class Session:
 
     def losses(self, now_s: float) -> list[events.QueueLoss]:
         """Return the events of the deferred frames that are lost by now."""
-        return [loss for stream in self._streams.values() for loss in stream.deferred.lose(now_s)]
+        each = self._streams.items()
+        return [replace(loss, plane=plane) for plane, stream in each for loss in stream.deferred.lose(now_s)]
 
     def catch_up(self) -> MonitorEvent:
         """Read the deferred frame that has waited longest; return the event to decide on."""

@@ -159,7 +159,7 @@ def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(mon
         assert hello["pixel_mm"] == pytest.approx([15 / 96, 4 / 64])
         for _ in range(100):  # a picture that is sent before its outline goes without one; so does a late reading
             frame = monitor.frame(FRAME, "WATCHING", "class 1; 12.0 mN", **reading(12.0))
-            monitor.tell(Outline(frame=frame, step=4, outer=(None, 3.5), inner=(7.0, 8.0)))
+            monitor.tell(Outline(frame=frame, step=4, outer=(None, 3.5), inner=(7.0, 8.0), plane="across"))
             monitor.rates(frames_per_second=99.0, lost=frame)
             picture = shown_picture(link)
             message = state_of(link, "WATCHING", lost=frame)
@@ -170,7 +170,7 @@ def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(mon
         assert message["latency_ms"] == [1.1, 1.1]
         assert [client["role"] for client in message["clients"]] == ["scanner", "listener"]
         outline = {"step": 4, "outer": [None, 3.5], "inner": [7.0, 8.0]}
-        assert header(picture) == {"frame": frame, "rows": 64, "columns": 96, "outline": outline}
+        assert header(picture) == {"frame": frame, "plane": "across", "rows": 64, "columns": 96, "outline": outline}
         shown = np.frombuffer(picture[-64 * 96 :], np.uint8).reshape(64, 96)
         np.testing.assert_allclose(shown[:, 0], np.minimum(FRAME[:, 0] / FRAME[60, 0] * 255, 255), atol=6)
         monitor.entry("WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 29.0 mN", "BOUND")

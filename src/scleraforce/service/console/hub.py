@@ -89,8 +89,8 @@ class Thrift:
 class Pictures:
     """Makes pictures of frames, each once, however many pages show it.
 
-    A picture is the length of its header (4 bytes, little-endian), the header (JSON: `frame`, `rows`, `columns` of the
-    pixels that follow, `outline`), the pixels (row, column), one byte each.
+    A picture is the length of its header (4 bytes, little-endian), the header (JSON: `frame`, its `plane`, `rows`,
+    `columns` of the pixels that follow, `outline`), the pixels (row, column), one byte each.
     """
 
     def __init__(self, ring: FrameRing) -> None:
@@ -112,7 +112,10 @@ class Pictures:
             pixels = cv2.resize(pixels, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.uint16)
         shown = cv2.convertScaleAbs(pixels, alpha=255 / self._white)
         lines = {"step": outline.step, "outer": outline.outer, "inner": outline.inner} if outline else None
-        header = json.dumps({"frame": frame, "rows": rows, "columns": columns, "outline": lines}).encode()
+        plane = outline.plane if outline else None
+        header = json.dumps(
+            {"frame": frame, "plane": plane, "rows": rows, "columns": columns, "outline": lines}
+        ).encode()
         self._made = (frame, most_pixels), len(header).to_bytes(4, "little") + header + shown.tobytes()
         return self._made[1]
 

@@ -110,7 +110,7 @@ export function makeScan(canvas, stamp, frameLabel) {
     const stale = why ?? (performance.now() - shownAt > STALE_MS ? (header ? "NO NEW PICTURE" : "NO PICTURE YET") : "");
     if (stamp.textContent !== stale) stamp.textContent = stale;
     canvas.parentElement.toggleAttribute("data-stale", stale !== "");
-    frameLabel.textContent = header && !stale ? `frame ${header.frame}` : "";
+    frameLabel.textContent = header && !stale ? `frame ${header.frame}${header.plane ? `, plane ${header.plane}` : ""}` : "";
   }
 
   new ResizeObserver(draw).observe(canvas.parentElement);
