@@ -231,61 +231,43 @@ _RANGES = {
 def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
     """Return the JSON of a calibration's file and of `calibrate --json`."""
     mean_pa, sd_pa = calibration.population
+    population = {
+        "mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(sd_pa, "mpa"),
+        "stiffening": calibration.population_stiffening, "eyes": len(calibration.eyes),
+    }  # fmt: skip
     return {
-        "format": calibration_file.CALIBRATION_FORMAT,
-        "scleraforce": __version__,
-        "mechanics": calibration.mechanics,
-        "study_sha256": calibration.study_sha256,
-        "population": {
-            "mean_mpa": from_si(mean_pa, "mpa"),
-            "sd_mpa": from_si(sd_pa, "mpa"),
-            "stiffening": calibration.population_stiffening,
-            "eyes": len(calibration.eyes),
-        },
+        "format": calibration_file.CALIBRATION_FORMAT, "scleraforce": __version__, "mechanics": calibration.mechanics,
+        "study_sha256": calibration.study_sha256, "population": population,
         "class_bounds_n": list(calibration.bounds_n),
         "eyes": {name: _eye_entry(eye, calibration.bounds_n) for name, eye in calibration.eyes.items()},
-    }
+    }  # fmt: skip
 
 
 def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
+    moments = zip(eye.names, eye.means, eye.sds, strict=True)
     return {
-        "mean_mpa": from_si(eye.mean_pa, "mpa"),
-        "sd_mpa": from_si(eye.sd_pa, "mpa"),
-        "thickness_um": from_si(eye.thickness_m, "um"),
-        "globe": calibration_file.globe_entry(eye.globe),
-        "stiffening": eye.stiffening,
-        "relaxation": eye.relaxation and vars(eye.relaxation),
-        "lean_deg": from_si(eye.lean_rad, "deg"),
-        "discrepancy": eye.discrepancy and vars(eye.discrepancy),
-        "updates": eye.updates,
-        "without_force": eye.state is None,
-        "status": eye.status,
+        "mean_mpa": from_si(eye.mean_pa, "mpa"), "sd_mpa": from_si(eye.sd_pa, "mpa"),
+        "thickness_um": from_si(eye.thickness_m, "um"), "globe": calibration_file.globe_entry(eye.globe),
+        "stiffening": eye.stiffening, "relaxation": eye.relaxation and vars(eye.relaxation),
+        "lean_deg": from_si(eye.lean_rad, "deg"), "discrepancy": eye.discrepancy and vars(eye.discrepancy),
+        "updates": eye.updates, "without_force": eye.state is None, "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
         "recording": eye.recordings[0].path,
         "frames": [{"file": frame.file, "sha256": frame.sha256} for frame in eye.used if eye.state or frame.force_n],
-        "parameters": {
-            name: {"mean": mean, "sd": sd} for name, mean, sd in zip(eye.names, eye.means, eye.sds, strict=True)
-        },
-        "recordings": [vars(entry) for entry in eye.recordings],
-        "steps": [_frame_entry(frame) for frame in eye.frames],
+        "parameters": {name: {"mean": mean, "sd": sd} for name, mean, sd in moments},
+        "recordings": [vars(entry) for entry in eye.recordings], "steps": [_frame_entry(frame) for frame in eye.frames],
         "state": eye.state and _state_entry(eye.state),
-    }
+    }  # fmt: skip
 
 
 def _state_entry(state: EyeState) -> dict[str, Any]:
     posterior, belief = state.posterior, state.belief
     return {
-        "mean": posterior.mean.tolist(),
-        "factor": posterior.factor.tolist(),
-        "precision": posterior.precision.tolist(),
-        "updates": posterior.updates,
-        "recent": [list(entry) for entry in posterior.recent],
-        "belief_mean": belief.mean.tolist(),
-        "belief_covariance": belief.covariance.tolist(),
-        "shared": list(SHARED),
-        "sensitivity": state.sensitivity.tolist(),
-        "zero_covariance": state.zero_covariance.tolist(),
-    }
+        "mean": posterior.mean.tolist(), "factor": posterior.factor.tolist(), "precision": posterior.precision.tolist(),
+        "updates": posterior.updates, "recent": [list(entry) for entry in posterior.recent],
+        "belief_mean": belief.mean.tolist(), "belief_covariance": belief.covariance.tolist(), "shared": list(SHARED),
+        "sensitivity": state.sensitivity.tolist(), "zero_covariance": state.zero_covariance.tolist(),
+    }  # fmt: skip
 
 
 def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
@@ -348,20 +330,12 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         if not (low <= one.mean <= high and one.sd <= high):
             raise CalibrationError(f"{place}.parameters.{name}: not within {low:g} to {high:g}; {WRITER}")
     found = EyeCalibration(
-        id=eye_id,
-        names=tuple(moments),
-        means=tuple(each.mean for each in moments.values()),
-        sds=tuple(each.sd for each in moments.values()),
-        stated_thickness_m=summary.thickness_m,
-        globe=summary.globe,
-        state=_parse_state(saved.state, len(moments), f"{place}.state"),
-        recordings=saved.recordings,
-        frames=saved.steps,
-        discrepancy=summary.discrepancy,
-        stiffening=summary.stiffening,
-        relaxation=summary.relaxation,
-        lean_rad=summary.lean_rad,
-    )
+        id=eye_id, names=tuple(moments), means=tuple(each.mean for each in moments.values()),
+        sds=tuple(each.sd for each in moments.values()), stated_thickness_m=summary.thickness_m, globe=summary.globe,
+        state=_parse_state(saved.state, len(moments), f"{place}.state"), recordings=saved.recordings,
+        frames=saved.steps, discrepancy=summary.discrepancy, stiffening=summary.stiffening,
+        relaxation=summary.relaxation, lean_rad=summary.lean_rad,
+    )  # fmt: skip
     if not found.used or not found.recordings:
         raise CalibrationError(f"{place}.steps: no frame, or no recording, that was used; {WRITER}")
     if not np.allclose((found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6):

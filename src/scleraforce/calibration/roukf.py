@@ -133,13 +133,9 @@ def initial_posterior(mean: Floats, covariance: Floats) -> Posterior:
 
 
 def filter_step(
-    params: FilterParams,
-    posterior: Posterior,
-    observe: Operator,
-    observation: Floats,
-    noise_covariance: Floats,
+    params: FilterParams, posterior: Posterior, observe: Operator, observation: Floats, noise_covariance: Floats,
     start: Floats | None = None,
-) -> StepResult:
+) -> StepResult:  # fmt: skip
     """Assimilate an observation y (m,) with the noise covariance W (m, m); a step that fails keeps the posterior.
 
     `observe` is H: it takes sigma points (r, n) and returns predicted observations (r, m). `start` is a state (n,) from

@@ -186,13 +186,9 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
     population = converted(content.get("population"), _Population, f"{name}: population")
     return CalibrationSummary(
         eyes={eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
-        population_mean_pa=to_si(population.mean_mpa, "mpa"),
-        population_sd_pa=to_si(population.sd_mpa, "mpa"),
-        population_stiffening=population.stiffening,
-        mechanics=content["mechanics"],
-        path=name,
-        sha256=file.sha256,
-    )
+        population_mean_pa=to_si(population.mean_mpa, "mpa"), population_sd_pa=to_si(population.sd_mpa, "mpa"),
+        population_stiffening=population.stiffening, mechanics=content["mechanics"], path=name, sha256=file.sha256,
+    )  # fmt: skip
 
 
 def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
@@ -220,13 +216,10 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
     eye = converted(entry, _EyeEntry, place)
     unchanged = ("frames", "discrepancy", "stiffening", "relaxation", "status", "without_force")
     return EyeSummary(
-        mean_pa=to_si(eye.mean_mpa, "mpa"),
-        sd_pa=to_si(eye.sd_mpa, "mpa"),
-        thickness_m=to_si(eye.thickness_um, "um"),
-        lean_rad=to_si(eye.lean_deg, "deg"),
-        globe=OPEN if eye.globe is UNSET else _globe(eye.globe, f"{place}.globe"),
+        mean_pa=to_si(eye.mean_mpa, "mpa"), sd_pa=to_si(eye.sd_mpa, "mpa"), thickness_m=to_si(eye.thickness_um, "um"),
+        lean_rad=to_si(eye.lean_deg, "deg"), globe=OPEN if eye.globe is UNSET else _globe(eye.globe, f"{place}.globe"),
         **{name: getattr(eye, name) for name in unchanged},
-    )
+    )  # fmt: skip
 
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:

@@ -64,19 +64,12 @@ class KnownRelaxation:
         """Return a relaxation of tissue of which no history is known."""
         terms = len(shares)
         return cls(
-            times_s=tuple(times_s),
-            shares=tuple(shares),
-            covariance=rows(covariance),
-            held=(MOST_HELD / 2,) * terms,
+            times_s=tuple(times_s), shares=tuple(shares), covariance=rows(covariance), held=(MOST_HELD / 2,) * terms,
             held_covariance=rows(np.full((terms, terms), (SPREAD * MOST_HELD) ** 2)),
             before_n=(MOST_BEFORE_N / 2,) * terms,
-            before_covariance_n2=rows(np.full((terms, terms), (SPREAD * MOST_BEFORE_N) ** 2)),
-            after=(0.0,) * terms,
-            after_covariance_n2=rows(np.zeros((terms, terms))),
-            every_s=None,
-            held_s=None,
-            source=source,
-        )
+            before_covariance_n2=rows(np.full((terms, terms), (SPREAD * MOST_BEFORE_N) ** 2)), after=(0.0,) * terms,
+            after_covariance_n2=rows(np.zeros((terms, terms))), every_s=None, held_s=None, source=source,
+        )  # fmt: skip
 
     @classmethod
     def declared(cls, terms: Sequence[Sequence[float]]) -> "KnownRelaxation":

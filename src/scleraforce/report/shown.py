@@ -120,12 +120,9 @@ def show_study(path: Path) -> Thing:
         f"  {key} = {_words(value)} (the paper's: {_words(paper)})" for key, (value, paper) in changed.items()
     )
     facts = {
-        "study_sha256": study_hash(study),
-        "mechanics": study.mechanics.kind,
-        "bounds_mn": bounds_mn,
-        "images": images,
+        "study_sha256": study_hash(study), "mechanics": study.mechanics.kind, "bounds_mn": bounds_mn, "images": images,
         "changed": {key: value for key, (value, _) in changed.items()},
-    }
+    }  # fmt: skip
     return Thing(kind="study", facts=facts, rows=rows, lines=lines, draw=lambda: draw_model(study))
 
 
