@@ -111,16 +111,15 @@ def test_a_small_punch_that_touches_with_its_whole_face_is_as_stiff_as_a_disc_th
 @pytest.mark.slow
 def test_below_the_punch_a_sealed_globe_is_an_open_one_at_its_pressure() -> None:
     size, modulus_pa, rigidity, iop = PunchedEye(), 0.3e6, 0.01, to_si(15.0, "mmhg") / 0.3e6
-    sealed = pushed(modulus_pa, rigidity, size=size, dents_m=np.array([0.2e-3, 0.4e-3, 0.6e-3]))
+    dents_m = np.array([0.2e-3, 0.4e-3, 0.6e-3])
+    sealed = pushed(modulus_pa, rigidity, size=size, dents_m=dents_m)
     pressure = float(sealed.iop_ratio[-1])
     assert pressure > 1.05 * iop
     mesh = fine_meridian(size.radius_m, size.thickness_m, size.punch_m, inside=10, outside=24, layers=1)
     wall = AxisymmetricWall(mesh, size.poisson_ratio)
     rise_m = -float(wall.tip @ (pressurise(wall, pressure) - pressurise(wall, iop)))
     assert rise_m > 0.0
-    opened = pushed(
-        modulus_pa, iop_pa=pressure * modulus_pa, size=size, dents_m=np.array([0.2e-3, 0.4e-3, 0.6e-3]) + rise_m
-    )
+    opened = pushed(modulus_pa, iop_pa=pressure * modulus_pa, size=size, dents_m=dents_m + rise_m)
     assert opened.force_ratio_m2[-1] == pytest.approx(sealed.force_ratio_m2[-1], rel=1e-6)
     # The law, of the volume that the dent displaces at that pressure: about the punch's area times half the dent.
     displaced = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa).displaced_m3(iop, pressure)

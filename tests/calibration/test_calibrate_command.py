@@ -50,9 +50,8 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
 ) -> None:
     """Another study than the paper's, whose library is bundled (`tests/notebook/test_work.py`)."""
     study, asked = Study(), list[Study]()
-    (tmp_path / "study.toml").write_text(
-        format_study(replace(study, library=replace(study.library, tips=study.library.tips - 1)))
-    )
+    other = replace(study, library=replace(study.library, tips=study.library.tips - 1))
+    (tmp_path / "study.toml").write_text(format_study(other))
 
     def cached(study: Study, *, workers: int | None, progress: Callable[[int], None]) -> Library:
         assert workers is None

@@ -48,9 +48,8 @@ def test_readers_take_its_uncertainty_once_and_do_not_narrow_it(found: Path) -> 
     assert known.modulus.source == "shape"
     prior = prior_of(known, Study().reader)
     assert prior.discrepancy.level_sd == known.modulus.relative_sd
-    by_force = replace(
-        known, modulus=replace(known.modulus, source="own", sd_pa=LEAST_MODULUS_SD * known.modulus.mean_pa)
-    )
+    own = replace(known.modulus, source="own", sd_pa=LEAST_MODULUS_SD * known.modulus.mean_pa)
+    by_force = replace(known, modulus=own)
     assert (prior.same_force == prior_of(by_force, Study().reader).same_force).all()
 
 

@@ -112,9 +112,8 @@ def test_stated_errors_grow_with_noise_steps_drift_and_motion() -> None:
         {"force_noise_n": fixed(4e-3)}, {"force_step_n": 5e-3}, {"force_drift_n_per_s": fixed(1e-3 / 60)},
         {"frame_delay_s": fixed(0.6)},
     )  # fmt: skip
-    usual, *worse = (
-        np.median([sd_n for _, sd_n in errors_and_sds(replace(quiet, **change), 2)]) for change in ({}, *changes)
-    )
+    studies = [replace(quiet, **change) for change in ({}, *changes)]
+    usual, *worse = (np.median([sd_n for _, sd_n in errors_and_sds(study, 2)]) for study in studies)
     assert all(sd_n > 1.5 * usual for sd_n in worse)
 
 

@@ -54,9 +54,8 @@ def write_push(path: Path) -> None:
 def things(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one thing of each kind that is quickly made."""
     folder = tmp_path_factory.mktemp("things")
-    (folder / "study.toml").write_text(
-        "[eye]\nradius_mm = 11.0\n[dataset]\nframing_depth_mm = { min = 0.2, max = 0.6 }\n"
-    )
+    study = "[eye]\nradius_mm = 11.0\n[dataset]\nframing_depth_mm = { min = 0.2, max = 0.6 }\n"
+    (folder / "study.toml").write_text(study)
     write_small_recording(folder / "eye")
     write_push(folder / "eye" / "forces.csv")
     write_calibration(calibration_as_json(calibration_of_a_sealed_eye()), folder / "modulus.json")

@@ -27,9 +27,8 @@ def make_bars(count: int, seed: int) -> Samples:
     rng = np.random.default_rng(seed)
     depth = rng.integers(0, 9, size=count)
     row = np.arange(ROWS)[:, None]
-    bars = ((row >= depth[:, None, None]) & (row < depth[:, None, None] + 2)) ^ (
-        rng.random((count, ROWS, COLUMNS)) < 0.1
-    )
+    below = row - depth[:, None, None]
+    bars = ((below >= 0) & (below < 2)) ^ (rng.random((count, ROWS, COLUMNS)) < 0.1)
     bars[:, -1] = False  # a row that never varies
     return Samples(np.broadcast_to(bars, (count, ROWS, COLUMNS)).astype(np.uint8) * np.uint8(255), depth // 3)
 

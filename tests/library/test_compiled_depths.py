@@ -132,9 +132,7 @@ def test_curves_forces_and_volumes_are_products_of_splines() -> None:
     state, tables = states(40), LIBRARY.tables
     curves = library_arrays.values_at(LIBRARY, tables.curves, *state).reshape(40, 2, -1, 2)
     np.testing.assert_allclose(LIBRARY.shapes(*state), curves, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(
-        LIBRARY.forces(*state), library_arrays.values_at(LIBRARY, tables.forces, *state), rtol=1e-12
-    )
-    np.testing.assert_allclose(
-        LIBRARY.displaced_m3(*state), library_arrays.values_at(LIBRARY, tables.volumes, *state), rtol=1e-12
-    )
+    forces = library_arrays.values_at(LIBRARY, tables.forces, *state)
+    np.testing.assert_allclose(LIBRARY.forces(*state), forces, rtol=1e-12)
+    volumes = library_arrays.values_at(LIBRARY, tables.volumes, *state)
+    np.testing.assert_allclose(LIBRARY.displaced_m3(*state), volumes, rtol=1e-12)

@@ -81,9 +81,8 @@ def test_the_section_is_that_of_the_general_cut_of_a_mesh(plane):
     arc = RADIUS_M * np.arctan2(np.linalg.norm(across, axis=1), RADIUS_M - deep)
     inward = tip_m * np.exp(-0.5 * (arc / 2.6e-3) ** 2)
     displacement = -inward[:, None] * contact.normal - 0.1 * np.exp(-0.5 * (arc / 3e-3) ** 2)[:, None] * across
-    expected = cut_section(
-        mesh, ScanPlane(contact, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad), displacement
-    )
+    plane = ScanPlane(contact, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad)
+    expected = cut_section(mesh, plane, displacement)
 
     angle = np.linspace(0.0, 1.1, 400)
     radius = np.array([[RADIUS_M], [RADIUS_M - thickness_m]])

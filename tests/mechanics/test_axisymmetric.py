@@ -196,9 +196,8 @@ def bent(mesh: MeridianMesh) -> Floats:
     """Strains of some 15 % with rotation and noise on them, none of them across the axis."""
     r, z = mesh.points_nc.T
     noise = np.random.default_rng(1).normal(size=mesh.points_nc.shape) * 5e-6
-    return np.stack(
-        [0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0), 0.2 * r - 0.08 * z + noise[:, 1]], axis=1
-    ).ravel()
+    outward, up = 0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0), 0.2 * r - 0.08 * z + noise[:, 1]
+    return np.stack([outward, up], axis=1).ravel()
 
 
 def test_forces_and_tangent_are_the_derivatives_of_the_energy(mesh: MeridianMesh) -> None:
@@ -206,9 +205,8 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(mesh: MeridianMesh
     volumes_ep, moved = solid.mu_ep / lame_constants(1.0, NU)[1], np.random.default_rng(3).normal(size=u.shape)
     F = deformation(solid, u + 1j * STEP * moved)
     assert np.all(np.linalg.det(F.real) > 0.1)
-    assert meridian.nodal_forces(solid, u) @ moved == pytest.approx(
-        np.sum(volumes_ep * energy(F, B).imag) / STEP, rel=1e-11
-    )
+    work = np.sum(volumes_ep * energy(F, B).imag) / STEP
+    assert meridian.nodal_forces(solid, u) @ moved == pytest.approx(work, rel=1e-11)
     P = stress(F, B).imag[(..., *ENTRIES)] / STEP
     change_eN = np.einsum("ep,epk,epkN->eN", volumes_ep, P, gradient_operator(solid))
     tangents = meridian.element_tangents(solid, u)
@@ -302,9 +300,8 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
         section = cut_section(wall.mesh, ScanPlane(contact, gap_m=GAP, direction_rad=direction_rad), displacement_nc)
         for side in (-1.0, 1.0):
             lateral_bn = side * np.sqrt(np.maximum(curves[..., 0] ** 2 - GAP**2, 0.0))
-            lateral, depth = np.moveaxis(
-                shift_in_plane(shift, iop_ratio, force_ratio, lateral_bn, GAP, direction_rad)[0], -1, 0
-            )
+            shifts = shift_in_plane(shift, iop_ratio, force_ratio, lateral_bn, GAP, direction_rad)[0]
+            lateral, depth = np.moveaxis(shifts, -1, 0)
             shown = (curves[0, :, 0] > 0.7e-3) & (curves[0, :, 0] < 6.5e-3)
             expected = np.interp((lateral_bn[0] + lateral)[shown], *section.outer.T)
             np.testing.assert_allclose((curves[0, :, 1] + depth)[shown], expected, atol=4e-6)

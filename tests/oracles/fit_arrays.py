@@ -13,6 +13,8 @@ from scleraforce.library.fit_loops import LEAST_SD, STATION_RAD
 from scleraforce.library.placement import Placed, Places, depths_along, place_curves, pose_derivatives
 from scleraforce.library.unknowns import shining
 
+FORM_STEP = 1e-7  # m, rad or 1/m
+
 
 def predict_wall(walls: Walls, unknown: Floats, places: Places) -> Placed:
     """Return the boundaries at places, and derivatives by differences; pose and form have formulas of their own."""
@@ -74,7 +76,7 @@ def ring_motion(walls: Walls, place: tuple[Floats, Floats, Floats], pole_s2: Flo
     return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
 
 
-def cut_by_plane(curves_sbnc: Floats, gap_s: Floats, moved_sbwnc: Floats | None = None) -> Floats:
+def cut_by_plane(curves_sbnc: Floats, gap_s: Floats, moved_sbwnc: Floats) -> Floats:
     """Return both sides of surfaces of revolution, cut by a plane parallel to their axis: lateral place and depth.
 
     The surfaces are (sample, boundary, node, 2), distance from the axis and depth, nodes from the axis outwards; the
@@ -83,12 +85,8 @@ def cut_by_plane(curves_sbnc: Floats, gap_s: Floats, moved_sbwnc: Floats | None 
     that the plane meets: along the section, across it and down, m.
     """
     gap = gap_s[:, None, None]
-    if moved_sbwnc is None:
-        right, down, _ = _cut_side(curves_sbnc, gap)
-        left, left_down = -right, down
-    else:
-        left, left_down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 0], -1.0)
-        right, down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 1], 1.0)
+    left, left_down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 0], -1.0)
+    right, down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 1], 1.0)
     lateral = np.concatenate([left[..., ::-1], right], axis=2)
     return np.stack([lateral, np.concatenate([left_down[..., ::-1], down], axis=2)], axis=3)
 
@@ -125,18 +123,14 @@ def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.
 
 
 def _form_slopes(form: Floats, from_contact_m: Floats, is_inner: Floats) -> tuple[Floats, Floats]:
-    """Slope (place,) of `form_depths`, and its derivatives (place, form)."""
-    slopes, turned = form[6] * is_inner, np.empty((len(from_contact_m), len(form)))
-    turned[:, 6] = from_contact_m * is_inner
-    for side, first in ((-1.0, 0), (1.0, 3)):
-        limbus_m, angle, curvature = form[first : first + 3]
-        beyond = side * from_contact_m - limbus_m
-        root = np.sqrt(beyond**2 + at.SOFT_M**2)
-        ramp, rise = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
-        by_beyond = (angle + curvature * ramp) * rise
-        slopes = slopes + side * by_beyond
-        turned[:, first : first + 3] = np.stack([-by_beyond, ramp, 0.5 * ramp**2], axis=1)
-    return slopes, turned
+    """Slope (place,) of `form_depths`, and its derivatives (place, form), by differences."""
+
+    def difference(changed: Floats, step_m: float) -> Floats:
+        ends = [(form + sign * changed, from_contact_m + sign * step_m, is_inner) for sign in (0.5, -0.5)]
+        return np.subtract(*(at.form_depths(*end) for end in ends)) / FORM_STEP
+
+    turned = [difference(changed, 0.0) for changed in FORM_STEP * np.eye(len(form))]
+    return difference(0 * form, FORM_STEP), np.stack(turned, axis=1)
 
 
 def _inward(walls: Walls, unknown: Floats) -> dict[int, float]:

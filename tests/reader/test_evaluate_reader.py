@@ -95,9 +95,8 @@ def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared
     truth = [{"file": frame.file, "force_n": n} for frame, n in zip(without.frames, true_n, strict=True)]
     (mine / "truth.json").write_text(json.dumps({"frames": truth}))
     beside = evaluate_recordings(model, [mine], calibration)
-    assert [frame.as_json() | {"true_force_mn": None} for frame in beside.frames] == [
-        frame.as_json() for frame in without.frames
-    ]
+    read, alone = ([frame.as_json() for frame in found.frames] for found in (beside, without))
+    assert [frame | {"true_force_mn": None} for frame in read] == alone
     assert (beside.coverage, beside.as_json()["truth"]) == (without.coverage, "truth.json")
     compared = len(beside.true_forces)
     assert (beside.true_coverage.hits, beside.true_coverage.total) == (compared - 1, compared)
@@ -253,9 +252,8 @@ def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(p
     plain = evaluate_recordings(model, [mine])
     lines = (mine / "frames.csv").read_text().splitlines()
     held = ["1000", *[""] * (len(lines) - 2)]
-    (mine / "frames.csv").write_text(
-        "\n".join([f"{lines[0]},held_s", *map(",".join, zip(lines[1:], held, strict=True))])
-    )
+    rows = map(",".join, zip(lines[1:], held, strict=True))
+    (mine / "frames.csv").write_text("\n".join([f"{lines[0]},held_s", *rows]))
     told = evaluate_recordings(model, [mine])
     for before, after in zip(elastic.frames, plain.frames, strict=True):
         if before.answer.usable:

@@ -76,9 +76,8 @@ def given(**values: float) -> dict[str, float]:
     eye = {field.name: np.array([nan]) for field in fields(networks.GivenEyes)} | {
         name: np.array([0.0]) for name in ("rigidity_low", "rigidity_high", "stiffening")
     }
-    inputs = networks.given_inputs(
-        networks.GivenEyes(**eye | {name: np.array([value]) for name, value in values.items()}), RANGES
-    )
+    eyes = networks.GivenEyes(**eye | {name: np.array([value]) for name, value in values.items()})
+    inputs = networks.given_inputs(eyes, RANGES)
     assert inputs.dtype == np.float32
     return dict(zip(networks.GIVEN, inputs[0].tolist(), strict=True))
 

@@ -132,9 +132,8 @@ def test_the_bundled_reader_is_refused_for_a_study_that_it_was_not_trained_for(t
 def test_the_bundled_reader_serves_the_papers_study_with_its_own_library(tmp_path: Path) -> None:
     run = open_run(tmp_path / "out", framed_for_laboratory(Study()), 1)
     assert run.reader == SHIPPED_READER
-    np.testing.assert_array_equal(
-        run_library(run).walls.values(), load_force_reader(SHIPPED_READER).library.walls.values()
-    )
+    shipped = load_force_reader(SHIPPED_READER).library
+    np.testing.assert_array_equal(run_library(run).walls.values(), shipped.walls.values())
 
 
 @pytest.fixture(autouse=True)

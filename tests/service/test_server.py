@@ -492,9 +492,8 @@ def test_what_was_learned_of_the_eye_is_in_each_later_reading_and_ends_no_withdr
         def learned() -> bool:
             scanner.read(10.0)
             said = json.loads(scanner.texts()[-1].text)
-            return [said["modulus_mpa"], said["modulus_sd_mpa"], said["modulus_frames"]] == pytest.approx(
-                [0.3, 0.02, 7]
-            )
+            found = [said[f"modulus_{name}"] for name in ("mpa", "sd_mpa", "frames")]
+            return found == pytest.approx([0.3, 0.02, 7])
 
         wait_until(learned)
         assert scanner.statuses()[-1].code == 3

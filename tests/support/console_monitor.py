@@ -48,9 +48,8 @@ class ConsoleMonitor:
             scale=PixelScale(lateral_m=15e-3 / columns, depth_m=4e-3 / rows), limits=MonitorLimits(**limits),
             class_bounds_n=(5e-3, 30e-3), model="reader", eye="eye-a",
         )  # fmt: skip
-        self.child = Child(
-            "scleraforce.service.console.server", settings, [self.ring.place.descriptor, listener.fileno()]
-        )
+        descriptors = [self.ring.place.descriptor, listener.fileno()]
+        self.child = Child("scleraforce.service.console.server", settings, descriptors)
         listener.close()
         self.entries = self.frames = 0
         try:

@@ -102,9 +102,8 @@ def small_server(
     ring = FrameRing.create(100, ROWS, COLUMNS)
     reads = dict.fromkeys(planes, read) or read
     session = Session(reads, limits, clock, clock) if clock else Session(reads, limits)
-    server = Server(
-        session, listener, ServerSettings(TOKEN, stalled_s=stalled_s, **settings), ring, guard, companions, note
-    )
+    stated = ServerSettings(TOKEN, stalled_s=stalled_s, **settings)
+    server = Server(session, listener, stated, ring, guard, companions, note)
     return server, listener.getsockname()[1]
 
 
