@@ -5,26 +5,33 @@ reader, with the true E: by both planes, by the first one with its true gap, and
 errors (rms) of contact, gap, tilt, lean and force, and the share of the 90 % intervals that hold.
 
     python benchmarks/bench_planes.py [EYES]
+
+`python benchmarks/bench_planes.py calibrate [EYES]` calibrates other such eyes instead, on three moments of known force
+and on ten without forces: with the cross, and with its first plane of a given gap, its median or 0.35 mm.
 """
 
 import sys
 from dataclasses import replace
 from math import atan, cos, radians, tan
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 import scleraforce as sf
+from bench_without_force import POPULATION
 from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.light import NeedleShaft
-from scleraforce.laboratory.phantom import in_planes, plan_phantom, plan_sections, render_frame
+from scleraforce.laboratory.phantom import in_planes, plan_phantom, plan_sections, render_frame, write_phantom
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.library.unknowns import GAP
 from scleraforce.reader import Reader
-from scleraforce.recording.folder import Plane
+from scleraforce.recording.folder import Plane, Recording, read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import MechanicsStudy, Range, Study, fixed
 
 SEED, EYES, MOMENTS = 20261201, 12, 8
+CALIBRATED_SEED, TAKEN, FORCES_N = 77431, 3, (2e-3, *(np.linspace(0.12, 1.0, 9) * 54e-3).tolist())
 PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, radians(90.0)))
 
 
@@ -103,8 +110,51 @@ def true_lean(needle: NeedleShaft) -> float:
     return atan(float(np.hypot(*up)))
 
 
+def first_plane(recording: Recording, gap_m: float) -> Recording:
+    """The frames of the first plane as a recording of a single one, of a given gap."""
+    info, first = recording.info, recording.info.oct.plane[0].name
+    info = replace(info, oct=replace(info.oct, plane=()), needle=replace(info.needle, slice_gap_m=gap_m))
+    shown = (replace(frame, plane=None) for frame in recording.frames if frame.plane == first)
+    return replace(recording, info=info, frames=tuple(shown))
+
+
+def calibrate_eye(number: int, folder: Path) -> dict[str, tuple[float, float]]:
+    """Errors of ln E and its standard deviation, by the way of calibrating."""
+    rng, study = np.random.default_rng([CALIBRATED_SEED, number]), drawn_study()
+    phantom = replace(study.phantom, needle_angle_rad=fixed(0.0), needle_lean_rad=fixed(0.0))
+    study = replace(study, phantom=phantom)
+    eye, forces_n = drawn_eye(number, rng), list(FORCES_N)
+    rng.shuffle(forces_n)
+    plan = in_planes(plan_phantom(eye, forces_n, study, CALIBRATED_SEED + number), PLANES, study)
+    write_phantom(folder, plan, BentSections(eye, study), study)
+    recording, found = read_recording(folder), dict[str, tuple[float, float]]()
+    gap_m = float(np.median([abs(frame.cut.gap_m) for frame in plan.frames[:: len(PLANES)] if frame.cut]))
+    alone = {"median gap": first_plane(recording, gap_m), "0.35 mm": first_plane(recording, 0.35e-3)}
+    for name, shown in {"cross": recording, **alone}.items():
+        for way, given in (("by force", {"frames": TAKEN}), ("by shape", {"without_force": True})):
+            one = sf.calibrate(shown, **given, calibration=POPULATION if way == "by shape" else None).eyes[eye.id]
+            found[f"{name}, {way}"] = float(np.log(one.mean_pa / eye.youngs_modulus_pa)), one.sd_pa / one.mean_pa
+    return found
+
+
+def main_calibrate(count: int) -> None:
+    """Print the table of calibrations."""
+    rows = list[dict[str, tuple[float, float]]]()
+    with TemporaryDirectory() as folder:
+        for number in range(count):
+            rows.append(calibrate_eye(number, Path(folder) / str(number)))
+            print(number, rows[-1], file=sys.stderr)
+    for name in rows[0]:
+        off, sd = np.array([row[name] for row in rows]).T
+        within, rms, sure = int((np.abs(off) < 2.0 * sd).sum()), 100 * np.sqrt((off**2).mean()), 100 * sd.mean()
+        print(f"{name:22s} rms {rms:5.1f} %, sd {sure:5.1f} %, {within} of {count} within two")
+
+
 def main() -> None:
     """Print the table."""
+    if sys.argv[1:2] == ["calibrate"]:
+        main_calibrate(int([*sys.argv, "10"][2]))
+        return
     reader = sf.load_model("default")
     rows = [row for number in range(int([*sys.argv, str(EYES)][1])) for row in read_eye(number, reader)]
     for name in sorted({key for row in rows for key in row} - {"force_n"}):

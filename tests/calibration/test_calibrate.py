@@ -14,7 +14,7 @@ from analytic_frames import LIBRARY
 from small_recordings import calibration_of_a_sealed_eye
 
 from ideal_boundaries import virtual_sections
-from scleraforce.calibration import calibrate
+from scleraforce.calibration import calibrate, eye_frames
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.forces import frame_order
 from scleraforce.calibration.known_forces import TissueTrial
@@ -259,9 +259,9 @@ def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented
     recording: Recording, diverging: Callable[..., list[str | None]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     segmented, labelled = list[Any](), list[Any]()
-    find_wall, label_frames = calibrate.find_wall, calibrate.label_frames
-    monkeypatch.setattr(calibrate, "find_wall", lambda *given: segmented.append(given) or find_wall(*given))
-    monkeypatch.setattr(calibrate, "label_frames", lambda *given: labelled.append(given) or label_frames(*given))
+    find_wall, label_frames = eye_frames.find_wall, eye_frames.label_frames
+    monkeypatch.setattr(eye_frames, "find_wall", lambda *given: segmented.append(given) or find_wall(*given))
+    monkeypatch.setattr(eye_frames, "label_frames", lambda *given: labelled.append(given) or label_frames(*given))
     for stated, status, rigidity, doubted in (
         ("open", "ok", 0.03, True),
         ("open", "ok", 0.0052, True),

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from math import log, log1p
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -404,8 +405,8 @@ def calibrating(monkeypatch: pytest.MonkeyPatch) -> Calibrating:
 
 def recorded(frames: int = 8) -> Any:
     """As much of a recording as `calibrate_recordings` needs."""
-    eye = SimpleNamespace(id="mine", globe=None, relaxation=None)
-    return SimpleNamespace(info=SimpleNamespace(eye=eye), frames=range(frames))
+    eye, scan = SimpleNamespace(id="mine", globe=None, relaxation=None), SimpleNamespace(plane=())
+    return SimpleNamespace(info=SimpleNamespace(eye=eye, oct=scan), frames=range(frames), moments=(), path=Path("r"))
 
 
 def calibration_of(study: Study | None = None, **given: Any) -> Calibration:

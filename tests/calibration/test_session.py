@@ -10,7 +10,7 @@ import pytest
 from small_models import fixed_finder
 
 from ideal_boundaries import ideal_boundaries
-from scleraforce.calibration import assimilation, calibrate, registration
+from scleraforce.calibration import assimilation, eye_frames, registration
 from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
@@ -147,7 +147,7 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
         given.append(more)
         return replace(find_wall(frame, scale), usable=False, reason="under a layer")
 
-    monkeypatch.setattr(calibrate, "find_wall", below)
+    monkeypatch.setattr(eye_frames, "find_wall", below)
     with pytest.raises(CalibrationError, match="under a layer"):
         calibrate_recordings([recording], STUDY, "", library, finder=blind)
     assert given == [(0.7e-3, blind)] * FRAMES
@@ -165,7 +165,7 @@ def test_forces_far_above_all_calibrated_ones_are_a_doubt(
         return replace(find_wall(pixels, *asked), usable=not is_deep, reason="deep")
 
     assert calibration.eyes["made-up"].recordings[0].doubts == ()
-    monkeypatch.setattr(calibrate, "find_wall", shallow)
+    monkeypatch.setattr(eye_frames, "find_wall", shallow)
     eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
     assert [round(1e3 * frame.force_n) for frame in eye.frames if frame.skipped == "not usable: deep"] == [30, 45, 38]
     (doubt,) = eye.recordings[0].doubts

@@ -11,7 +11,7 @@ from small_models import force_reader
 from small_recordings import write_places
 
 import scleraforce as sf
-from scleraforce.calibration.calibrate import EyeFrames, Settings
+from scleraforce.calibration.eye_frames import EyeFrames, Settings
 from scleraforce.cli.main import run
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.walls import COLUMNS, NOT_JUDGED, RecordedWalls, frame_file_digest, mask_of
@@ -127,7 +127,7 @@ def test_every_step_uses_a_corrected_wall_and_says_so(corrected: tuple[Path, Pat
 def test_a_calibration_uses_a_corrected_wall(corrected: tuple[Path, Path]) -> None:
     recording = sf.read_recording(corrected[1])
     settings = Settings(sf.Study(), None, ("e",), False, None, None)
-    (_, lowered), (_, found) = (EyeFrames(recording, settings, frozenset(), None).seen(number) for number in (2, 3))
+    lowered, found = (EyeFrames(recording, settings, frozenset(), None).seen(number).wall for number in (2, 3))
     assert (lowered.sd_m, found.sd_m) == (GIVEN_SD_ROWS * SCALE.depth_m, 0.0)
     assert recording.walls.notes == ("wall: corrected in 1 frames",)
     mine = segmented_boundaries(find_wall(recording.frame(recording.frames[2]), SCALE), SCALE)

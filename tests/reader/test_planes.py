@@ -4,25 +4,22 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
-from analytic_frames import GAP_M, MODULUS_PA, SMALL_LIBRARY, image, recording_toml, tip_of
+from analytic_frames import MODULUS_PA, SMALL_LIBRARY, tip_of
 from commands import said
-from scanned_planes import CROSS, cut_wall
+from scanned_planes import CONTACT_M, CROSS, TILT_RAD, cut_wall, write_moments
 from small_models import write_fixed_reader
 
 import scleraforce as sf
-from scleraforce.calibration.calibrate import eye_constants
-from scleraforce.errors import CalibrationError, InputError, ModelError
+from scleraforce.errors import InputError, ModelError
 from scleraforce.reader import Reader, load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.recording.folder import read_recording
-from scleraforce.study import Study
 
 pytest.importorskip("onnx")
 
-CONTACT_M, TILT_RAD, FORCES_N = (0.15e-3, -0.5e-3, 0.5e-3), (0.02, -0.01), (0.012, 0.02)
+FORCES_N = 0.012, 0.02
 
 
 @pytest.fixture(scope="module")
@@ -35,23 +32,7 @@ def model(tmp_path_factory) -> Reader:
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory) -> Path:
     """Two moments of a cross, without a force log."""
-    folder = tmp_path_factory.mktemp("planes") / "rec"
-    (folder / "frames").mkdir(parents=True)
-    planes = "".join(
-        f'[[oct.plane]]\nname = "{one.name}"\noffset_m = {one.offset_m}\ndirection_rad = {one.direction_rad}\n'
-        for one in CROSS
-    )
-    text = recording_toml("eye", more=planes).replace(f"slice_gap_m = {GAP_M}\n", "")
-    (folder / "recording.toml").write_text(text)
-    lines = ["file,time_s,plane"]
-    for moment, force_n in enumerate(FORCES_N):
-        for number, plane in enumerate(CROSS):
-            section = cut_wall(plane, tip_of(force_n), CONTACT_M, TILT_RAD)
-            file = f"{moment}-{number}.png"
-            assert cv2.imwrite(str(folder / "frames" / file), image(section, seed=10 * moment + number))
-            lines.append(f"{file},{moment}.5,{plane.name}")
-    (folder / "frames.csv").write_text("\n".join(lines) + "\n")
-    return folder
+    return write_moments(tmp_path_factory.mktemp("planes") / "rec", FORCES_N)
 
 
 def test_a_moment_has_one_force_and_one_contact_in_three_dimensions(model, recording) -> None:
@@ -72,7 +53,7 @@ def test_a_moment_has_one_force_and_one_contact_in_three_dimensions(model, recor
 def test_an_evaluation_repeats_the_answer_for_each_plane_and_counts_it_once(model, recording) -> None:
     evaluation = evaluate_recordings(model, [recording])
     entries = evaluation.as_json()["frames"]
-    assert [(one["plane"], one["time_s"]) for one in entries] == [(p.name, t) for t in (0.5, 1.5) for p in CROSS]
+    assert [(one["plane"], one["time_s"]) for one in entries] == [(p.name, t) for t in (8.0, 16.0) for p in CROSS]
     for first, second in (entries[:2], entries[2:]):
         for key in ("predicted_force_mn", "interval_mn", "contact_xyz_mm", "predicted", "usable"):
             assert first[key] == second[key], key
@@ -103,8 +84,6 @@ def test_inputs_that_do_not_fit_are_refused(model, recording, tiny_model) -> Non
     ):
         with pytest.raises(InputError, match=words):
             sf.read(model, **given)
-    with pytest.raises(CalibrationError, match=r"recording.toml: oct.plane: a calibration needs a single plane"):
-        eye_constants(read_recording(recording), Study())
     with pytest.raises(ModelError, match="a classifier reads single planes"):
         sf.read(load_model(tiny_model.path), frames[:2])
 

@@ -314,13 +314,6 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
     return replace(session, state=state, last=Skipped(reason))
 
 
-def at_rest(session: EyeSession, rest_pa: float) -> EyeSession:
-    """Return the eye at another resting pressure."""
-    model = session.filter.model
-    model = replace(model, constants=replace(model.constants, iop_pa=rest_pa))
-    return replace(session, filter=replace(session.filter, model=model))
-
-
 def known_after(session: EyeSession) -> Known:
     """Return the known eye after its frames; without a modulus if its last one diverged."""
     constants = session.filter.model.constants

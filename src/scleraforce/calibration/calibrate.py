@@ -6,29 +6,28 @@ at a time; `known_forces.search` looks for the tissue that explains them best.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from math import cos
+from functools import partial
 
 import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.calibration import assimilation
+from scleraforce.calibration.eye_frames import EyeFrames, SeenFrame, Settings, silent
 from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.calibration.forces import FrameForces, frame_forces, frame_order
+from scleraforce.calibration.forces import FrameForces, frame_order
 from scleraforce.calibration.known_forces import TissueTrial, most_trials, own, search, settled
-from scleraforce.calibration.registration import PoseBelief, first_belief
-from scleraforce.calibration.relaxation import STEP_S, with_elastic_forces
+from scleraforce.calibration.library_eye import LibraryEye, library_eye
+from scleraforce.calibration.registration import first_belief
+from scleraforce.calibration.relaxation import STEP_S
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording, rigidity_words
 from scleraforce.errors import CalibrationError
 from scleraforce.known import NINETY_PERCENT, OPEN, SEALED, UNKNOWN, Known, open_doubts, stated_globe
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.library import Library
 from scleraforce.library.sealed import iop_ratio_under_force
-from scleraforce.recording.folder import Recording, frame_digest, tables_digest
-from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observations import Boundaries, dent, recorded_wall, segmented_boundaries
-from scleraforce.segmentation.wall import find_wall
+from scleraforce.recording.folder import Recording, tables_digest
+from scleraforce.recording.labels import label_notes, log_doubts
+from scleraforce.segmentation.observations import dent
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
@@ -52,61 +51,6 @@ class _StepCount:
     def __call__(self, steps: int) -> None:
         self.left -= steps
         self.progress(steps)
-
-
-def _silent(_: int) -> None:
-    """Count no steps."""
-
-
-class EyeFrames:
-    """The frames of a recording whose digests are not in `used`; each is segmented and labelled once.
-
-    Forces are parts along the wall's normal, with a library elastic ones. `relaxation` is how the tissue relaxes, if
-    that is known already.
-    """
-
-    def __init__(
-        self, recording: Recording, settings: "Settings", used: frozenset[str], relaxation: KnownRelaxation | None
-    ) -> None:
-        self.recording, self.settings, self.used, self.relaxation = recording, settings, used, relaxation
-        self.seen, self.labelled = cache(self._seen), cache(self._labelled)
-        self.poses = dict[Boundaries, PoseBelief]()
-
-    def _seen(self, index: int) -> tuple[str, Boundaries | assimilation.Skipped] | None:
-        pixels, info = self.recording.frame(self.recording.frames[index]), self.recording.info
-        sha256, scale = frame_digest(pixels), PixelScale.of(info.oct)
-        if sha256 in self.used:
-            return None
-        given = recorded_wall(self.recording.walls, self.recording.frames[index].file, pixels.shape, scale)
-        found = given or find_wall(pixels, scale, info.eye.thickness_m, self.settings.finder)
-        if not found.usable:
-            return sha256, assimilation.Skipped(f"not usable: {found.reason}")
-        return sha256, segmented_boundaries(found, scale)
-
-    def _labelled(self) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None, Floats]:
-        study, log, info = self.settings.study, self.recording.forces, self.recording.info.force
-        if log is None or info is None:
-            raise CalibrationError(f"{self.recording.path}: no forces.csv; a calibration needs frames of known force")
-        log = replace(log, wrench_sc=log.wrench_sc * cos(self.recording.info.needle.lean_rad or 0.0))
-        trials = label_frames(replace(self.recording, forces=log), study.classes, study.needle.max_force_n)
-        recording = replace(self.recording, forces=log.known(info.axis))
-        forces = frame_forces(recording, trials)
-        if self.settings.library is None:
-            return trials, forces, None, np.empty(0)
-        return trials, *with_elastic_forces(recording, forces, self.relaxation)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The arguments of `calibrate_recordings`; `parameters` are the filter's; `count` is called with steps done."""
-
-    study: Study
-    library: Library | None
-    parameters: tuple[str, ...]
-    stiffening_sought: bool
-    frames: int | None
-    finder: WallFinder | None
-    count: Callable[[int], object] = _silent
 
 
 def calibrate_recordings(
@@ -143,7 +87,7 @@ def calibrate_recordings(
     eyes = {} if earlier is None else dict(earlier.eyes)
     for recording in recordings:
         eye_id = recording.info.eye.id
-        count = _StepCount(passes * len(recording.frames), progress or _silent)
+        count = _StepCount(passes * len(recording.frames), progress or silent)
         eyes[eye_id] = _of_eye(recording, replace(settings, count=count), eyes.get(eye_id))
         count(count.left)
     mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
@@ -162,13 +106,15 @@ def _of_eye(recording: Recording, settings: Settings, before: EyeCalibration | N
     if before is not None and before.state is None:
         raise CalibrationError(f"{before.id}: the earlier calibration was made without forces; begin anew")
     used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
+    check_planes(recording, settings)
     frames = EyeFrames(recording, settings, used, _known_relaxation(recording, before))
+    recording = frames.recording
     if before is not None and stated == before.globe.kind == "open" and before.globe.can_be_sealed:
         return _as_open(_of_tissue(_without_globe(recording), settings, frames, before))
     found = _of_tissue(recording, settings, frames, before)
     if found.status == "ok" or before is not None or settings.library is None or stated is None:
         return found
-    other = _of_tissue(_without_globe(recording), replace(settings, count=_silent), frames, None)
+    other = _of_tissue(_without_globe(recording), replace(settings, count=silent), frames, None)
     if other.status != "ok":
         return found
     if stated == "open" and other.globe.mean < max(SEALED.lowest, SURE_SEALED * other.globe.sd):
@@ -256,7 +202,7 @@ def calibrate_eye(
         if library is None or found.found.status != "ok":
             break
         rests_pa = _rests_pa(recording, settings.study, library, frames, found.found)
-        found = _calibrate_eye(recording, replace(settings, count=_silent), frames, earlier, rests_pa)
+        found = _calibrate_eye(recording, replace(settings, count=silent), frames, earlier, rests_pa)
     return found
 
 
@@ -294,28 +240,28 @@ def _calibrate_eye(
     rising = session.filter.model.constants.globe.can_be_sealed
     order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
     shown = [float("nan")] * len(trials)
-    taken, refused, path = dict[int, tuple[Boundaries, float | None]](), 0, str(recording.path)
+    taken, refused, path = dict[int, tuple[SeenFrame, float | None]](), 0, str(recording.path)
     for index in order:
         seen = frames.seen(index) if left > 0 and included[index] else None
         if seen is not None:
-            (sha256, wall), force_n = seen, float(forces.force_n[index])
-            if isinstance(wall, assimilation.Skipped):
-                found: assimilation.FrameStep | assimilation.Skipped | None = wall
+            force_n = float(forces.force_n[index])
+            if isinstance(seen.wall, assimilation.Skipped):
+                found: assimilation.FrameStep | assimilation.Skipped | None = seen.wall
             else:
-                shown[index], rest_pa = dent(wall), None if rests_pa is None else float(rests_pa[index])
-                now = session if rest_pa is None else assimilation.at_rest(session, rest_pa)
-                now = assimilation.step(now, wall, force_n, float(forces.since_start_s[index]))
+                shown[index], rest_pa = dent(seen.wall), None if rests_pa is None else float(rests_pa[index])
+                now = _at(session, seen, rest_pa, study)
+                now = assimilation.step(now, seen.wall, force_n, float(forces.since_start_s[index]))
                 session = replace(now, filter=session.filter)
                 found = session.last
                 refused += force_n > least_n and isinstance(found, assimilation.Skipped)
                 if isinstance(found, assimilation.FrameStep):
-                    taken[len(records)] = wall, rest_pa
+                    taken[len(records)] = seen, rest_pa
                     steps.append(found)
                     left -= 1
             assert found is not None  # after a step
-            modulus, file = session.modulus, trials[index].file
-            mean_pa, sd_pa = modulus.mean_pa, modulus.sd_pa
-            frame = FrameRecord(recording=path, file=file, sha256=sha256, force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa)
+            mean_pa, sd_pa = session.modulus.mean_pa, session.modulus.sd_pa
+            of_frame = partial(FrameRecord, recording=path, file=seen.file, sha256=seen.sha256)
+            frame = of_frame(force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa)
             records.append(_recorded(frame, found))
         settings.count(1)
     settings.count(len(trials) - len(order))
@@ -386,7 +332,7 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     return EyeConstants(
         iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
         thickness_m=info.eye.thickness_m,
-        gap_m=single_gap_m(recording),
+        gap_m=info.needle.slice_gap_m or 0.0,  # of several planes, each moment has its own
         polar_rad=(low + high) / 2 if stated is None else stated,
         polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
         direction_rad=info.oct.plane_direction_rad,
@@ -395,11 +341,25 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     )
 
 
-def single_gap_m(recording: Recording) -> float:
-    """Return the gap of a recording of one plane; raises `CalibrationError` for several planes."""
-    if recording.info.needle.slice_gap_m is None:
-        raise CalibrationError(f"{recording.path / 'recording.toml'}: oct.plane: a calibration needs a single plane")
-    return recording.info.needle.slice_gap_m
+def check_planes(recording: Recording, settings: Settings) -> None:
+    """Raise a `CalibrationError` if a recording of several planes meets linear mechanics or an uncertain gap."""
+    place = f"{recording.path / 'recording.toml'}: oct.plane"
+    if recording.info.oct.plane and settings.library is None:
+        raise CalibrationError(f"{place}: linear mechanics takes a single plane; calibrate at finite strain")
+    if recording.info.oct.plane and "gap" in settings.parameters:
+        raise CalibrationError(f"{place}: several planes show their gaps; leave gap out of the parameters")
+
+
+def _at(
+    session: assimilation.EyeSession, seen: SeenFrame, rest_pa: float | None, study: Study
+) -> assimilation.EyeSession:
+    """Return the eye at a frame's place, if it is one of several planes, and its own resting pressure, if it leaks."""
+    model = session.filter.model
+    if seen.planes is not None and isinstance(model, LibraryEye):
+        model = library_eye(study, seen.beside(model.constants), model.library)
+    if rest_pa is not None:
+        model = replace(model, constants=replace(model.constants, iop_pa=rest_pa))
+    return replace(session, filter=replace(session.filter, model=model))
 
 
 def _begin(
@@ -463,7 +423,7 @@ def _recordings(
 def _settled(
     eye: EyeCalibration,
     known: Known,
-    taken: Mapping[int, tuple[Boundaries, float | None]],
+    taken: Mapping[int, tuple[SeenFrame, float | None]],
     refused: int,
     settings: Settings,
 ) -> TissueTrial[EyeCalibration]:
@@ -471,7 +431,11 @@ def _settled(
     if settings.library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)
     frames = list(eye.frames)
-    asked = [(boundaries, frames[place].force_n) for place, (boundaries, _) in taken.items()]
+    asked = [
+        (seen.planes or seen.wall, frames[place].force_n)
+        for place, (seen, _) in taken.items()
+        if not isinstance(seen.wall, assimilation.Skipped)
+    ]
     rested = [rest_pa for _, rest_pa in taken.values() if rest_pa is not None]
     earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]
     after = settled(known, asked, earlier, settings.library, settings.study, rested or None)

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import exp, sqrt
 
 import numpy as np
 
 from scleraforce.calibration.assimilation import PARAMETERS, Skipped
-from scleraforce.calibration.calibrate import EyeFrames, Settings, single_gap_m
+from scleraforce.calibration.eye_frames import EyeFrames, Settings
 from scleraforce.calibration.forces import LABEL_SD_N, frame_order
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.errors import CalibrationError
@@ -84,10 +85,12 @@ class EyePosterior:
     def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
         """Return the posterior after more frames; a frame that no wall of the library lies on is left out."""
         library, smoothing_m = self.library.nearest_contact(self.known.polar_rad), self._smoothing_m
-        begun = replace(self.modulus, sd_pa=START_SD * self.modulus.mean_pa, source="population")
-        prior = prior_of(replace(self.known, modulus=begun), self.study.reader)
+        modulus = replace(self.modulus, sd_pa=START_SD * self.modulus.mean_pa, source="population")
+        begun = replace(self.known, modulus=modulus)
         shown, own = list(self.frames), [] if self.fit is None else list(self.fit.own)
         for frame in frames:
+            gap_m = self.known.gap_m if frame.gap_m is None else frame.gap_m
+            prior = prior_of(replace(begun, gap_m=gap_m), self.study.reader)
             fit = fit_boundaries(library, frame.lateral_m, frame.depth_bc, prior, smoothing_m, frame.force_n)
             if fit is not None and fit.misfit_m <= NO_WALL_M:
                 shown.append(frame)
@@ -156,12 +159,14 @@ def _of_eye(
         if before.state is not None:
             raise CalibrationError(f"{before.id}: the earlier calibration knows its forces; leave out without_force")
         prior = Modulus(mean_pa=before.mean_pa, sd_pa=before.sd_pa, source="population")
-    single_gap_m(recording)
     relaxation = None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation)
     used = frozenset[str]() if before is None else frozenset(frame.sha256 for frame in before.frames)
     frames = EyeFrames(recording, settings, used, relaxation)
+    shown, records = _shown(frames, _known_forces(frames, settings), progress)
+    if frames.followed is not None:
+        gaps_m = [frame.gap_m for frame in shown.values() if frame.gap_m is not None]
+        known = replace(known.turned(frames.followed.direction_rad), gap_m=float(np.median(gaps_m or 0.0)))
     begun = EyePosterior(known=replace(known, modulus=prior), study=settings.study, library=library)
-    shown, records = _shown(recording, frames, _known_forces(frames, settings), progress)
     after = begun.with_frames(list(shown.values()))
     if not after.frames:
         reason = next((record.skipped for record in records if record.skipped), NO_WALL)
@@ -188,29 +193,30 @@ def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:
     found = dict[int, float]()
     for place in frame_order(forces.force_n, included, least_n, settings.frames, False):
         seen, force_n = frames.seen(place), float(forces.force_n[place])
-        if len(found) < settings.frames and force_n > least_n and seen and not isinstance(seen[1], Skipped):
+        if len(found) < settings.frames and force_n > least_n and seen and not isinstance(seen.wall, Skipped):
             found[place] = force_n
     return found
 
 
 def _shown(
-    recording: Recording, frames: EyeFrames, forces_n: dict[int, float], progress: Callable[[int], object]
+    frames: EyeFrames, forces_n: dict[int, float], progress: Callable[[int], object]
 ) -> tuple[dict[int, ShownFrame], list[FrameRecord]]:
     """Return what usable frames show, by the numbers of their records, and a record of each new frame."""
     shown, records = dict[int, ShownFrame](), list[FrameRecord]()
-    for number, entry in enumerate(recording.frames):
+    for number, entry in enumerate(frames.recording.frames):
         seen = None if entry.pierced else frames.seen(number)
         progress(1)
         if seen is None:
             continue
-        (sha256, wall), path, force_n = seen, str(recording.path), forces_n.get(number, 0.0)
-        record = FrameRecord(recording=path, file=entry.file, sha256=sha256, force_n=force_n, mean_pa=0.0, sd_pa=0.0)
+        wall, path, force_n = seen.wall, str(frames.recording.path), forces_n.get(number, 0.0)
+        of_frame = partial(FrameRecord, recording=path, file=seen.file, sha256=seen.sha256)
+        record = of_frame(force_n=force_n, mean_pa=0.0, sd_pa=0.0)
         if isinstance(wall, Skipped):
             record = replace(record, skipped=wall.reason)
         else:
             shown[len(records)] = ShownFrame(
                 lateral_m=wall.lateral_m, depth_bc=wall.depth_m, iop_pa=entry.iop_pa, travel_m=entry.travel_m,
-                force_n=forces_n.get(number), force_sd_n=LABEL_SD_N,
+                force_n=forces_n.get(number), force_sd_n=LABEL_SD_N, gap_m=seen.place[0] if seen.planes else None,
             )  # fmt: skip
         records.append(record)
     return shown, records

@@ -36,7 +36,8 @@ from scleraforce.known import (
 from scleraforce.library import Library
 from scleraforce.library.fit import NO_WALL_M, BoundaryFit, fit_boundaries
 from scleraforce.library.plan import LITTLE_STIFFENING, stiffening_place
-from scleraforce.library.prior import prior_of
+from scleraforce.library.planes import PlanesFit
+from scleraforce.library.prior import Prior, prior_of
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 
@@ -231,7 +232,7 @@ class Settled:
         return TissueTrial(found=found, refused=refused, frames=len(read), of_boundaries=loss, of_forces=self.loss)
 
 
-SeenFrames = Sequence[tuple[Boundaries, float]]  # with their known forces, N
+SeenFrames = Sequence[tuple[Boundaries | PlanesFit, float]]  # with their known forces, N
 Again = tuple[list[KnownForce | None], list[KnownForce], Found]
 
 
@@ -268,7 +269,8 @@ def read_again(
 ) -> list[KnownForce | None]:
     """Return the readings of an eye's frames without their forces, each None if the frame cannot be read.
 
-    E and k, which the frames share, are taken for certain: they do not scatter between them.
+    E and k, which the frames share, are taken for certain: they do not scatter between them. The planes of a moment are
+    read together, and are one reading.
     """
     near, (modulus, globe) = library.nearest_contact(known.polar_rad), own(known)
     modulus_step, rigidity_step = _steps(known)
@@ -276,19 +278,15 @@ def read_again(
     if globe.can_be_sealed:
         certain.append(_certain(known, 0.0, rigidity_step))
     found, rests = list[KnownForce | None](), [known.iop_pa] * len(frames) if rests_pa is None else rests_pa
-    priors_at = {pa: [prior_of(replace(each, iop_pa=pa), study.reader) for each in certain] for pa in set(rests)}
     for (seen, force_n), rest_pa in zip(frames, rests, strict=True):
-        priors = priors_at[rest_pa]
-        at, smoothing_m = (near, seen.lateral_m, seen.depth_m), study.calibration.surface_smoothing_m
-        fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
-        if not _read(fit):
-            found.append(None)
-            continue
-        # A fit of its own for each could end in another valley, and the slope would be that from one to the other.
-        moved = (fit.unknown + prior.mean - priors[0].mean for prior in priors)
-        starts = zip(priors, moved, strict=True)
-        beside = list(filter(_read, (fit_boundaries(*at, of, smoothing_m, begun=start) for of, start in starts)))
-        if len(beside) < len(priors):
+        eyes = [replace(each, iop_pa=rest_pa) for each in certain]
+        fits = (
+            _fits_of_planes(near, seen, eyes, study)
+            if isinstance(seen, PlanesFit)
+            else _fits(near, seen, eyes, study, force_n)
+        )
+        beside = list(filter(_read, fits))
+        if len(beside) < len(eyes):
             found.append(None)
             continue
         here, stiffer, *rigid = beside
@@ -307,6 +305,31 @@ def read_again(
             )
         )
     return found
+
+
+def _fits(
+    near: Library, seen: Boundaries, eyes: Sequence[Known], study: Study, force_n: float
+) -> list[BoundaryFit | None]:
+    """Return the fits of a frame with each of the known eyes; none if the first one cannot be read."""
+    priors, smoothing_m = [prior_of(eye, study.reader) for eye in eyes], study.calibration.surface_smoothing_m
+    at = near, seen.lateral_m, seen.depth_m
+    fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
+    if not _read(fit):
+        return []
+    # A fit of its own for each could end in another valley, and the slope would be that from one to the other.
+    moved = (fit.unknown + prior.mean - priors[0].mean for prior in priors)
+    return [fit_boundaries(*at, of, smoothing_m, begun=start) for of, start in zip(priors, moved, strict=True)]
+
+
+def _fits_of_planes(near: Library, seen: PlanesFit, eyes: Sequence[Known], study: Study) -> list[BoundaryFit | None]:
+    """Return the fits of all planes of a moment with each of the known eyes."""
+
+    def priors(eye: Known) -> list[Prior]:
+        return [prior_of(eye.turned(plane.direction_rad), study.reader) for plane in seen.planes]
+
+    smoothing_m = study.calibration.surface_smoothing_m
+    first = seen.with_priors(near, priors(eyes[0]), smoothing_m)
+    return [first.with_priors(near, priors(eye), smoothing_m).whole for eye in eyes]
 
 
 def _read(fit: BoundaryFit | None) -> TypeGuard[BoundaryFit]:

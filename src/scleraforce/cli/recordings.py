@@ -36,8 +36,9 @@ class _Notes(list[str]):
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
 @options("study")
 @click.option("--out", type=PATH, required=True, help="File to write; must not exist.")
-@click.option("--frames", type=click.IntRange(1), help="Number of frames to use of each recording, all above 5 mN: the "
-              "one with the highest force, and others at even fractions of it; default: all.")  # fmt: skip
+@click.option("--frames", type=click.IntRange(1), help="Number of frames (of several planes: moments) to use of each "
+              "recording, all above 5 mN: the one with the highest force, and others at even fractions of it; default: "
+              "all.")  # fmt: skip
 @click.option("--mechanics", type=click.Choice(["finite-strain", "linear"]), default="finite-strain",
               show_default=True, help="Mechanics of the wall; linear is the paper's.")  # fmt: skip
 @click.option("--parameters", metavar="NAME,NAME,...", callback=_names, show_default="e,stiffening; linear: e",

@@ -239,6 +239,11 @@ class Known:
         """True if E was found on frames of the eye or of others."""
         return self.modulus is not None and self.modulus.source != "stated"
 
+    def turned(self, turn_rad: float) -> "Known":
+        """Return the eye beside a plane at another angle about the needle's axis, whose gap is unknown."""
+        direction_rad = None if self.direction_rad is None else self.direction_rad + turn_rad
+        return replace(self, direction_rad=direction_rad, gap_m=None)
+
     @property
     def scatter(self) -> float:
         """Factor of intervals from the scatter of the eye's frames of known force."""

@@ -66,7 +66,8 @@ class ShownFrame:
     """A frame of an eye: its boundaries, as in `fit.fit_boundaries`, and what else is known at its time.
 
     `iop_pa`: the pressure without the needle, if it was changed; `travel_m`: how far the needle has gone; `force_n`: a
-    known elastic force along the wall's normal, with its standard deviation `force_sd_n`.
+    known elastic force along the wall's normal, with its standard deviation `force_sd_n`; `gap_m`: of the frame's
+    plane, if it differs between frames (its error is that of the eye's gap).
     """
 
     lateral_m: Floats
@@ -75,6 +76,7 @@ class ShownFrame:
     travel_m: float | None = None
     force_n: float | None = None
     force_sd_n: float = 0.0
+    gap_m: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +104,10 @@ class JointFit:
 
 
 class _Frame:
-    """A frame's columns (column,), outer ones first, with a workspace; `log_iop`: its IOP's over the eye's."""
+    """A frame's columns (column,), outer ones first, with a workspace; its IOP's logarithm and gap beside the eye's."""
 
-    def __init__(self, shown: ShownFrame, log_iop: float) -> None:
-        self.shown, self.log_iop = shown, log_iop
+    def __init__(self, shown: ShownFrame, log_iop: float, gap_m: float) -> None:
+        self.shown, self.log_iop, self.gap_m = shown, log_iop, gap_m
         seen, lateral_m = np.isfinite(shown.depth_bc), shown.lateral_m
         ends = lateral_m[seen[0]][[0, -1]] + EDGE_M * np.array([1.0, -1.0])
         inside = (lateral_m > ends[0]) & (lateral_m < ends[1])
@@ -137,8 +139,10 @@ class _Problem:
         prior = prior_of(known, trained)
         self.library, self.smoothing_m, self.globe, self.law = library, smoothing_m, prior.globe, law_of(prior.globe)
         resting_pa = known.iop_pa or float(np.exp(prior.mean[at.IOP]))
-        self.frames = [_Frame(shown, log((shown.iop_pa or resting_pa) / resting_pa)) for shown in frames]
-        self.about = float(prior.mean[at.GAP]), float(prior.mean[at.THICKNESS])
+        self.about, own_gap_m = (float(prior.mean[at.GAP]), float(prior.mean[at.THICKNESS])), known.gap_m or 0.0
+        gaps_m = [0.0 if shown.gap_m is None else shown.gap_m - own_gap_m for shown in frames]
+        logs = [log((shown.iop_pa or resting_pa) / resting_pa) for shown in frames]
+        self.frames = [_Frame(*of_frame) for of_frame in zip(frames, logs, gaps_m, strict=True)]
         self.own_mean, self.own_sd = prior.mean[OWN], prior.sd[OWN]
         self.mean = np.concatenate([prior.mean[SHARED], EXTRA_MEAN, np.zeros(2 * len(KNOTS) * len(KNOT_TIPS_M))])
         self.sd = np.concatenate([prior.sd[SHARED], EXTRA_SD])
@@ -165,6 +169,7 @@ class _Problem:
         found = np.empty(len(at.NAMES))
         found[SHARED], found[OWN] = shared[: len(SHARED)], own
         found[at.IOP] += frame.log_iop
+        found[at.GAP] += frame.gap_m
         return found
 
     def basis(self, frame: _Frame, unknown: Floats) -> Floats:
@@ -204,7 +209,8 @@ class _Problem:
         unknown, depths, extra = self.unknown(frame, shared, own), frame.depths, shared[COMPLIANCE:WEIGHTS]
         section = np.empty((2, 2 * len(self.library.node_angles()), 2))
         places = frame.at_m, frame.outer, self.smoothing_m
-        predict(self.library.tables, self.law, places, *self.about, unknown, depths, section)
+        about = self.about[0] + frame.gap_m, self.about[1]
+        predict(self.library.tables, self.law, places, *about, unknown, depths, section)
         basis, unit_m = self.basis(frame, unknown), frame.sd_m * np.sqrt(1.0 + depths.slope**2)
         off = (frame.depth_m - depths.depth_m - basis @ shared[WEIGHTS:]) / unit_m
         lost = np.where(depths.seen, np.log1p((off / CAUCHY) ** 2), UNSEEN_LOSS).sum()

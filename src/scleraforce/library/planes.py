@@ -18,6 +18,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.library import fit_frame, unknowns as at
 from scleraforce.library.fit import BoundaryFit, doubt_of, empty_fit, fit_boundaries, fit_of, law_of
+from scleraforce.library.fit_frame import TO_THE_END
 from scleraforce.library.placement import Stopping, gauss_newton
 from scleraforce.library.prior import FREE_SD, Prior
 from scleraforce.library.responses import Library
@@ -240,6 +241,13 @@ class _Problem:
                 start[OWN] = own.unknown[OWN]
         return self.inside(start)
 
+    def begun(self, fits: Sequence[BoundaryFit], place: SpatialPlace) -> Floats:
+        """Return the start at a fit with other priors, with the modulus of this one."""
+        start = self._start(fits, fits[0], np.array(place.contact_m[:2]), np.array(place.tilt_rad))
+        start[at.POLE], start[at.MODULUS] = fits[0].unknown[at.POLE], self.beliefs[0].mean[at.MODULUS]
+        start[self._depths] = [fit.unknown[at.DEPTH] - fits[0].unknown[at.DEPTH] for fit in fits[1:]]
+        return self.inside(start)
+
     def conclude(self, unknown: Floats, terms: _Terms) -> tuple[tuple[BoundaryFit, ...], SpatialPlace]:
         """Return the fit with its uncertainty."""
         least = 1.0 if any(plane.prior.wall_sd_m for plane in self.planes) else fit_frame.LEAST_NOISE
@@ -273,6 +281,28 @@ class _Problem:
         values[:2] += turned[:, 1] * first.offset_m
         sds = np.sqrt(np.diag(ways @ covariance @ ways.T))
         return SpatialPlace(tuple(values[:3]), tuple(sds[:3]), tuple(values[3:]), tuple(sds[3:]))
+
+
+@dataclass(frozen=True, eq=False)
+class PlanesFit:
+    """The fit to several planes of one moment, as `fit_planes` returns it."""
+
+    planes: tuple[SeenPlane, ...]
+    fits: tuple[BoundaryFit, ...]
+    place: SpatialPlace
+
+    @property
+    def whole(self) -> BoundaryFit:
+        """The first plane's fit, with the worst misfit and the mean loss of all."""
+        misfit_m, loss = max(fit.misfit_m for fit in self.fits), float(np.mean([fit.loss for fit in self.fits]))
+        return replace(self.fits[0], misfit_m=misfit_m, loss=loss)
+
+    def with_priors(self, library: Library, priors: Sequence[Prior], smoothing_m: float) -> "PlanesFit":
+        """Return the fit with other priors, which starts from this one and goes to the end."""
+        planes = tuple(replace(plane, prior=prior) for plane, prior in zip(self.planes, priors, strict=True))
+        problem = _Problem.of(library, planes, smoothing_m)
+        unknown, terms, _ = gauss_newton(problem, problem.begun(self.fits, self.place), TO_THE_END, _step)
+        return PlanesFit(planes, *problem.conclude(unknown, terms))
 
 
 def fit_planes(

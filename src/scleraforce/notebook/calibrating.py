@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scleraforce import models
-from scleraforce.calibration.calibrate import STIFFENING, Settings, calibrate_recordings, calibration_passes
+from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
+from scleraforce.calibration.eye_frames import Settings
 from scleraforce.calibration.eye_posterior import calibrate_without_force
 from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
 from scleraforce.errors import InputError
@@ -47,8 +48,8 @@ def calibrate(
         recordings: one or more, opened or as folders, with force logs unless `without_force`; recordings of one eye
             add up.
         study: prior, filter and library; None: the paper's.
-        frames: number of frames above 5 mN to take of each recording; None: all. With `without_force`, the number of
-            frames whose forces count as well; None: none.
+        frames: number of frames above 5 mN to take of each recording, of several planes moments; None: all. With
+            `without_force`, the number of frames whose forces count as well; None: none.
         parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap"; "e" among them. None: e and the
             stiffening, with linear mechanics e.
         mechanics: "finite-strain" (from the library), or the paper's "linear".

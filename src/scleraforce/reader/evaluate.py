@@ -372,10 +372,11 @@ class _Session:
             given = [recorded_wall(self.recording.walls, one.file, frames[0].shape, scale) for one in moment]
             read = partial(self.reader.read_together, frames, scale, planes=planes, walls=given)
             elastic, leak = leak.read(read, first.time_s, first.held_s)
+            calibrates = any(frame_digest(pixels) in digests for pixels in frames) if digests else False
             felt = [history.read(one, study.classes.bounds_n, first.time_s, first.held_s) for one in elastic]
             history = felt[0][1]
-            for entry, pixels, (answer, _) in zip(moment, frames, felt, strict=True):
-                yield entry, next(trials), answer, bool(digests) and frame_digest(pixels) in digests
+            for entry, (answer, _) in zip(moment, felt, strict=True):
+                yield entry, next(trials), answer, calibrates
                 if progress:
                     progress(1)
 

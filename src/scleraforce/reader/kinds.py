@@ -323,8 +323,7 @@ class ForceReader(Reader):
         seen_walls = [None if seen.reason else segmented_boundaries(seen.segmentation, scale) for seen in looks]
         each, left_out = list[tuple[int, verdicts.Look, Boundaries, Known]](), list[str]()
         for number, (seen, wall, plane) in enumerate(zip(looks, seen_walls, planes, strict=True)):
-            turned = None if known.direction_rad is None else known.direction_rad + plane.direction_rad
-            here = replace(known, direction_rad=turned)
+            here = known.turned(plane.direction_rad)
             reason = seen.reason if wall is None else self._not_fitted(seen, wall, here)
             if wall is not None and reason is None:
                 each.append((number, seen, wall, here))
