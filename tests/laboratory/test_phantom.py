@@ -225,11 +225,9 @@ def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(tmp
     assert json.loads(capsys.readouterr().out)["frames"] == 77  # 2.5 + 0.5 + 0.3 + 0.3 + 0.3 s, the first at 0.1 s
     new = str(tmp_path / "x")
     for refused, said in (
-        ([str(out)], "exists already"),
-        ([new, "--forces-mn", "many"], "'many' is not a list of forces in mN"),
-        ([new, "--hold-s", "2"], "give --rate-hz too"),
-        ([new, "--puncture-mn", "20"], "give --rate-hz too"),
-    ):
+        ([str(out)], "exists already"), ([new, "--forces-mn", "many"], "'many' is not a list of forces in mN"),
+        ([new, "--hold-s", "2"], "give --rate-hz too"), ([new, "--puncture-mn", "20"], "give --rate-hz too"),
+    ):  # fmt: skip
         assert run([*arguments, *refused]) == 2
         assert said in capsys.readouterr().err
 

@@ -35,11 +35,9 @@ from scleraforce.study import SupportsStudy
 R, T, NEEDLE = 12e-3, 0.5e-3, 0.35e-3
 KINDS = {"8 nodes": {"order": 1}, "27 nodes": {"order": 2}}
 CONTACTS = [
-    Contact(polar_rad=0.0),
-    Contact(polar_rad=np.radians(35.0), azimuth_rad=0.3),
-    Contact(polar_rad=np.radians(54.7), azimuth_rad=np.pi / 4),
-    Contact(polar_rad=1.4, azimuth_rad=-2.0),
-]
+    Contact(polar_rad=0.0), Contact(polar_rad=np.radians(35.0), azimuth_rad=0.3),
+    Contact(polar_rad=np.radians(54.7), azimuth_rad=np.pi / 4), Contact(polar_rad=1.4, azimuth_rad=-2.0),
+]  # fmt: skip
 LEANING = Contact(polar_rad=np.radians(35.0), azimuth_rad=0.4)
 
 

@@ -172,11 +172,9 @@ def test_projected_quads_stay_nearly_alike() -> None:
 T = 0.5e-3
 NEEDLE_RADIUS = 0.35e-3
 CONTACTS = [
-    Contact(polar_rad=0.0),
-    Contact(polar_rad=radians(25), azimuth_rad=0.3),
-    Contact(polar_rad=radians(50), azimuth_rad=4.0),
-    Contact(polar_rad=radians(60), azimuth_rad=-1.0),
-]
+    Contact(polar_rad=0.0), Contact(polar_rad=radians(25), azimuth_rad=0.3),
+    Contact(polar_rad=radians(50), azimuth_rad=4.0), Contact(polar_rad=radians(60), azimuth_rad=-1.0),
+]  # fmt: skip
 
 
 def tip_of(mesh: HexMesh, contact: Contact) -> float:

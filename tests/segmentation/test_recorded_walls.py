@@ -88,13 +88,10 @@ def frames_of_scanners() -> Iterator[tuple[Pixels, PixelScale]]:
 
 
 KINDS = {
-    "phantoms": lambda: draw_frames(16),
-    "bytes": lambda: ((frame >> 4).astype(np.uint8) for frame in draw_frames(6)),
-    "needles": lambda: map(needle_frame, (-35.0, 0.0, 20.0)),
-    "scanners": frames_of_scanners,
-    "hostile": lambda: hostile_frames(draw_frames(2)[1]),
-    "layers": lambda: map(layered_frame, range(60)),
-}
+    "phantoms": lambda: draw_frames(16), "bytes": lambda: ((frame >> 4).astype(np.uint8) for frame in draw_frames(6)),
+    "needles": lambda: map(needle_frame, (-35.0, 0.0, 20.0)), "scanners": frames_of_scanners,
+    "hostile": lambda: hostile_frames(draw_frames(2)[1]), "layers": lambda: map(layered_frame, range(60)),
+}  # fmt: skip
 
 
 def frames(kind: str) -> Iterator[tuple[Pixels, PixelScale]]:

@@ -63,22 +63,17 @@ def meridian_mesh(
         raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below the radius")
     if not 0.0 < needle_radius_m < radius_m * np.sin(min(support_rad, 0.5 * np.pi)):
         raise InputError(f"needle radius: {from_si(needle_radius_m, 'mm'):g} mm; must be above 0 and below the radius")
-    angles = _angles(float(np.arcsin(needle_radius_m / radius_m)), support_rad, size.elements)
+    needle_rad, share = float(np.arcsin(needle_radius_m / radius_m)), np.linspace(0.0, 1.0, size.elements)
+    grown = FIRST_TO_MEAN * share + (1.0 - FIRST_TO_MEAN) * share**2
+    edges = np.append(0.0, needle_rad + (support_rad - needle_rad) * grown)
+    middles = 0.5 * (edges[:-1] + edges[1:])
+    angles = np.append(np.stack([edges[:-1], middles], axis=1).ravel(), edges[-1])
     radii = np.linspace(radius_m, radius_m - thickness_m, 2 * size.layers + 1)
     directions = np.stack([np.sin(angles), np.cos(angles)], axis=-1)
     directions[0] = 0.0, 1.0
     points = (directions[:, None] * radii[:, None]).reshape(-1, 2)
     number = np.arange(len(points)).reshape(len(angles), len(radii))
     return MeridianMesh(radius_m, points, _cells(number), number[:, 0], number[:, -1])
-
-
-def _angles(needle_rad: float, support_rad: float, elements: int) -> Floats:
-    """Angles of the elements' edges and middles, (2 element + 1,)."""
-    share = np.linspace(0.0, 1.0, elements)
-    grown = FIRST_TO_MEAN * share + (1.0 - FIRST_TO_MEAN) * share**2
-    edges = np.append(0.0, needle_rad + (support_rad - needle_rad) * grown)
-    middles = 0.5 * (edges[:-1] + edges[1:])
-    return np.append(np.stack([edges[:-1], middles], axis=1).ravel(), edges[-1])
 
 
 def _cells(number: Integers) -> Integers:

@@ -115,8 +115,13 @@ class SurfaceLocator:
 
     def __init__(self, points_nc: Floats, quad_qn: Integers) -> None:
         corners = points_nc[quad_qn[:, :4]]
-        middle = corners.mean(axis=1)
-        self._frames_qkc = _frames(middle, corners[:, 1] - corners[:, 0])
+        # Orthonormal frames (a, b, c) of the quads, c through their middles, shape (quad, 3, 3).
+        c = corners.mean(axis=1)
+        c /= np.linalg.norm(c, axis=1, keepdims=True)
+        a = corners[:, 1] - corners[:, 0]
+        a -= np.sum(a * c, axis=1, keepdims=True) * c
+        a /= np.linalg.norm(a, axis=1, keepdims=True)
+        self._frames_qkc = np.stack([a, np.cross(c, a), c], axis=1)
         exponents_md, coefficients_mn = shape_monomials(2, quad_qn.shape[1])
         # Each quad's surface in its frame, shape (power of x, power of y, axis, quad).
         self._polynomials = np.zeros((3, 3, 3, len(quad_qn)))
@@ -167,14 +172,6 @@ class SurfaceLocator:
         cell = np.clip(((disc + 1.0) * (0.5 * self._table_cells)).astype(np.int64), 0, self._table_cells - 1)
         below = self._whole & (directions_dc[:, 2] < 0.0)
         return below * self._table_cells**2 + cell[:, 0] * self._table_cells + cell[:, 1]
-
-
-def _frames(middle_qc: Floats, along_qc: Floats) -> Floats:
-    """Orthonormal frames (a, b, c) with c through the quad's middle, shape (quad, 3, 3)."""
-    c = middle_qc / np.linalg.norm(middle_qc, axis=1, keepdims=True)
-    a = along_qc - np.sum(along_qc * c, axis=1, keepdims=True) * c
-    a /= np.linalg.norm(a, axis=1, keepdims=True)
-    return np.stack([a, np.cross(c, a), c], axis=1)
 
 
 def _neighbours(quad_qn: Integers) -> Integers:

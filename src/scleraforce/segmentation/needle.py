@@ -288,7 +288,12 @@ def _edges(thin: Singles, fine: Singles, coarse: ShaftEdge, size: GridSize) -> l
     if not meets or other.length < OTHER_SHARE * coarse.length:
         return [first]
     second = _refined(_without(fine, first, NEAR_COLUMNS + 1.0), other, size)
-    return _lower_first([first, second], widest * size.step_columns / 4)
+    # The shaft's edge is the longer one, of a bevel the lower one: it is held with its cut up.
+    left, right = sorted([first, second], key=lambda edge: edge.top)
+    bevelled = right.top - left.top - abs(right.end - left.end) > widest * size.step_columns / 4  # they converge
+    if bevelled and left.slope * right.slope > 0.0:
+        return [right, left] if left.slope < 0.0 else [left, right]
+    return sorted([first, second], key=lambda edge: -edge.length)
 
 
 def _refined(fine: Singles, coarse: ShaftEdge, size: GridSize) -> ShaftEdge:
@@ -315,15 +320,6 @@ def _without(thin: Singles, edge: ShaftEdge, columns: float) -> Singles:
     rows = np.arange(len(thin))[:, None]
     near = np.abs(np.arange(thin.shape[1]) - (edge.top + edge.slope * (rows + 0.5))) <= columns
     return np.where(near & (rows <= edge.row + 2), np.float32(-0.5), thin)
-
-
-def _lower_first(edges: list[ShaftEdge], widest: float) -> list[ShaftEdge]:
-    """Put the edge first that is the shaft's: the longer one, of a bevel the lower one (it is held with its cut up)."""
-    left, right = sorted(edges, key=lambda edge: edge.top)
-    converging = right.top - left.top - abs(right.end - left.end) > widest  # as a bevel's edges do
-    if converging and left.slope * right.slope > 0.0:
-        return [right, left] if left.slope < 0.0 else [left, right]
-    return sorted(edges, key=lambda edge: -edge.length)
 
 
 def _best(thin: Singles, start: Floats, slopes: Floats, pooled_rows: int = 1) -> ShaftEdge:
