@@ -190,11 +190,9 @@ def test_the_readme_shows_every_command() -> None:
 
 
 TEXTS = [
-    ROOT / "README.md",
-    *sorted((ROOT / "docs").rglob("*.md")),
-    *sorted(PACKAGE.rglob("*.py")),
+    ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted(PACKAGE.rglob("*.py")),
     *sorted((ROOT / "benchmarks").rglob("*.py")),
-]
+]  # fmt: skip
 FOLDERS = (ROOT, PACKAGE, PACKAGE.parent, ROOT / "benchmarks")  # in which `package/module.py` may be
 FILE = re.compile(r"(?<![\w./])(\w+(?:/\w+)+\.py)\b")
 # `recording.toml` is a file; pages and docstrings have eyes, recordings and data sets as variables, too.

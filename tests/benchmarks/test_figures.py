@@ -88,12 +88,10 @@ def test_the_stretch_makes_nine_in_ten_frames_hold_with_equal_weight_of_the_eyes
 
 
 RANGES = {
-    "youngs_modulus_pa": (0.2e6, 0.5e6),
-    "thickness_m": (0.45e-3, 0.85e-3),
-    "iop_pa": (to_si(1.0, "mmhg"), to_si(4.0, "mmhg")),
-    "polar_rad": (math.radians(25), math.radians(45)),
+    "youngs_modulus_pa": (0.2e6, 0.5e6), "thickness_m": (0.45e-3, 0.85e-3),
+    "iop_pa": (to_si(1.0, "mmhg"), to_si(4.0, "mmhg")), "polar_rad": (math.radians(25), math.radians(45)),
     "gap_m": (0.4e-3, 0.9e-3),
-}
+}  # fmt: skip
 OWN_RANGES = {
     "needle": {"gap_m": (0.0, 0.4 * 0.7e-3)},  # of the largest needle
     "limbus": {"polar_rad": (math.asin(5.5 / 12) + 2 / 12, math.asin(0.5) + 5 / 12)},  # 37 to 54 deg

@@ -78,13 +78,10 @@ def test_a_chosen_frame_that_cannot_be_used_is_replaced(laboratory: Any, recordi
 def test_light_frames_come_first_then_the_wanted_ones_rising_then_the_rest_from_the_highest() -> None:
     forces_n, every = np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3, [True] * 8
     for included, frames, order in (
-        (every, None, [0, 1, 2, 3, 4, 5, 6, 7]),
-        (every, 1, [0, 3, 7, 5, 1, 4, 2]),
-        (every, 3, [0, 6, 2, 1, 3, 7, 5, 4]),
-        ([True] * 3 + [False] + [True] * 4, 2, [0, 6, 4, 7, 5, 1, 2]),
-        ([False] * 8, 3, []),
-        ([n in (0, 6) for n in range(8)], 3, [0, 6]),
-    ):
+        (every, None, [0, 1, 2, 3, 4, 5, 6, 7]), (every, 1, [0, 3, 7, 5, 1, 4, 2]),
+        (every, 3, [0, 6, 2, 1, 3, 7, 5, 4]), ([True] * 3 + [False] + [True] * 4, 2, [0, 6, 4, 7, 5, 1, 2]),
+        ([False] * 8, 3, []), ([n in (0, 6) for n in range(8)], 3, [0, 6]),
+    ):  # fmt: skip
         assert frame_order(forces_n, included, 0.005, frames, rising=False) == order
     included = [True, True, True, False, True, True]
     forces_n = np.array([0.05, 0.002, 0.01, np.nan, 0.03, 0.004])
@@ -263,13 +260,10 @@ def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented
     monkeypatch.setattr(eye_frames, "find_wall", lambda *given: segmented.append(given) or find_wall(*given))
     monkeypatch.setattr(eye_frames, "label_frames", lambda *given: labelled.append(given) or label_frames(*given))
     for stated, status, rigidity, doubted in (
-        ("open", "ok", 0.03, True),
-        ("open", "ok", 0.0052, True),
-        ("open", "diverged: by 4 sd", 0.0, False),
-        ("open", "diverged: by 4 sd", 0.03, False),
-        ("sealed", "ok", 0.0, True),
+        ("open", "ok", 0.03, True), ("open", "ok", 0.0052, True), ("open", "diverged: by 4 sd", 0.0, False),
+        ("open", "diverged: by 4 sd", 0.03, False), ("sealed", "ok", 0.0, True),
         (None, "diverged: by 4 sd", 0.03, False),
-    ):
+    ):  # fmt: skip
         asked = diverging(status, rigidity)
         segmented.clear()
         labelled.clear()

@@ -246,16 +246,12 @@ def library(study: Study) -> None:
 
 
 WORK = {
-    ("simulate", "linear"): (simulate, GRADED + HELD),
-    ("simulate", "finite-strain"): (simulate, GRADED + BENT),
-    ("phantom", "linear"): (phantom, GRADED + HELD),
-    ("phantom", "finite-strain"): (phantom, GRADED + BENT),
-    ("generate", "linear"): (generate_linear, HEXAHEDRA),
-    ("generate", "finite-strain"): (generate, HEXAHEDRA),
-    ("calibrate", "linear"): (calibrate_linear, GRADED),
-    ("calibrate", "finite-strain"): (calibrate, HEXAHEDRA),
+    ("simulate", "linear"): (simulate, GRADED + HELD), ("simulate", "finite-strain"): (simulate, GRADED + BENT),
+    ("phantom", "linear"): (phantom, GRADED + HELD), ("phantom", "finite-strain"): (phantom, GRADED + BENT),
+    ("generate", "linear"): (generate_linear, HEXAHEDRA), ("generate", "finite-strain"): (generate, HEXAHEDRA),
+    ("calibrate", "linear"): (calibrate_linear, GRADED), ("calibrate", "finite-strain"): (calibrate, HEXAHEDRA),
     ("library", None): (library, HEXAHEDRA),
-}
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -303,15 +299,10 @@ def test_the_table_names_the_keys_that_a_command_does_not_read(
 
 
 ARGUMENTS = {
-    "simulate": "--thickness-um 500 --force-mn 10",
-    "phantom": "--out OUT",
-    "generate": "--out OUT",
-    "calibrate": "no-recording --out OUT",
-    "library": "--out OUT",
-    "train --kind reader": "no-library --out OUT",
-    "train --kind raw-reader": "no-library --out OUT",
-    "reproduce": "--out OUT",
-}
+    "simulate": "--thickness-um 500 --force-mn 10", "phantom": "--out OUT", "generate": "--out OUT",
+    "calibrate": "no-recording --out OUT", "library": "--out OUT", "train --kind reader": "no-library --out OUT",
+    "train --kind raw-reader": "no-library --out OUT", "reproduce": "--out OUT",
+}  # fmt: skip
 
 
 def test_a_command_refuses_unused_keys_by_name(tmp_path: Path, monkeypatch, shell) -> None:

@@ -49,11 +49,9 @@ RUNS = {
 }
 # They need a monitor, or a quarter of an hour; these calls cannot begin.
 REFUSED = {
-    "monitor": "nowhere",
-    "monitor-reset": "--port 1 --token none",
-    "replay": "eye-a --port 1",
+    "monitor": "nowhere", "monitor-reset": "--port 1 --token none", "replay": "eye-a --port 1",
     "reproduce": "--out study.toml",
-}
+}  # fmt: skip
 SLOW = {"calibrate", "demo", "doctor", "generate", "phantom", "scanner", "simulate", "train"}
 NEVER_QUIET = {"monitor"}  # its operator has to see its lines
 LONG = {"demo", "doctor"}  # of these: each runs them four times; `.ci/run` has tests of their own

@@ -81,11 +81,9 @@ def test_a_mask_is_read_in_place_of_the_wall_and_an_array_of_flags_is_a_mask() -
 
 def test_what_is_not_a_mask_of_the_frame_is_refused() -> None:
     for mask, words in (
-        (FOUND.mask[:100], "mask: 100 x 512 pixels, the frame has 512 x 512"),
-        (FRAME, "in a mask"),
-        (FOUND.mask[None] > 0, "shape"),
-        ([FOUND.mask, FOUND.mask], "2 for 1 frames"),
-    ):
+        (FOUND.mask[:100], "mask: 100 x 512 pixels, the frame has 512 x 512"), (FRAME, "in a mask"),
+        (FOUND.mask[None] > 0, "shape"), ([FOUND.mask, FOUND.mask], "2 for 1 frames"),
+    ):  # fmt: skip
         with pytest.raises(InputError, match=words):
             sf.read(force_reader(), FRAME, mask=mask, **EYE, **SIZE)
     with pytest.raises(InputError, match="mask_sd_rows: 0"):

@@ -15,13 +15,9 @@ from scleraforce import installation
 from scleraforce.installation import Finding, tried
 
 STATED = [
-    "numpy>=2.0",
-    'pywin32>=300; sys_platform == "never"',
-    'torch>=2.6; extra == "train"',
-    'onnx>=1.17; extra == "train"',
-    'fastapi>=0.115; extra == "web"',
-    'pytest>=8; extra == "dev"',
-]
+    "numpy>=2.0", 'pywin32>=300; sys_platform == "never"', 'torch>=2.6; extra == "train"',
+    'onnx>=1.17; extra == "train"', 'fastapi>=0.115; extra == "web"', 'pytest>=8; extra == "dev"',
+]  # fmt: skip
 
 
 def test_packages_of_this_system_and_each_extra_of_users_are_named_with_their_versions(monkeypatch) -> None:

@@ -151,11 +151,8 @@ def taut_wall(
     """The unknowns of a soft wall that a needle has brought to a pressure, and its globe, k known to 3 %."""
     unknown = eye(1e-3, 0.0)
     unknown[[at.THICKNESS, at.MODULUS, at.IOP, at.PRESSURE]] = (
-        thickness_m,
-        log(modulus_pa),
-        log(400.0),
-        log(pressure_pa),
-    )
+        thickness_m, log(modulus_pa), log(400.0), log(pressure_pa),
+    )  # fmt: skip
     globe = replace(SEALED, mean=rigidity * REFERENCE_RIGIDITY, sd=0.03 * rigidity * REFERENCE_RIGIDITY)
     tips_m = np.linspace(0.0, 3e-3, 300)
     of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / modulus_pa), tips_m

@@ -106,11 +106,9 @@ def test_inputs_that_would_be_ignored_and_a_path_for_a_model_are_refused() -> No
 
 def test_wrong_input_of_a_calibration_or_a_training_is_one_clear_line() -> None:
     for given, words in (
-        ({"mechanics": "soft"}, "mechanics: 'soft'"),
-        ({"parameters": "e,iop"}, "parameters: 'e,iop'; give a list"),
-        ({"parameters": ["iop"]}, "parameters"),
-        ({"frames": 0}, "frames: 0"),
-    ):
+        ({"mechanics": "soft"}, "mechanics: 'soft'"), ({"parameters": "e,iop"}, "parameters: 'e,iop'; give a list"),
+        ({"parameters": ["iop"]}, "parameters"), ({"frames": 0}, "frames: 0"),
+    ):  # fmt: skip
         with pytest.raises(InputError, match=words):
             calibrate("eye-a", sf.Study(), **given)
     with pytest.raises(InputError, match="recordings: none"):

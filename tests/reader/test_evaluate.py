@@ -233,10 +233,8 @@ def test_classify_answers_as_evaluate_does_at_the_given_scale(places, reader, ca
     first = answers[1]["probabilities"]
     np.testing.assert_allclose(first, expected[1].answer.probabilities)
     scales = (
-        (["--width-mm", 15, "--depth-mm", 4], True),
-        (["--width-mm", 5], False),
-        (["--refractive-index", 1.4], False),
-    )
+        (["--width-mm", 15, "--depth-mm", 4], True), (["--width-mm", 5], False), (["--refractive-index", 1.4], False),
+    )  # fmt: skip
     for options, same in scales:
         (entry,) = json.loads(said(capsys, "classify", places["model"], frames[1], "--json", *options))["frames"]
         assert (entry["probabilities"] == first) is same

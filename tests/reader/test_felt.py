@@ -279,10 +279,8 @@ def test_frames_that_are_refused_show_no_dent_and_the_pressure_comes_back() -> N
 
 def test_an_eye_that_does_not_leak_keeps_its_pressure() -> None:
     for known in (
-        replace(LEAKING, leak_time_s=None),
-        replace(LEAKING, globe=known_globe("open")),
-        Known(leak_time_s=9.0),
-    ):
+        replace(LEAKING, leak_time_s=None), replace(LEAKING, globe=known_globe("open")), Known(leak_time_s=9.0),
+    ):  # fmt: skip
         leak = Leak(known)
         assert leak.read(lambda now: now, 5.0, None) == (known, leak)
 

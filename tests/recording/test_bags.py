@@ -227,12 +227,10 @@ def test_messages_of_one_stamp_are_left_out_if_they_are_equal_and_else_refused(t
 def test_images_that_change_within_a_topic_are_refused(tmp_path: Path) -> None:
     at, grey = START_NS + 3, (FRAMES[3] % 256).astype(np.uint8)
     for field, other in {
-        "encoding": HERE.image(at, grey, "mono8", padding=46),
-        "is_bigendian": HERE.image(at, FRAMES[3], big=True),
-        "height": HERE.image(at, FRAMES[3][:-1]),
-        "width": HERE.image(at, FRAMES[3][:, :-1], padding=8),
+        "encoding": HERE.image(at, grey, "mono8", padding=46), "is_bigendian": HERE.image(at, FRAMES[3], big=True),
+        "height": HERE.image(at, FRAMES[3][:-1]), "width": HERE.image(at, FRAMES[3][:, :-1], padding=8),
         "step": HERE.image(at, FRAMES[3], padding=8),
-    }.items():
+    }.items():  # fmt: skip
         images = [HERE.image(START_NS + nth, FRAMES[nth]) for nth in range(3)] + [other]
         first, last = (getattr(image, field) for image in (images[0], images[3]))
         with pytest.raises(FrameError, match=rf"/t: {field} is {first!r} in message 0 and {last!r} in message 3"):

@@ -210,11 +210,9 @@ def matroska(path: Path, times_ms: list[int], sound_ms: int = 0, raw: bytes = b"
 
 def test_a_complete_film_that_starts_late_or_has_uneven_times_is_not_called_cut_off(tmp_path: Path) -> None:
     for times_ms, sound_ms in [
-        ([0, 100, 200, 300, 400, 500], 0),
-        ([5000, 5100, 5200, 5300, 5400, 5500], 0),
-        ([0, 100, 200, 2300, 2400, 7500], 0),
-        ([0, 100, 200, 300, 400, 500], 9000),
-    ]:
+        ([0, 100, 200, 300, 400, 500], 0), ([5000, 5100, 5200, 5300, 5400, 5500], 0),
+        ([0, 100, 200, 2300, 2400, 7500], 0), ([0, 100, 200, 300, 400, 500], 9000),
+    ]:  # fmt: skip
         scan = read_film(matroska(tmp_path / "a.mkv", times_ms, sound_ms))
         np.testing.assert_allclose(pictures_of(scan)[:, 9, 9], LEVELS, atol=2)
         np.testing.assert_allclose(scan.times.time_s, (np.array(times_ms) - times_ms[0]) / 1e3, atol=1e-6)

@@ -47,10 +47,8 @@ ORIENTED = [{"photometric": "minisblack", "metadata": None, "extratags": [(274, 
 def test_pages_of_any_type_come_back(tmp_path: Path) -> None:
     packed = {"compression": "zlib", "predictor": True}
     for kind, count, options in [
-        *((kind, 5, {}) for kind in ("u1", "f4", "i2", "u4")),
-        ("u2", 5, packed),
-        ("u2", 1, {}),
-    ]:
+        *((kind, 5, {}) for kind in ("u1", "f4", "i2", "u4")), ("u2", 5, packed), ("u2", 1, {}),
+    ]:  # fmt: skip
         frames = (FRAMES[:count] % 100).astype(kind)
         scan = scan_of(tmp_path, frames.squeeze(), photometric="minisblack", **options)
         np.testing.assert_array_equal(pictures_of(scan), frames)

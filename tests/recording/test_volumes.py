@@ -61,13 +61,10 @@ def test_a_nifti_volume_comes_back_with_its_spacing_and_times(tmp_path: Path) ->
 def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_are_refused(tmp_path: Path) -> None:
     known, ones = (0.015, 0.004, 0.1), (1.0, 1.0, 1.0)
     for steps, unit, sform, source, notes in [
-        (ones, "mm", None, None, 0),
-        (known, "unknown", None, None, 0),
-        (known, "mm", ((-0.015, -0.004, 0.1), 1), "NIfTI's pixdim", 0),
-        (ones, "mm", (known, 2), "NIfTI's sform", 1),
-        (known, "mm", (ones, 2), "NIfTI's pixdim", 1),
-        (known, "mm", ((9.0, 9.0, 9.0), 0), "NIfTI's pixdim", 0),
-    ]:
+        (ones, "mm", None, None, 0), (known, "unknown", None, None, 0),
+        (known, "mm", ((-0.015, -0.004, 0.1), 1), "NIfTI's pixdim", 0), (ones, "mm", (known, 2), "NIfTI's sform", 1),
+        (known, "mm", (ones, 2), "NIfTI's pixdim", 1), (known, "mm", ((9.0, 9.0, 9.0), 0), "NIfTI's pixdim", 0),
+    ]:  # fmt: skip
         scan = read_nifti(nifti(tmp_path / "a.nii", steps=steps, unit=unit, sform=sform), IJK)
         assert sizes_of(scan) == ((None, None) if source is None else SIZE)
         assert source is None or scan.depth_pixel_m.source == source
@@ -268,13 +265,11 @@ def test_what_a_metaimage_contradicts_or_what_is_not_read_is_refused_by_name(tmp
 
 def test_what_a_metaimage_does_not_state_stays_open_or_is_noted(tmp_path: Path) -> None:
     for fields, depth_m, notes in [
-        ({"ElementSpacing": None}, None, 0),
-        ({"ElementSpacing": "1 1 1"}, None, 0),
+        ({"ElementSpacing": None}, None, 0), ({"ElementSpacing": "1 1 1"}, None, 0),
         ({"ElementSpacing": None, "ElementSize": "0.015 0.004 0.1"}, 4e-6, 0),
-        ({"ElementSize": "0.015 0.008 0.1"}, 4e-6, 1),
-        ({"BinaryDataByteOrderMSB": None}, 4e-6, 1),
+        ({"ElementSize": "0.015 0.008 0.1"}, 4e-6, 1), ({"BinaryDataByteOrderMSB": None}, 4e-6, 1),
         ({"UltrasoundImageOrientation": "UNKNOWN"}, 4e-6, 1),
-    ]:
+    ]:  # fmt: skip
         scan = read_metaimage(mha(tmp_path / "a.mha", **fields), IJK)
         assert sizes_of(scan)[0] == (depth_m and pytest.approx(depth_m))
         assert len(scan.notes) == notes

@@ -215,16 +215,12 @@ def test_stiffenings_of_a_library_are_one_or_enough_for_splines_over_a_range() -
 
 def test_a_slip_of_the_unit_is_named() -> None:
     for key, number, hint in [
-        ("thickness_um", 0.65, "650 µm (0.65 mm)"),
-        ("thickness_m", 650.0, "0.00065 m (650 µm)"),
-        ("youngs_modulus_mpa", 300.0, "0.3 MPa (300 kPa)"),
-        ("youngs_modulus_mpa", 250_000.0, "0.25 MPa (250000 Pa)"),
-        ("iop_mmhg", 2000.0, "15 mmHg (2000 Pa)"),
-        ("width_m", 15.0, "0.015 m (15 mm)"),
-        ("force_n", 20.0, "0.02 N (20 mN)"),
-        ("force_mn", 20_000.0, "20 mN (20000 µN)"),
+        ("thickness_um", 0.65, "650 µm (0.65 mm)"), ("thickness_m", 650.0, "0.00065 m (650 µm)"),
+        ("youngs_modulus_mpa", 300.0, "0.3 MPa (300 kPa)"), ("youngs_modulus_mpa", 250_000.0, "0.25 MPa (250000 Pa)"),
+        ("iop_mmhg", 2000.0, "15 mmHg (2000 Pa)"), ("width_m", 15.0, "0.015 m (15 mm)"),
+        ("force_n", 20.0, "0.02 N (20 mN)"), ("force_mn", 20_000.0, "20 mN (20000 µN)"),
         ("polar_angle_rad", 35.0, "0.6109 rad (35 °)"),
-    ]:
+    ]:  # fmt: skip
         with pytest.raises(StudyError) as fault:
             check_quantity(key, number)
         assert str(fault.value).startswith(f"{key}: {number:g} is ")

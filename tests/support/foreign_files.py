@@ -98,12 +98,7 @@ def plus_fields(stamps, states=("OK",) * COUNT) -> dict[str, object]:
 
 # The stored form of a picture by its Orientation: the place of row 0 and column 0 in it (TIFF 6.0, EXIF).
 STORED = {
-    1: lambda shown: shown,
-    2: lambda shown: shown[:, ::-1],
-    3: lambda shown: shown[::-1, ::-1],
-    4: lambda shown: shown[::-1],
-    5: lambda shown: shown.T,
-    6: lambda shown: np.rot90(shown),
-    7: lambda shown: shown[::-1, ::-1].T,
-    8: lambda shown: np.rot90(shown, -1),
-}
+    1: lambda shown: shown, 2: lambda shown: shown[:, ::-1], 3: lambda shown: shown[::-1, ::-1],
+    4: lambda shown: shown[::-1], 5: lambda shown: shown.T, 6: lambda shown: np.rot90(shown),
+    7: lambda shown: shown[::-1, ::-1].T, 8: lambda shown: np.rot90(shown, -1),
+}  # fmt: skip

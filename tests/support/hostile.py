@@ -38,12 +38,9 @@ from scleraforce.study import DatasetGroup, DatasetStudy, LibraryStudy, SliceStu
 
 SECONDS, MEMORY = 20, 3 * 2**30
 SPECIAL: dict[str, Callable[[Path], object]] = {
-    "pipe": os.mkfifo,
-    "endless": lambda path: path.symlink_to("/dev/zero"),
-    "folder": Path.mkdir,
-    "empty": Path.touch,
+    "pipe": os.mkfifo, "endless": lambda path: path.symlink_to("/dev/zero"), "folder": Path.mkdir, "empty": Path.touch,
     "nothing": lambda _: None,
-}
+}  # fmt: skip
 SMALL_LIBRARY = LibraryStudy(thicknesses=4, tensions=4, tips=6, elements=16)
 NASTY = ["1e308", "-1e308", "1e999", "nan", "inf", "-1", "0", "1_000", "9" * 5000, "", "null", "true", "[]", "{}",
          '"x"', "[" * 3000, '{"a":' * 3000, "\x00", "\ufeff", "١٢", "1000000000",

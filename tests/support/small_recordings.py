@@ -217,13 +217,10 @@ def write_places(folder: Path) -> dict[str, Path]:
     (folder / "calibration.json").write_text(calibration_text(eyes=eyes, population=population))
     (folder / "linear.json").write_text(calibration_text(mechanics="linear"))
     return {
-        "model": folder / "model",
-        "calibration": folder / "calibration.json",
-        "linear": folder / "linear.json",
-        "mine": mine,
-        "other": write_recording(folder / "other", "stranger", seed=100),
+        "model": folder / "model", "calibration": folder / "calibration.json", "linear": folder / "linear.json",
+        "mine": mine, "other": write_recording(folder / "other", "stranger", seed=100),
         "far": write_recording(folder / "far", "far", gap_m=1.5e-3),
-    }
+    }  # fmt: skip
 
 
 NOTEBOOK_STUDY = """
