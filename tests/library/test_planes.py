@@ -9,7 +9,7 @@ from scanned_planes import CROSS, PARALLEL, cut_wall
 
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit import fit_boundaries
-from scleraforce.library.planes import TILT, SeenPlane, _Problem, fit_planes
+from scleraforce.library.planes import TILT, SeenPlane, SpatialPlace, _Problem, fit_planes
 from scleraforce.library.prior import prior_of
 from scleraforce.recording.folder import Plane
 from scleraforce.study import Range
@@ -87,3 +87,14 @@ def test_a_plane_alone_and_one_that_shows_too_little() -> None:
     assert only.force_n == pytest.approx(0.012, rel=0.05)
     few = replace(planes[1], depth_bc=np.full_like(planes[1].depth_bc, np.nan))
     assert fit_planes(LIBRARY, [planes[0], few]) == ((), None)
+
+
+def test_two_planes_that_cross_tell_the_lean_of_a_needle_and_parallel_ones_do_not() -> None:
+    tilt, shaft = np.array([0.05, -0.03]), np.tan([0.3, -0.2])
+    place = SpatialPlace((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), tuple(tilt), (0.0, 0.0))
+    normal, needle = np.append(np.tan(tilt), 1.0), np.append(shaft, 1.0)
+    lean = np.arccos(normal @ needle / np.linalg.norm(normal) / np.linalg.norm(needle))
+    for directions, tells in (((0.4, 1.7), True), ((0.0, 0.1), False), ((0.4,), False)):
+        angles = [np.arctan(np.array([np.cos(turn), np.sin(turn)]) @ shaft) for turn in directions]
+        found = place.with_shafts(directions, angles).lean_rad
+        assert found == (pytest.approx(lean) if tells else None)

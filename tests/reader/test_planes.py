@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_frames import MODULUS_PA, SMALL_LIBRARY, tip_of
+from analytic_frames import CLEAN, MODULUS_PA, SMALL_LIBRARY, STEEL, STUDY, tip_of
 from commands import said
 from scanned_planes import CONTACT_M, CROSS, TILT_RAD, cut_wall, write_moments
 from small_models import write_fixed_reader
 
 import scleraforce as sf
 from scleraforce.errors import InputError, ModelError
+from scleraforce.laboratory.bscan import draw_shaft, render_bscan
+from scleraforce.laboratory.light import sample_optics
 from scleraforce.reader import Reader, load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.recording.folder import read_recording
@@ -48,6 +50,23 @@ def test_a_moment_has_one_force_and_one_contact_in_three_dimensions(model, recor
     alone = sf.read(model, frames[0], youngs_modulus_pa=MODULUS_PA)
     assert alone.place is None
     assert np.ptp(alone.interval_n) > np.ptp(answer.interval_n)
+
+
+@pytest.mark.parametrize(("bevel_deg", "told"), [(90.0, True), (20.0, False)])
+def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(model, bevel_deg, told) -> None:
+    both = replace(STEEL, diameter_m=0.7e-3, far_edge_db=0.0, bevel_rad=np.radians(bevel_deg))
+    shaft, tip_m, frames = replace(both, angle_rad=np.radians(8.0), lean_rad=np.radians(6.0)), tip_of(0.008), []
+    for number, plane in enumerate(CROSS):
+        section, along = cut_wall(plane, tip_m, (0.0, 0.0, 0.4e-3)), np.eye(2)[number]
+        bottom_m = np.array([0.0, section.outer[np.abs(section.outer[:, 0]) < 1e-3, 1].max()])
+        drawn, rng = draw_shaft(shaft.in_plane(along, 0.0), bottom_m, 0.0, STUDY.oct), np.random.default_rng(number)
+        frames.append(render_bscan(section, STUDY.oct, sample_optics(CLEAN, STUDY.oct, rng), rng, drawn).frame)
+    answer = sf.read(model, frames, width_m=15e-3, depth_m=4e-3, youngs_modulus_pa=MODULUS_PA, planes=CROSS)
+    assert answer.usable
+    if told:
+        assert answer.places.lean_rad.value == pytest.approx(shaft.from_normal[0], abs=np.radians(2.0))
+    else:
+        assert answer.places.lean_rad is answer.place.lean_rad is None
 
 
 def test_an_evaluation_repeats_the_answer_for_each_plane_and_counts_it_once(model, recording) -> None:

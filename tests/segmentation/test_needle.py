@@ -56,6 +56,24 @@ def test_a_needle_is_found_with_its_angle_and_its_tip(gauge: int, angle_deg: flo
     assert needle.tip_m == pytest.approx(tip_m, abs=0.35e-3)
 
 
+@pytest.mark.parametrize(("angle_deg", "out_deg"), [(0.0, 12.0), (12.0, -12.0), (-8.0, 12.0)])
+def test_the_axis_is_midway_between_two_sides_which_converge_where_the_shaft_leaves_the_plane(
+    angle_deg: float, out_deg: float
+) -> None:
+    both = replace(STEEL, diameter_m=0.7e-3, far_edge_db=0.0)
+    shaft = replace(both, angle_rad=radians(angle_deg), lean_rad=radians(out_deg))
+    needle = find_wall(frame_of(shaft, 0.4e-3, seed=1)[0], SCALE).needle
+    assert needle.axis_rad == pytest.approx(radians(angle_deg), abs=radians(1.5))
+    assert abs(needle.angle_rad - radians(angle_deg)) > radians(2.0)  # of one side
+
+
+def test_a_bevel_in_a_shallow_frame_does_not_tell_the_axis_and_a_long_side_does() -> None:
+    bevelled = replace(STEEL, diameter_m=0.7e-3, bevel_rad=radians(20.0), angle_rad=radians(3.0), far_edge_db=0.0)
+    assert find_wall(frame_of(bevelled, 0.8e-3, seed=2)[0], SCALE).needle.axis_rad is None
+    deep = find_wall(frame_of(bevelled, 2.8e-3, seed=2)[0], SCALE).needle
+    assert deep.axis_rad == pytest.approx(radians(3.0), abs=radians(2.5))
+
+
 @pytest.mark.parametrize("dent_m", [3.2e-3, 4.2e-3])
 def test_a_tip_below_the_frame_has_no_place(dent_m: float) -> None:
     frame, tip_m = frame_of(replace(STEEL, angle_rad=radians(10.0)), dent_m)

@@ -29,6 +29,7 @@ OWN = [at.DEPTH, at.INNER_OFFSET, at.SHINE, *range(at.FORM.start, at.FORM.stop)]
 DEPTH_SD_M = 20e-6  # by which an eye moves between two planes
 FARTHEST_SD_M = 1e-3  # of the contact from the scanner's axis, either way
 STARTS = 3
+LEAST_CROSSING = 0.5  # least singular value of directions that tell a lean: two 42 degrees apart
 STOPPING = Stopping(iterations=25, converged_sd=0.02, settled_cost=0.002, retry_damping=1e-2)
 
 
@@ -57,8 +58,7 @@ class SpatialPlace:
     `contact_m` (3,): x and y from the scanner's axis, and depth below the frames' top: of the contact at rest without
     pressure, plus the dent, or as `at_depth` has it; `tilt_rad`
     (2,): between the scanner's axis and the wall's normal, which leans towards growing x and y on its way up where
-    these are positive. `lean_rad`: between that normal and the needle, if its shaft is seen; in one plane, its part
-    there.
+    these are positive. `lean_rad`: between that normal and the needle, if two planes that cross show its shaft.
     """
 
     contact_m: tuple[float, ...]
@@ -80,6 +80,8 @@ class SpatialPlace:
         0.2
         """
         axes = np.stack([np.cos(directions_rad), np.sin(directions_rad)], axis=1)
+        if len(axes) < 2 or np.linalg.svd(axes, compute_uv=False)[1] < LEAST_CROSSING:
+            return self
         beside = np.tan(angles_rad) - axes @ np.tan(self.tilt_rad)
         shaft = np.array([*np.linalg.lstsq(axes, beside, rcond=None)[0] + np.tan(self.tilt_rad), 1.0])
         normal = np.array([*np.tan(self.tilt_rad), 1.0])

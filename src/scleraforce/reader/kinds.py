@@ -359,9 +359,9 @@ class ForceReader(Reader):
         if place is not None:
             place = place.at_depth(*contact_depth(fits[0], priors[0], library))
             angles = [
-                (planes[number].direction_rad, seen.needle.angle_rad)
+                (planes[number].direction_rad, seen.needle.axis_rad)
                 for (number, seen, *_), fit in zip(each, fits, strict=True)
-                if seen.needle and shaft_lean(fit, seen.needle) is not None
+                if seen.needle and seen.needle.axis_rad is not None and shaft_lean(fit, seen.needle) is not None
             ]
             place = place.with_shafts(*zip(*angles, strict=True)) if angles else place
         gaps_m, answers = [abs(float(fit.unknown[GAP])) for fit in fits], list[Answer]()

@@ -32,6 +32,8 @@ PARTS = 3  # of that depth
 STREAK = 0.06  # of the spread of a frame's light: a flare is brighter by so much in all parts, drawn needles by 0.015
 NEAREST = 6  # columns of the grid with tissue on each side, which tell where its surface is
 BEVELLED = 0.6  # of the width: an edge that is so much longer than the other one is the point of a bevel
+SAME_LENGTH = 0.7  # of the longer line: as far down the other one of two sides of a shaft goes, at least
+BEVEL_M = 2.2e-3  # the cut of the thickest needle (22G, 18 degrees); longer lines are shafts
 TOP_M, TOP_ROWS = 0.19e-3, 4  # and at least 4 rows: the shaft comes in through the top edge
 
 POOLED_M = 62e-6  # of depth taken as one, for the coarse search
@@ -73,6 +75,7 @@ class SeenNeedle:
     tip: tuple[float, float]  #: column and row, or of the last that is seen of it
     top: tuple[float, float]  #: column and row where its axis meets the top edge
     hidden: tuple[int, int]  #: the first column that shaft or shadow cover, and the first one after
+    axis_rad: float | None = None  #: as `angle_rad`, of the axis; None if the lines may be a bevel's, or one side's
 
 
 def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
@@ -105,7 +108,7 @@ def find_needle(
     (column, row), (first, after) = shaded
     lateral_m, depth_m = size.scale.lateral_m / size.step_columns, size.scale.depth_m / size.step_rows
     tip = left + column, (row + 1.0) * size.step_rows - 0.5
-    slope = edges[0].slope / size.step_rows
+    slope, axis = edges[0].slope / size.step_rows, _axis_slope(edges, size)
     ends = row < len(cells) - 1.0
     return SeenNeedle(
         angle_rad=-atan(slope * lateral_m / depth_m),
@@ -113,7 +116,22 @@ def find_needle(
         tip=tip,
         top=(tip[0] - slope * (tip[1] + 0.5), -0.5),
         hidden=(left + first, left + after),
+        axis_rad=None if axis is None else -atan(axis / size.step_rows * lateral_m / depth_m),
     )
+
+
+def _axis_slope(edges: list[ShaftEdge], size: GridSize) -> float | None:
+    """Return the slope of a shaft's axis, columns a row of the grid; None if its lines do not tell it.
+
+    It is midway between two sides, which converge upward where the shaft leaves the plane. Lines that meet at the wall
+    belong to a side and a bevel; a short line alone may belong to either.
+    """
+    one, other = edges[0], edges[-1]
+    if min(one.row, other.row) >= SAME_LENGTH * max(one.row, other.row):
+        at_end = one.top - other.top + (one.slope - other.slope) * (min(one.row, other.row) + 0.5)
+        if abs(at_end) > 0.5 * abs(one.top - other.top):
+            return 0.5 * (one.slope + other.slope)
+    return one.slope if (one.row + 1) * size.scale.depth_m > BEVEL_M else None
 
 
 def _shaded(
