@@ -27,6 +27,7 @@ from scleraforce.learning.virtual_eyes import STREAM, calibrated, draw_eye, draw
 from scleraforce.learning.wall_finder import VALIDATION_SCENES, fit_wall_finder, scene_batch
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.plan import plan_library
+from scleraforce.library.stiffened import ReducedCurves, StiffenedWalls
 from scleraforce.library.store import create_library, open_library, solve_path, write_library_unit
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.graded import study_mesh
@@ -101,7 +102,14 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
 
 def interval_fingerprint(study: Study, library: Library, network: bytes) -> Fingerprint:
     """Return the fingerprint of a reader's intervals: the tissue that a calibration finds, an eye's scores, factors."""
-    scores_of = measuring(study, replace(library, stiffened=None), network)
+    walls, curves = library.walls, library.walls.curves
+    assert isinstance(curves, ReducedCurves)  # of a model folder
+    softest = ReducedCurves(curves.rows.share(0, curves.shape[0]), (1, *curves.shape[1:]))
+    of_one = StiffenedWalls(
+        stiffening=walls.stiffening[:1], force_ratio_btpd=walls.force_ratio_btpd[:1],
+        displaced_btpd=walls.displaced_btpd[:1], undented_btpbnc=walls.undented_btpbnc[:1], curves=softest,
+    )  # fmt: skip
+    scores_of = measuring(study, replace(library, walls=of_one), network)
     scores = next(filter(None, map(scores_of, range(EYE, LAST_EYE))), [])
     rng = np.random.default_rng(0)  # one eye makes no factors: scores of its traits are drawn for many
     many = [replace(entry, eye=str(n % EYES), score=rng.lognormal()) for n, entry in enumerate(scores)]

@@ -23,7 +23,7 @@ from scleraforce.errors import InputError
 from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
-from scleraforce.library.sealed import iop_ratio_under_force, pressures_at_dents, volume_paths
+from scleraforce.library.sealed import iop_ratio_at_dent, iop_ratio_under_force
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
 from scleraforce.mechanics.globe import sealed_globe
@@ -158,8 +158,7 @@ def compile_loops() -> None:
     library = _reader().library
     iop_ratio_under_force(library, *walls, np.array([to_si(10.0, "mn") / MODULUS_PA]), globe)
     library.covers(*walls, np.array([0.0]))
-    tables, paths = library.tables, volume_paths(library)
-    pressures_at_dents(tables, paths, walls[0], np.zeros(1), np.zeros(1), False, walls[1].copy())
+    iop_ratio_at_dent(library, *walls, np.zeros(1), globe)
     ShownPictures(1)
     frame, scale, known = _frame()
     for reading in (_reader().read, _reader().read_live):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from analytic_library import with_walls
 from small_models import fixed_finder
 
 from ideal_boundaries import ideal_boundaries
@@ -220,7 +221,7 @@ def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
     stated, fitted, poses = eye_constants(recording, STUDY), list[float](), dict[Boundaries, PoseBelief]()
     register = registration.register
     monkeypatch.setattr(registration, "register", lambda *given: fitted.append(given[2]) or register(*given))
-    other = replace(library, force_ratio_tpd=1.3 * library.force_ratio_tpd, weights=None)
+    other = with_walls(library, force_ratio_btpd=1.3 * library.walls.force_ratio_btpd)
     ends = list[list[PoseBelief]]()
     for shared in (poses, None):
         ends.append([])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_library import RADIUS_M, analytic_library, bulging
+from analytic_library import RADIUS_M, analytic_library, bulging, with_walls
 
 from predicted_walls import Walls, formed_wall
 from reference_walls import cut_section
@@ -147,9 +147,8 @@ def test_sections_of_a_sealed_eye_agree_with_three_dimensions(tmp_path: Path) ->
     study = Study(library=grid)
     study = replace(study, calibration=replace(study.calibration, surface_smoothing_m=0.0))
     eye = library_eye(study, constants, open_library(path))
-    even = replace(
-        eye, library=replace(eye.library, undented_tpbnc=_sphere(eye.library)), moves_pbxc=0 * eye.moves_pbxc
-    )
+    still = with_walls(eye.library, undented_btpbnc=_sphere(eye.library)[None])
+    even = replace(eye, library=still, moves_pbxc=0 * eye.moves_pbxc)
     force_n = float(eye.library.forces(*(np.array([v]) for v in (thickness_m, pressure_pa / modulus_pa, dent_m)))[0])
     state = stated_wall(constants, modulus_pa, force_n * modulus_pa, polar)
     off = [_off_m(model.curves([state])[0], (cut.outer, cut.inner)) for model in (eye, even)]

@@ -6,13 +6,12 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library, draw_walls, made_up_library, solved_library, whole_curves
+from analytic_library import analytic_library, draw_walls, made_up_library, solved_library, with_walls
 
 from scleraforce.errors import InputError
 from scleraforce.library import load_library, save_library
 from scleraforce.library.files import _differences, _summed
-from scleraforce.library.responses import walls_of
-from scleraforce.library.stiffened import STEP_TYPES, reduce_rows
+from scleraforce.library.stiffened import STEP_TYPES, WholeCurves, reduce_rows
 from scleraforce.study import LibraryStudy, Range
 from scleraforce.whole_files import KINDS
 
@@ -41,7 +40,7 @@ def test_a_library_survives_the_file_and_the_bytes_are_the_same_each_time(librar
         assert item.name in REDUCED or np.array_equal(values, known), item.name
         assert type(values) is type(known)
         assert np.asarray(values).dtype == np.asarray(known).dtype
-    assert found.walls.values().dtype == np.float32
+    assert found.curves_tpdbnc().dtype == np.float32
 
 
 def test_walls_and_factors_differ_by_the_file_s_stated_error_and_states_between_them_by_no_more(whole, tmp_path):
@@ -50,7 +49,7 @@ def test_walls_and_factors_differ_by_the_file_s_stated_error_and_states_between_
     found, rng = load_library(path), np.random.default_rng(2)
     with np.load(path) as entries:
         stated = float(entries["curves_error_m"]), float(entries["stiffness_error"])
-    arrays = [(each.walls.values().astype(np.float64), each.stiffness_atpd) for each in (found, whole)]
+    arrays = [(each.curves_tpdbnc().astype(np.float64), each.stiffness_atpd) for each in (found, whole)]
     off = [np.abs(one - other).max() for one, other in zip(*arrays, strict=True)]
     for error, said, most in zip(off, stated, (0.02e-6, 1e-6), strict=True):
         assert 0.0 < error <= most
@@ -70,15 +69,15 @@ def test_tissue_of_every_stiffening_survives_the_file(nodes, tmp_path):
     whole = solved_library(GRID) if nodes == "all" else solved_library(GRID).within(4e-3)
     save_library(whole, tmp_path / "one.npz")
     found = load_library(tmp_path / "one.npz")
-    np.testing.assert_array_equal(found.stiffenings, whole.stiffenings)
-    for stiffening in (*whole.stiffenings.tolist(), 0.5, 5.0, 18.0):
+    np.testing.assert_array_equal(found.walls.stiffening, whole.walls.stiffening)
+    for stiffening in (*whole.walls.stiffening.tolist(), 0.5, 5.0, 18.0):
         one, other = found.for_stiffening(stiffening), whole.for_stiffening(stiffening)
         for name in ("force_ratio_tpd", "displaced_tpd", "undented_tpbnc"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-        assert one.walls.values().dtype == np.float32
-        off_m = np.abs(one.walls.values().astype(np.float64) - other.walls.values()).max()
-        assert off_m <= (0.02e-6 if stiffening in whole.stiffenings else 0.033e-6)
-    off_m = np.abs(walls_of(found).curves.whole().astype(np.float64) - walls_of(whole).curves.whole()).max()
+        assert one.curves_tpdbnc().dtype == np.float32
+        off_m = np.abs(one.curves_tpdbnc().astype(np.float64) - other.curves_tpdbnc()).max()
+        assert off_m <= (0.02e-6 if stiffening in whole.walls.stiffening else 0.033e-6)
+    off_m = np.abs(found.walls.curves.whole().astype(np.float64) - whole.walls.curves.whole()).max()
     assert 0.0 < off_m <= 0.02e-6
 
 
@@ -106,7 +105,9 @@ def test_no_step_of_any_size_is_lost_by_differences_that_wrap_around(kind):
 def test_a_library_that_is_too_large_or_cannot_be_stored_so_exactly_is_refused(library, tmp_path, monkeypatch):
     for times in (30.0, 1e4):  # float32 rounds by more; the number of steps overflows
         with pytest.raises(InputError, match=r"^(library: curves up to 0.379 would be off|values up to 126 cannot)"):
-            save_library(replace(library, walls=whole_curves(np.float32(times) * library.walls.values())), BytesIO())
+            save_library(
+                with_walls(library, curves=WholeCurves(np.float32(times) * library.walls.curves.whole())), BytesIO()
+            )
     save_library(library, tmp_path / "library.npz")
     monkeypatch.setitem(KINDS, "model file", replace(KINDS["model file"], max_bytes=2**16))
     with pytest.raises(InputError, match="make one of fewer thicknesses"):

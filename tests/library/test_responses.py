@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library, curves, displaced_m3, draw_walls, force_ratio
+from analytic_library import analytic_library, curves, displaced_m3, draw_walls, force_ratio, with_walls
 
 from scleraforce.errors import InputError
 from scleraforce.library.sealed import iop_ratio_at_dent
@@ -87,10 +87,10 @@ def test_a_library_that_does_not_fit_together_is_refused(library):
         replace(library, tip_m=library.tip_m[::-1])
     with pytest.raises(InputError, match="at least 4"):
         replace(library, thickness_m=library.thickness_m[:3])
-    broken = library.force_ratio_tpd.copy()
-    broken[2, 2, 2] = np.inf
+    broken = library.walls.force_ratio_btpd.copy()
+    broken[0, 2, 2, 2] = np.inf
     with pytest.raises(InputError, match="not finite"):
-        replace(library, force_ratio_tpd=broken)
+        with_walls(library, force_ratio_btpd=broken)
 
 
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)

@@ -61,7 +61,7 @@ def test_the_first_of_several_states_is_found(seed):
     force = TIP * 1e3 + (waves[:, :, None] * np.sin(TIP * 1e3 * np.array([[0.6], [1.1], [1.7]]))).sum(axis=1)
     slope = np.array([SciPySpline(TIP, row)(TIP, 1) for row in force])
     wanted = rng.uniform(0.0, 8.0, 40)
-    found = first_crossing(TIP, force, slope, wanted)
+    found = first_crossing(TIP, np.hstack([force, slope]), wanted)
     expected = np.array([search(TIP, *row) for row in zip(force, slope, wanted, strict=True)])
     assert np.isnan(found).tolist() == np.isnan(expected).tolist()
     assert found == pytest.approx(expected, abs=2e-9, nan_ok=True)
@@ -69,7 +69,6 @@ def test_the_first_of_several_states_is_found(seed):
 
 def test_just_below_a_peak_between_two_tips_the_state_before_the_peak_counts():
     tip = np.array([0.0, 1.0, 2.0, 9.0])
-    force, slope = np.array([[0.0, 1.0, 1.0, 8.0]]), np.array([[1.0, 1.0, -1.0, 2.0]])
-    peak = 1.25
-    assert first_crossing(tip, force, slope, np.array([peak - 1e-3]))[0] < 1.5
-    assert first_crossing(tip, force, slope, np.array([peak + 1e-3]))[0] > 2.0
+    path, peak = np.array([[0.0, 1.0, 1.0, 8.0, 1.0, 1.0, -1.0, 2.0]]), 1.25  # forces, slopes
+    assert first_crossing(tip, path, np.array([peak - 1e-3]))[0] < 1.5
+    assert first_crossing(tip, path, np.array([peak + 1e-3]))[0] > 2.0

@@ -61,7 +61,7 @@ def test_walls_of_a_stiffening_that_the_library_holds_are_the_solved_ones(librar
         found, solved = library.for_stiffening(float(PLAN.stiffening[b])), solve_path(PLAN, unit)
         np.testing.assert_array_equal(found.force_ratio_tpd[tuple(place)], solved.force_d)
         np.testing.assert_array_equal(found.displaced_tpd[tuple(place)], solved.displaced_d)
-        np.testing.assert_array_equal(found.walls.values()[tuple(place)], solved.curves_dbnc)
+        np.testing.assert_array_equal(found.curves_tpdbnc()[tuple(place)], solved.curves_dbnc)
         np.testing.assert_array_equal(found.undented_tpbnc[tuple(place)], solved.curves_dbnc[0])
     forces = np.stack([library.for_stiffening(b).force_ratio_tpd[..., -1] for b in (0.0, 0.5, 1.5, 4.0, 12.0, 30.0)])
     assert (np.diff(forces, axis=0) > 0.0).all()
@@ -69,7 +69,7 @@ def test_walls_of_a_stiffening_that_the_library_holds_are_the_solved_ones(librar
 
 def test_tissue_that_does_not_stiffen_is_the_same_in_a_library_without_other_tissue(library: Library) -> None:
     alone = solved_library(replace(GRID, stiffenings=1))
-    assert alone.stiffened is None
+    assert len(alone.walls.stiffening) == 1
     for soft in (library, library.for_stiffening(0.0), library.for_stiffening(7.0).for_stiffening(0.0)):
         assert soft.stiffening == alone.stiffening == 0.0
         for name in ("force_ratio_tpd", "displaced_tpd", "undented_tpbnc", "stiffness_atpd"):
@@ -82,7 +82,7 @@ def test_other_tissue_is_refused_with_the_range(library: Library) -> None:
             library.for_stiffening(stiffening)
     alone = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
     assert alone.for_stiffening(0.0) is alone
-    assert alone.stiffenings.tolist() == [0.0]
+    assert alone.walls.stiffening.tolist() == [0.0]
     for stiffening in (3.0, np.nan):
         with pytest.raises(InputError, match=r"^stiffening: the library only holds tissue of 0, not of (3|nan)$"):
             alone.for_stiffening(stiffening)

@@ -83,7 +83,7 @@ def test_a_library_is_read_as_it_was_solved(made):
         of_tissue, place = library.for_stiffening(plan.stiffening[number // 20]), divmod(number % 20, 5)
         assert np.array_equal(of_tissue.force_ratio_tpd[place], force_d)
         assert np.array_equal(of_tissue.displaced_tpd[place], displaced_d)
-        assert np.array_equal(of_tissue.walls.values()[place], curves_dbnc)
+        assert np.array_equal(of_tissue.curves_tpdbnc()[place], curves_dbnc)
         assert np.array_equal(of_tissue.undented_tpbnc[place], curves_dbnc[0])
     assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
 
@@ -246,7 +246,7 @@ def test_a_library_is_built_on_first_need_only(monkeypatch, tmp_path):
     assert sum(done) == CACHED_UNITS
     again = cached_library(CACHED, folder=tmp_path, progress=done.append)
     assert sum(done) == CACHED_UNITS
-    assert (first.walls.values() == again.walls.values()).all()
+    assert (first.curves_tpdbnc() == again.curves_tpdbnc()).all()
     assert places(tmp_path) == [".lock", ".zarr"]
     monkeypatch.setattr(LibraryPlan, "key", "another code")
     cached_library(CACHED, folder=tmp_path, workers=1, solve=solve_analytic)

@@ -131,7 +131,7 @@ def test_linear_mechanics_needs_no_library_and_the_papers_is_the_bundled_readers
     ticks: list[int] = []
     found = library_for(Study(), "finite-strain", counting_for(ticks.append, "library"))
     assert found is not None
-    np.testing.assert_array_equal(found.walls.values(), load_force_reader(SHIPPED_READER).library.walls.values())
+    np.testing.assert_array_equal(found.curves_tpdbnc(), load_force_reader(SHIPPED_READER).library.curves_tpdbnc())
     assert not ticks
     assert not list(tmp_path.iterdir())
 

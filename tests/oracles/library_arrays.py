@@ -31,8 +31,7 @@ def values_at(library: Library, values: NDArray[np.floating], *state: Floats) ->
 
 def reached_tips(library: Library, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
     """Tips (sample,) at which loading first reaches forces; the library's deepest where it never does."""
-    paths = library._paths(library._walls(thickness_m, iop_ratio))
-    tips = first_crossing(library.tip_m, *paths, np.asarray(force_ratio))
+    tips = first_crossing(library.tip_m, library._paths(thickness_m, iop_ratio), np.asarray(force_ratio))
     return np.where(np.isnan(tips), library.tip_m[-1], tips)
 
 

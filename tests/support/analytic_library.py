@@ -12,8 +12,7 @@ from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR, FrameForces
 from scleraforce.errors import SolverError
 from scleraforce.library import Library
 from scleraforce.library.plan import plan_library
-from scleraforce.library.responses import library_of
-from scleraforce.library.stiffened import MixedCurves, StiffenedWalls, WholeCurves
+from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 from scleraforce.library.store import SolvedPath, solve_path
 from scleraforce.study import LibraryStudy, Range, Study
 
@@ -61,9 +60,9 @@ def stiffness(polar_rad):
     return 1.0 + 0.1 * polar_rad**2
 
 
-def whole_curves(curves_tpdbnc):
-    """Curves of one tissue that are not mixed."""
-    return MixedCurves(WholeCurves(curves_tpdbnc[None]), np.ones(1))
+def with_walls(library, **changed):
+    """The library with other arrays of its walls."""
+    return replace(library, walls=replace(library.walls, **changed))
 
 
 def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=81):
@@ -75,9 +74,12 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
     grid[1] = grid[1] * grid[0] / RADIUS_M  # IOP/E
     walls = curves(*grid, node_angles(nodes)).astype(np.float32)
     return Library(
-        thickness_m=t, tension=tension, tip_m=d, force_ratio_tpd=force_ratio(*grid), displaced_tpd=displaced_m3(*grid),
-        walls=whole_curves(walls), undented_tpbnc=np.ascontiguousarray(walls[:, :, 0]), radius_m=RADIUS_M,
-        poisson_ratio=0.45, needle_radius_m=0.35e-3, max_force_ratio=0.5e-6, polar_rad=POLAR_RAD,
+        thickness_m=t, tension=tension, tip_m=d, stiffening=0.0, radius_m=RADIUS_M, poisson_ratio=0.45,
+        walls=StiffenedWalls(
+            stiffening=np.zeros(1), force_ratio_btpd=force_ratio(*grid)[None], displaced_btpd=displaced_m3(*grid)[None],
+            undented_btpbnc=np.ascontiguousarray(walls[None, :, :, 0]), curves=WholeCurves(walls[None]),
+        ),
+        needle_radius_m=0.35e-3, max_force_ratio=0.5e-6, polar_rad=POLAR_RAD,
         stiffness_atpd=np.stack([np.full(grid[0].shape, stiffness(polar)) for polar in POLAR_RAD]),
         contact_polar_rad=0.0,
     )  # fmt: skip
@@ -88,7 +90,7 @@ def bulging(library, rise_m=6e-3):
     undented = library.undented_tpbnc.copy()
     angle = np.arctan2(undented[0, 0, 0, :, 0], RADIUS_M - undented[0, 0, 0, :, 1])
     undented[..., 1] -= rise_m * library.tension[:, None, None] * np.cos(angle) ** 2
-    return replace(library, undented_tpbnc=undented)
+    return with_walls(library, undented_btpbnc=undented[None])
 
 
 def draw_walls(rng, count):
@@ -137,8 +139,9 @@ def solved_library(grid: LibraryStudy) -> Library:
         stiffening=plan.stiffening, force_ratio_btpd=forces, displaced_btpd=volumes,
         undented_btpbnc=np.ascontiguousarray(curves[:, :, :, 0]), curves=WholeCurves(curves),
     )  # fmt: skip
-    return library_of(
-        walls,
+    return Library(
+        walls=walls,
+        stiffening=float(walls.stiffening[0]),
         **{name: getattr(plan, name) for name in AXES_AND_SIZES},
         max_force_ratio=plan.grid.max_force_ratio_m2,
         polar_rad=POLAR_RAD,
@@ -158,10 +161,9 @@ def made_up_library(most: float = 30.0) -> Library:
         force_ratio_btpd=factor * soft.force_ratio_tpd,
         displaced_btpd=np.tile(soft.displaced_tpd, (count, 1, 1, 1)),
         undented_btpbnc=np.tile(soft.undented_tpbnc, (count, 1, 1, 1, 1, 1)),
-        curves=WholeCurves(np.tile(soft.walls.values(), (count, 1, 1, 1, 1, 1, 1))),
+        curves=WholeCurves(np.tile(soft.curves_tpdbnc(), (count, 1, 1, 1, 1, 1, 1))),
     )
-    names = (*AXES_AND_SIZES, "max_force_ratio", "polar_rad", "stiffness_atpd", "contact_polar_rad")
-    return library_of(walls, **{name: getattr(soft, name) for name in names})
+    return replace(soft, walls=walls)
 
 
 def without_rests(forces_n: np.ndarray, rng: np.random.Generator, sd_n: float = LABEL_SD_N) -> FrameForces:

@@ -146,7 +146,7 @@ class EyeFrames:
                 planes.append(SeenPlane(plane.offset_m, turn_rad, wall.lateral_m, wall.depth_m, prior))
         if len(planes) < 2:
             return assimilation.Skipped("not usable: fewer than two planes show a wall")
-        near = library.for_stiffening(float(library.stiffenings[0])).nearest_contact(known.polar_rad)
+        near = library.for_stiffening(float(library.walls.stiffening[0])).nearest_contact(known.polar_rad)
         fits, place = fit_planes(near, planes, study.calibration.surface_smoothing_m)
         if place is None:
             return assimilation.Skipped(assimilation.UNSEEN)

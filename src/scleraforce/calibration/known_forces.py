@@ -397,7 +397,7 @@ def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> 
 
 def most_trials(library: Library) -> int:
     """Return the largest number of stiffenings that are tried."""
-    held = len(library.stiffenings)
+    held = len(library.walls.stiffening)
     return held + REFINEMENTS if held > 1 else 1
 
 
@@ -415,7 +415,7 @@ def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] |
         if found is not None:
             tried[stiffening] = found
 
-    for stiffening in library.stiffenings.tolist():
+    for stiffening in library.walls.stiffening.tolist():
         attempt(stiffening)
         if stiffening in tried:
             losses, trials = _losses(tried), list(tried.values())

@@ -111,12 +111,12 @@ def concatenated(parts: Sequence[Samples]) -> Samples:
 
 def library_of_tissue(library: Library, reader: ReaderStudy, rng: np.random.Generator) -> Library:
     """Return a library of tissue that stiffens, in a share of the draws: 1 + b is spread evenly in its logarithm."""
-    least, most = np.log1p(library.stiffenings[[0, -1]])
+    least, most = np.log1p(library.walls.stiffening[[0, -1]])
     stiffens, number = rng.random() < reader.stiffening_share, rng.integers(1, TISSUES + 1)
     if not stiffens or least == most:
         return library
     drawn = np.expm1(least + (most - least) * number / TISSUES)
-    return library.for_stiffening(float(np.clip(drawn, *library.stiffenings[[0, -1]])))
+    return library.for_stiffening(float(np.clip(drawn, *library.walls.stiffening[[0, -1]])))
 
 
 def draw_samples(

@@ -224,7 +224,7 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
     low, high = study.reader.youngs_modulus_pa.bounds
     mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
     modulus = Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population")
-    stiffening, own, walls = 0.0, eye.model.library.stiffening, eye.model.library.stiffenings
+    stiffening, own, walls = 0.0, eye.model.library.stiffening, eye.model.library.walls.stiffening
     if own > 0.0:  # of other eyes with tissue that stiffens
         other = np.expm1(np.log1p(own) + POPULATION_STIFFENING_SD * rng.standard_normal())
         stiffening = float(np.clip(other, walls[0], walls[-1]))

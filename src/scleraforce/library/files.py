@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Reals
 from scleraforce.errors import InputError
-from scleraforce.library.responses import Library, library_of, walls_of
+from scleraforce.library.responses import Library
 from scleraforce.library.stiffened import STEP_TYPES, ReducedCurves, ReducedRows, StiffenedWalls, reduce_rows
 from scleraforce.whole_files import KINDS, MIB, read_bytes
 
@@ -70,8 +70,8 @@ def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
     Raises:
         InputError: the library is too large for a model folder, or cannot be stored with the allowed error.
     """
-    walls = walls_of(library)
-    _check_size(prod(library.walls.shape) * len(walls.stiffening))
+    walls = library.walls
+    _check_size(prod(walls.curves.shape))
     curves, of_curves = _reduced(CURVES, walls.curves.whole())
     stiffness, of_stiffness = _reduced(STIFFNESS, np.moveaxis(library.stiffness_atpd, 0, 2))
     plain = {name: np.asarray(getattr(library, name)) for name in AXES}
@@ -107,7 +107,8 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
             rows, values = _stored(archive, STIFFNESS, shape[: STIFFNESS.row_axes])
             stiffness_tpad = rows.rows().astype(np.float32).reshape(*shape[: STIFFNESS.row_axes], *values)
             found["stiffness_atpd"] = np.ascontiguousarray(np.moveaxis(stiffness_tpad, 2, 0), dtype=np.float64)
-            return library_of(StiffenedWalls(**of_walls, curves=curves), **found)
+            first = float(of_walls["stiffening"][0])
+            return Library(walls=StiffenedWalls(**of_walls, curves=curves), stiffening=first, **found)
     except Exception as fault:  # whatever zipfile and NumPy raise where a file is damaged
         raise InputError(f"{path}: not a response library of this version ({fault}); train the model again") from fault
 

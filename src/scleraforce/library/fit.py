@@ -35,7 +35,6 @@ from scleraforce.library.fit_frame import OUTER_SD_M, Doubt, Fitted, fit_frame
 from scleraforce.library.fit_loops import Law
 from scleraforce.library.prior import Prior, form_size
 from scleraforce.library.responses import Library
-from scleraforce.library.sealed import volume_paths
 from scleraforce.library.search_loops import Belief
 from scleraforce.study.eye import RIGIDITY_LAWS
 
@@ -128,7 +127,6 @@ def fit_boundaries(
     fitted = empty_fit(library)
     has_fit = fit_frame(
         library.tables,
-        volume_paths(library, prior.globe.can_be_sealed),
         law_of(prior.globe),
         np.ascontiguousarray(lateral_m, dtype=np.float64),
         np.ascontiguousarray(depth_bc, dtype=np.float64),

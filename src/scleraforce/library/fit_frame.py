@@ -14,7 +14,7 @@ from scleraforce.library import fit_starts, search_loops, unknowns as at
 from scleraforce.library.fit_loops import Law, displaced, force_at, formed_section, scene_of
 from scleraforce.library.fit_starts import Surface
 from scleraforce.library.placement import NORMAL_MEDIAN, Stopping
-from scleraforce.library.sealed import VolumePaths, level_of, pressure_of_level
+from scleraforce.library.sealed import level_of, pressure_of_level
 from scleraforce.library.search_loops import MOVING, UNKNOWNS, Belief, Problem, Work
 from scleraforce.library.splines import SplineTables
 
@@ -68,7 +68,7 @@ class Fitted(NamedTuple):
 
 @compiled
 def fit_frame(
-    tables: SplineTables, paths: VolumePaths, law: Law, lateral_m: Floats, depth_bc: Floats, smoothing_m: float,
+    tables: SplineTables, law: Law, lateral_m: Floats, depth_bc: Floats, smoothing_m: float,
     belief: Belief, doubt: Doubt, borne_n: float, begun: Floats, fitted: Fitted,
 ) -> bool:  # fmt: skip
     """Write the fit of a frame; from the unknowns `begun` to the end if there are any (0 or unknown,).
@@ -86,14 +86,11 @@ def fit_frame(
         search_loops.keep_inside(tables, unknown)
         cost = search_loops.descend(problem, unknown, TO_THE_END, work)
     else:
-        starts, surface = (
-            np.empty((fit_starts.STARTS, UNKNOWNS)),
-            fit_starts.surface_of(at_m[:outer], depth_m, fit_starts.FARTHEST_M),
-        )
-        cost = _best_fit(
-            problem, starts[: fit_starts.find_starts(problem, paths, surface, work, starts)], work, unknown
-        )
-        cost = _with_limbus(problem, paths, starts[0], cost, work, unknown)
+        starts = np.empty((fit_starts.STARTS, UNKNOWNS))
+        surface = fit_starts.surface_of(at_m[:outer], depth_m, fit_starts.FARTHEST_M)
+        count = fit_starts.find_starts(problem, surface, work, starts)
+        cost = _best_fit(problem, starts[:count], work, unknown)
+        cost = _with_limbus(problem, starts[0], cost, work, unknown)
         if not law.is_open:
             cost = _beyond(problem, surface, borne_n, cost, work, unknown)
             cost = _along_valley(problem, cost, work, unknown, spread)
@@ -182,9 +179,7 @@ def _better(problem: Problem, starts: Floats, best: float, work: Work, unknown: 
 
 
 @compiled_part
-def _with_limbus(
-    problem: Problem, paths: VolumePaths, first: Floats, best: float, work: Work, unknown: Floats
-) -> float:
+def _with_limbus(problem: Problem, first: Floats, best: float, work: Work, unknown: Floats) -> float:
     """Put the best fit with a limbus in place of one that leaves much aside, if it is better; return the cost."""
     if best <= STRAINED:
         search_loops.evaluate(problem, unknown, work)
@@ -198,7 +193,7 @@ def _with_limbus(
         for sign in (-1.0, 1.0):
             if fit_starts.limbus_start(problem, near, sign, work, begun[count]):
                 count += 1
-    count += fit_starts.one_sided_starts(problem, paths, work, begun[count:])
+    count += fit_starts.one_sided_starts(problem, work, begun[count:])
     costs, chosen = np.empty(count), np.empty((min(count, LIMBUS_STARTS), UNKNOWNS))
     for number in range(count):
         search_loops.keep_inside(problem.scene.tables, begun[number])

@@ -14,7 +14,7 @@ from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled_in_place, compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit_loops import cut_wall, find_curve, force_at, library_place, show_wall, without_folds
-from scleraforce.library.sealed import VolumePaths, level_of, pressure_at_dent
+from scleraforce.library.sealed import level_of, pressure_at_dent
 from scleraforce.library.search_loops import UNKNOWNS, Problem, Work, dot, factorise, solve
 from scleraforce.library.splines import value_of
 from scleraforce.segmentation.loops import nth
@@ -95,7 +95,7 @@ def _lay(problem: Problem, surface: Surface, unknown: Floats, pose: Floats, work
 
 
 @compiled_part
-def find_starts(problem: Problem, paths: VolumePaths, surface: Surface, work: Work, found: Floats) -> int:
+def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -> int:
     """Write at most STARTS starts (start, unknown), dents that lie better than their neighbours; return their number.
 
     The best comes first. Each has its best lateral place and depth. A dent that lies much worse than the best is not a
@@ -111,7 +111,7 @@ def find_starts(problem: Problem, paths: VolumePaths, surface: Surface, work: Wo
             if not law.is_open:
                 rate = (law.mean if rigidity else law.lowest) * per_rate
                 state = thickness, resting, min(tried[at.TIP] / size, tables.tip_m[-1])
-                ratio = pressure_at_dent(tables, paths, state, rate, law.is_logarithmic)
+                ratio = pressure_at_dent(tables, state, rate, law.is_logarithmic)
                 if np.isnan(ratio):
                     continue
                 tried[at.PRESSURE] = np.log(ratio * modulus)
@@ -262,7 +262,7 @@ def _fit_limbus(limbus_m: float, along_m: Floats, rest_m: Floats, basis: Floats,
 
 
 @compiled_part
-def one_sided_starts(problem: Problem, paths: VolumePaths, work: Work, found: Floats) -> int:
+def one_sided_starts(problem: Problem, work: Work, found: Floats) -> int:
     """Write unknowns with a limbus on one side, of walls laid on the middle and the other side; return their number.
 
     A needle that hardly dents the wall 2 mm beside a limbus shows less than the furrow there, which a search over the
@@ -275,7 +275,7 @@ def one_sided_starts(problem: Problem, paths: VolumePaths, work: Work, found: Fl
         if np.count_nonzero(near) < LEAST_COLUMNS:
             continue
         surface = surface_of(lateral_m[near], depth_m[near], MIDDLE_M)
-        for number in range(find_starts(problem, paths, surface, work, begun)):
+        for number in range(find_starts(problem, surface, work, begun)):
             if limbus_start(problem, begun[number], sign, work, found[count]):
                 count += 1
     return count

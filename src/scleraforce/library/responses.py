@@ -13,7 +13,7 @@ The paths are of a wall of revolution about the needle axis; `library.base` has 
 from collections import OrderedDict
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from scleraforce.errors import InputError
 from scleraforce.library import splines
 from scleraforce.library.base import base_bulge, contact_rises, meridian_angles, rise_slope, undented_motion
 from scleraforce.library.splines import Curves, SplineTables, curves_of, values_at
-from scleraforce.library.stiffened import MixedCurves, StiffenedWalls, WholeCurves
+from scleraforce.library.stiffened import StiffenedWalls
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.material import burst_tension
 from scleraforce.study.eye import RIGIDITY_LAWS
@@ -32,16 +32,6 @@ if TYPE_CHECKING:
     from scleraforce.library.sealed import LibraryEye
 
 SLACK = 1e-9  # relative: two formulas for an end of a range may round otherwise
-
-
-def weight_products(
-    first: Places, of_first: Floats, second: Places, of_second: Floats, seconds: int
-) -> tuple[Places, Floats]:
-    """Return rows (sample, 16) of a table over two axes, the second of length `seconds`, and weights there."""
-    support = np.arange(splines.SUPPORT)
-    rows = (first[:, None] + support)[:, :, None] * seconds + (second[:, None] + support)[:, None]
-    weights = of_first[:, :, None] * of_second[:, None]
-    return rows.reshape(len(first), splines.SUPPORT**2), weights.reshape(len(first), splines.SUPPORT**2)
 
 
 def check_inside(
@@ -86,17 +76,16 @@ def check_arrays(library: "Library") -> None:
     if min(*shape, len(polar_rad)) < splines.SUPPORT:
         raise InputError(f"library: {shape} thicknesses, tensions, tips and {len(polar_rad)} polar angles; must be at "
                          f"least {splines.SUPPORT} of each")  # fmt: skip
-    shapes = {
-        "force_ratio_tpd": shape,
-        "displaced_tpd": shape,
-        "stiffness_atpd": (len(polar_rad), *shape),
-        "undented_tpbnc": (*shape[:2], 2, library.undented_tpbnc.shape[-2], 2),
-    }
-    arrays = {name: getattr(library, name) for name in shapes}
-    shapes["walls"] = (*shape, 2, library.walls.shape[-2], 2)
-    for name, array in (*arrays.items(), ("walls", library.walls)):
-        if array.shape != shapes[name] or (name in ("walls", "undented_tpbnc") and array.shape[-2] < 2):
-            raise InputError(f"library: {name} {array.shape}: two points at least, of the axes {shape}")
+    walls, at_pole = library.walls, (len(library.walls.stiffening), *shape)
+    for name, found, wanted in (
+        ("force_ratio_btpd", walls.force_ratio_btpd.shape, at_pole),
+        ("displaced_btpd", walls.displaced_btpd.shape, at_pole),
+        ("stiffness_atpd", library.stiffness_atpd.shape, (len(polar_rad), *shape)),
+        ("undented_btpbnc", walls.undented_btpbnc.shape, (*at_pole[:3], 2, max(walls.undented_btpbnc.shape[-2], 2), 2)),
+        ("curves", walls.curves.shape, (*at_pole, 2, max(walls.curves.shape[-2], 2), 2)),
+    ):
+        if found != wanted:
+            raise InputError(f"library: {name} {found}: two points at least, of the axes {shape}")
     axes = (polar_rad, library.thickness_m, library.tension, library.tip_m)
     check_inside("polar angle", np.asarray(library.contact_polar_rad), polar_rad[0], polar_rad[-1], "deg")
     if not all((np.diff(axis) > 0.0).all() for axis in axes):
@@ -105,7 +94,7 @@ def check_arrays(library: "Library") -> None:
     if not all(0.0 < size < np.inf for size in sizes) or not 0.0 <= library.poisson_ratio < 0.5:
         raise InputError(f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
                          f"Poisson's ratio {library.poisson_ratio}: impossible")  # fmt: skip
-    if not all(np.isfinite(array).all() for array in (*axes, *arrays.values())):
+    if not all(np.isfinite(array).all() for array in (*axes, library.stiffness_atpd)):
         raise InputError("library: values that are not finite")
 
 
@@ -130,35 +119,6 @@ class Responses:
     force_ratio: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class SplineWeights:
-    """Spline weights over a library's axes: `thickness_m` (t,), `tension` (p,), `tip_m` (d,). Each is computed once."""
-
-    thickness_m: Floats
-    tension: Floats
-    tip_m: Floats
-    walls: MixedCurves
-    undented_tpbnc: Curves
-
-    @cached_property
-    def splines(self) -> tuple[splines.CubicSpline, splines.CubicSpline, splines.CubicSpline]:
-        """Splines over log thickness, log tension, tip."""
-        axes = (np.log(self.thickness_m), np.log(self.tension), self.tip_m)
-        thickness, tension, tip = map(splines.CubicSpline, axes)
-        return thickness, tension, tip
-
-    @cached_property
-    def of_curves(self) -> Curves:
-        """Spline weights of the curves (t p d, b n c)."""
-        return self.walls.coefficients(self.splines)
-
-    @cached_property
-    def of_undented(self) -> Floats:
-        """Spline weights of the walls without the needle (t p, b n c)."""
-        weights = splines.tensor_coefficients(self.splines[:2], self.undented_tpbnc.astype(np.float64))
-        return weights.reshape(len(self.thickness_m) * len(self.tension), -1)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Library:
     """Load paths over thickness and tension, and their interpolation. All evaluation is vectorised over samples.
@@ -166,21 +126,16 @@ class Library:
     A sample outside of the library raises `InputError`, which names the value and the range.
 
     `thickness_m` (t,), `tension` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
-    `force_ratio_tpd` is F/E in m^2, `displaced_tpd` the volume in m^3 between the wall without the needle and with it,
-    at one pressure, and `walls` the curves of `Responses`, of walls clamped 90 degrees from the needle axis.
-    `undented_tpbnc` are the walls without the needle, from axis to clamp. `stiffness_atpd` is the factor of the force
-    for contacts at the polar angles `polar_rad` (a,), from 0; the library answers for `contact_polar_rad`.
-    `max_force_ratio` is its largest F/E. The walls' tissue stiffens by `stiffening` (`mechanics.material`); `stiffened`
-    has the walls of other tissue, None if the library holds no other.
+    `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0.
+    `max_force_ratio` is its largest F/E. It answers for contacts at `contact_polar_rad`, and for the `walls` of tissue
+    that stiffens by `stiffening` (`mechanics.material`).
     """
 
     thickness_m: Floats
     tension: Floats
     tip_m: Floats
-    force_ratio_tpd: Floats
-    displaced_tpd: Floats
-    walls: MixedCurves
-    undented_tpbnc: Curves
+    walls: StiffenedWalls
+    stiffening: float
     radius_m: float
     poisson_ratio: float
     needle_radius_m: float
@@ -188,20 +143,38 @@ class Library:
     polar_rad: Floats
     stiffness_atpd: Floats
     contact_polar_rad: float
-    stiffening: float = 0.0
-    stiffened: StiffenedWalls | None = None
-    weights: InitVar["SplineWeights | None"] = None  # of its walls, where another library has them already
+    same_walls: InitVar["Library | None"] = None  # has the spline weights of its walls already
 
     def __repr__(self) -> str:
         return f"<Library: {len(self.thickness_m) * len(self.tension)} load paths of {len(self.tip_m)} dents>"
 
-    _weights: "SplineWeights" = field(init=False, repr=False, compare=False)
+    _same_walls: "Library | None" = field(init=False, repr=False, compare=False)
+    _mix_b: Floats = field(init=False, repr=False, compare=False)  # of the walls, for its stiffening
     _others: "OrderedDict[float, Library]" = field(default_factory=OrderedDict, init=False, repr=False, compare=False)
 
-    def __post_init__(self, weights: "SplineWeights | None") -> None:
+    def __post_init__(self, same_walls: "Library | None") -> None:
         check_arrays(self)
-        own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.walls, self.undented_tpbnc)
-        object.__setattr__(self, "_weights", own if weights is None else weights)
+        object.__setattr__(self, "_same_walls", same_walls)
+        object.__setattr__(self, "_mix_b", self.walls.weights(self.stiffening))
+
+    @cached_property
+    def force_ratio_tpd(self) -> Floats:
+        """F/E over the pole (t, p, d), m^2."""
+        return np.tensordot(self._mix_b, self.walls.force_ratio_btpd, axes=1)
+
+    @cached_property
+    def displaced_tpd(self) -> Floats:
+        """The displaced volume over the pole (t, p, d), m^3."""
+        return np.tensordot(self._mix_b, self.walls.displaced_btpd, axes=1)
+
+    @cached_property
+    def undented_tpbnc(self) -> Curves:
+        """Walls without the needle (t, p, boundary, node, 2), m."""
+        return np.tensordot(self._mix_b, self.walls.undented_btpbnc.astype(np.float64), axes=1).astype(np.float32)
+
+    def curves_tpdbnc(self) -> Curves:
+        """Return the curves of all its states (t, p, d, boundary, node, 2), m."""
+        return self.walls.curves.mixed(self._mix_b)
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
         """Return the first state on loading (sample,) of walls, m, at IOP/E that carries a force F/E, m^2."""
@@ -221,23 +194,23 @@ class Library:
 
     def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Return F/E (sample,), m^2, of `at_tip` without the curves, at a hundredth of the cost."""
-        return self._at_tips(self._state_coefficients, thickness_m, iop_ratio, tip_m)
+        return self._at_tips(self.tables.forces, thickness_m, iop_ratio, tip_m)
 
     def displaced_m3(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Return the volume between the wall without the needle and with it, at one pressure, (sample,), m^3."""
-        return self._at_tips(self._volume_coefficients, thickness_m, iop_ratio, tip_m)
+        return self._at_tips(self.tables.volumes, thickness_m, iop_ratio, tip_m)
 
     def base_bulge(self, thickness_m: Floats, iop_ratio: Floats, places_sbpc: Floats, pole_s2: Floats) -> Floats:
         """Return the motion of walls beside the pole by the base (sample, boundary, place, 3), m; see `base`."""
         rows, weights = self._walls(thickness_m, iop_ratio)
-        undented = (weights[:, None] @ self._weights.of_undented[rows])[:, 0]
+        undented = (weights[:, None] @ self._undented_weights[rows])[:, 0]
         undented_sbnc = undented.reshape(len(rows), *self.undented_tpbnc.shape[2:])
         motion = undented_motion(undented_sbnc, self._angles, self.radius_m, np.asarray(thickness_m))
         return base_bulge(motion, self._angles, places_sbpc, pole_s2)
 
     def node_angles(self) -> Floats:
         """Return the angles from the needle axis at which the nodes of the curves lie at rest (node,)."""
-        return self._angles[: self.walls.shape[4]]
+        return self._angles[: self.walls.curves.shape[5]]
 
     @cached_property
     def _angles(self) -> Floats:
@@ -251,9 +224,9 @@ class Library:
 
     def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
         """Return the tips (sample,), m, at which loading first reaches the forces; arguments as for `curves`."""
-        walls = self._walls(thickness_m, iop_ratio)
+        paths = self._paths(thickness_m, iop_ratio)
         check_inside("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
-        tips = splines.first_crossing(self.tip_m, *self._paths(walls), np.asarray(force_ratio))
+        tips = splines.first_crossing(self.tip_m, paths, np.array(force_ratio, dtype=np.float64))
         if np.isnan(tips).any():
             sample = int(np.argmax(np.isnan(tips)))
             raise InputError(
@@ -270,39 +243,30 @@ class Library:
         known = np.ones(values[0].shape, dtype=bool)
         for value, (low, high) in zip(values, ranges, strict=True):
             known &= (value >= low - SLACK * high) & (value <= high * (1.0 + SLACK))
-        thickness, tension, force = (value[known] for value in values)
-        ratio = tension * thickness / self.radius_m
-        known[known] = np.isfinite(
-            splines.first_crossing(self.tip_m, *self._paths(self._walls(thickness, ratio)), force)
-        )
+        thickness, tension, force = (value[known].astype(np.float64) for value in values)
+        paths = self._paths(thickness, tension * thickness / self.radius_m)
+        known[known] = np.isfinite(splines.first_crossing(self.tip_m, paths, force))
         return known
 
     def largest_force_ratio(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         """Return the largest F/E (sample,), m^2, that `curves` answers for these walls."""
-        forces, _ = self._paths(self._walls(thickness_m, iop_ratio))
+        forces = self._paths(thickness_m, iop_ratio)[:, : len(self.tip_m)]
         return np.minimum(forces.max(axis=1), self.max_force_ratio)
 
     def for_contact(self, polar_rad: float) -> "Library":
         """Return the library of needles at a polar angle; it shares the arrays that do not depend on it."""
-        return replace(self, contact_polar_rad=polar_rad, weights=self._weights)
+        return replace(self, contact_polar_rad=polar_rad, same_walls=self._same_walls or self)
 
     def for_stiffening(self, stiffening: float) -> "Library":
         """Return the library of tissue that stiffens by b, at the same contact; the last few are cached."""
         if stiffening == self.stiffening:
             return self
-        if self.stiffened is None:
-            raise InputError(f"stiffening: the library only holds tissue of {self.stiffening:g}, not of {stiffening:g}")
         if stiffening not in self._others:
-            self._others[stiffening] = replace(self, **self.stiffened.at(stiffening), stiffening=stiffening)
+            self._others[stiffening] = replace(self, stiffening=stiffening)
             if len(self._others) > OTHERS:
                 self._others.popitem(last=False)
         self._others.move_to_end(stiffening)
         return self._others[stiffening]
-
-    @property
-    def stiffenings(self) -> Floats:
-        """Stiffenings of its walls (b,)."""
-        return np.array([self.stiffening]) if self.stiffened is None else self.stiffened.stiffening
 
     def nearest_contact(self, polar_rad: float | None) -> "Library":
         """Return the library of needles at a polar angle, or at the nearest that it holds; for None, itself."""
@@ -344,26 +308,47 @@ class Library:
 
         One node beyond is kept. It is smaller and faster, for slices that do not show the rest.
         """
-        near = (self.walls.values()[..., 0].min(axis=(0, 1, 2)) < distance_m).any(axis=0)
-        nodes = min(int(np.flatnonzero(near)[-1]) + 2, len(near))
-        stiffened = None if self.stiffened is None else self.stiffened.within(nodes)
-        return replace(self, walls=self.walls.within(nodes), stiffened=stiffened, weights=None)
+        near = (self.curves_tpdbnc()[..., 0].min(axis=(0, 1, 2)) < distance_m).any(axis=0)
+        return replace(self, walls=self.walls.within(min(int(np.flatnonzero(near)[-1]) + 2, len(near))))
+
+    @cached_property
+    def _splines(self) -> tuple[splines.CubicSpline, splines.CubicSpline, splines.CubicSpline]:
+        """Splines over log thickness, log tension, tip."""
+        thickness, tension, tip = map(splines.CubicSpline, (np.log(self.thickness_m), np.log(self.tension), self.tip_m))
+        return thickness, tension, tip
+
+    @cached_property
+    def _curve_weights(self) -> Curves:
+        """Spline weights of the curves (t p d, b n c)."""
+        shared = self._same_walls
+        return shared._curve_weights if shared else self.walls.curves.coefficients(self._mix_b, self._splines)
+
+    @cached_property
+    def _undented_weights(self) -> Floats:
+        """Spline weights of the walls without the needle (t p, b n c)."""
+        if self._same_walls:
+            return self._same_walls._undented_weights
+        weights = splines.tensor_coefficients(self._splines[:2], self.undented_tpbnc.astype(np.float64))
+        return weights.reshape(len(self.thickness_m) * len(self.tension), -1)
 
     @cached_property
     def tables(self) -> SplineTables:
-        """Tables that the loops of `states` interpolate; they share the library's arrays."""
-        thickness, tension, tip = (spline.pieces for spline in self._weights.splines)
+        """Tables that the loops of `splines` interpolate; they share the library's arrays."""
+        along, forces, volumes = self._splines, self._contact_forces, self._contact_volumes
+        thickness, tension, tip = (spline.pieces for spline in along)
         return SplineTables(
             thickness=thickness,
             tension=tension,
             tip=tip,
             tensions=len(self.tension),
             tips=len(self.tip_m),
-            curves=self._weights.of_curves,
-            undented=self._weights.of_undented,
-            forces=self._state_coefficients,
-            volumes=self._volume_coefficients,
-            paths=self._force_coefficients,
+            curves=self._curve_weights,
+            undented=self._undented_weights,
+            forces=splines.tensor_coefficients(along, forces).reshape(-1),
+            volumes=splines.tensor_coefficients(along, volumes).reshape(-1),
+            paths=splines.values_and_slopes(along, forces, axis=2),
+            volumes_along_tension=splines.values_and_slopes(along, volumes, axis=1),
+            log_tension=np.log(self.tension),
             tip_m=self.tip_m,
             thickness_ends_m=self._ends(self.thickness_m),
             tension_ends=self._ends(self.tension),
@@ -392,36 +377,15 @@ class Library:
         self.check_walls(thickness_m, iop_ratio)
         return values_at(self.tables, coefficients, *_samples(thickness_m, iop_ratio, tip_m))
 
-    @cached_property
-    def _force_coefficients(self) -> Floats:
-        """Spline weights over thickness and tension of the force and of its slope at the tips (t p, 2 d)."""
-        return splines.values_and_slopes(self._weights.splines, self._contact_forces, axis=2)
-
-    @cached_property
-    def _state_coefficients(self) -> Floats:
-        """Spline weights of the force (t p d,)."""
-        return splines.tensor_coefficients(self._weights.splines, self._contact_forces).reshape(-1)
-
-    @cached_property
-    def _volume_coefficients(self) -> Floats:
-        """Spline weights of the displaced volume (t p d,)."""
-        return splines.tensor_coefficients(self._weights.splines, self._contact_volumes).reshape(-1)
-
-    @cached_property
-    def volumes_along_pressure(self) -> Floats:
-        """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
-        return splines.values_and_slopes(self._weights.splines, self._contact_volumes, axis=1)
-
-    def _paths(self, walls: Walls) -> tuple[Floats, Floats]:
-        """Force and slope at the library's tips for walls, each (sample, d)."""
-        rows, weights = walls
-        both = (weights[:, None] @ self._force_coefficients[rows])[:, 0]
-        return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
+    def _paths(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
+        """Force, and then its slope, at the library's tips for walls (sample, 2 d)."""
+        rows, weights = self._walls(thickness_m, iop_ratio)
+        return np.asarray((weights[:, None] @ self.tables.paths[rows])[:, 0])
 
     def _curves(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
         """Return the curves of states whose tips lie in the library."""
         self.check_walls(thickness_m, iop_ratio)
-        found = np.empty((len(tip_m), *self.walls.shape[3:]), dtype=np.float32)
+        found = np.empty((len(tip_m), *self.walls.curves.shape[4:]), dtype=np.float32)
         thickness, ratio, tip = _samples(thickness_m, iop_ratio, tip_m)
         curves_of(self.tables, thickness, ratio, tip, found.reshape(len(found), -1))
         return found
@@ -429,9 +393,11 @@ class Library:
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return the walls' places between the nodes of the library."""
         tension = self.check_walls(thickness_m, iop_ratio)
-        t, of_t = self._weights.splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
-        p, of_p = self._weights.splines[1].weights(np.log(inside_ends(tension, self.tension)))
-        return weight_products(t, of_t, p, of_p, len(self.tension))
+        t, of_t = self._splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
+        p, of_p = self._splines[1].weights(np.log(inside_ends(tension, self.tension)))
+        support, shape = np.arange(splines.SUPPORT), (len(t), splines.SUPPORT**2)
+        rows = (t[:, None] + support)[:, :, None] * len(self.tension) + (p[:, None] + support)[:, None]
+        return rows.reshape(shape), (of_t[:, :, None] * of_p[:, None]).reshape(shape)
 
     def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         """Return the tensions of walls in the library (sample,)."""
@@ -451,21 +417,3 @@ class Library:
 def _samples(*values: Floats) -> list[Floats]:
     """Return values (sample,) each, of the one type that the loops are compiled for."""
     return [np.ascontiguousarray(value, dtype=np.float64) for value in np.broadcast_arrays(*values)]
-
-
-def library_of(walls: StiffenedWalls, **others: Any) -> Library:
-    """Return the library of walls, of their first stiffening; `others`: its other arguments."""
-    first = float(walls.stiffening[0])
-    stiffened = walls if len(walls.stiffening) > 1 else None
-    return Library(**walls.at(first), stiffening=first, stiffened=stiffened, **others)
-
-
-def walls_of(library: Library) -> StiffenedWalls:
-    """Return a library's walls of every stiffening."""
-    return library.stiffened or StiffenedWalls(
-        stiffening=np.array([library.stiffening]),
-        force_ratio_btpd=library.force_ratio_tpd[None],
-        displaced_btpd=library.displaced_tpd[None],
-        undented_btpbnc=library.undented_tpbnc[None],
-        curves=WholeCurves(library.walls.values()[None]),
-    )

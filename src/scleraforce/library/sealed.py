@@ -24,31 +24,18 @@ from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import HumanUnit
 
 
-class VolumePaths(NamedTuple):
-    """Displaced volumes along the pressure: logarithms of the library's tensions (p,), and weights (t d, 2 p)."""
-
-    log_tension: Floats
-    rows: Floats
-
-
-def volume_paths(library: Library, used: bool = True) -> VolumePaths:
-    """Return the paths of a library, without values where they are not used."""
-    return VolumePaths(np.log(library.tension), library.volumes_along_pressure if used else np.empty((0, 0)))
-
-
 @compiled
 def pressures_at_dents(
-    tables: SplineTables, paths: VolumePaths, thickness_m: Floats, tip_m: Floats, rate: Floats, is_logarithmic: bool,
-    ratio: Floats,
-) -> None:  # fmt: skip
+    tables: SplineTables, thickness_m: Floats, tip_m: Floats, rate: Floats, is_logarithmic: bool, ratio: Floats
+) -> None:
     """Put the pressures over E at dents (sample,) in place of those without the needle."""
     for n in range(len(ratio)):
-        ratio[n] = pressure_at_dent(tables, paths, (thickness_m[n], ratio[n], tip_m[n]), rate[n], is_logarithmic)
+        ratio[n] = pressure_at_dent(tables, (thickness_m[n], ratio[n], tip_m[n]), rate[n], is_logarithmic)
 
 
 @compiled_part
 def pressure_at_dent(
-    tables: SplineTables, paths: VolumePaths, state: tuple[float, float, float], rate: float, is_logarithmic: bool
+    tables: SplineTables, state: tuple[float, float, float], rate: float, is_logarithmic: bool
 ) -> float:
     """Return the pressure over E at a dent; NaN where none of the library solves the law.
 
@@ -62,34 +49,23 @@ def pressure_at_dent(
     tensions, path = tables.tensions, np.zeros(2 * tables.tensions)
     for i in range(SUPPORT):
         for j in range(SUPPORT):
-            path -= rate * of_t[i] * of_d[j] * paths.rows[(t + i) * tables.tips + d + j]
+            path -= rate * of_t[i] * of_d[j] * tables.volumes_along_tension[(t + i) * tables.tips + d + j]
     for p in range(tensions):
-        level = level_of(np.exp(paths.log_tension[p]) * thickness_m / tables.radius_m, is_logarithmic)
+        level = level_of(np.exp(tables.log_tension[p]) * thickness_m / tables.radius_m, is_logarithmic)
         path[p] += level
         path[tensions + p] += 1.0 if is_logarithmic else level / 3.0
-    log_tension = first_place(paths.log_tension, path, level_of(resting, is_logarithmic))
+    log_tension = first_place(tables.log_tension, path, level_of(resting, is_logarithmic))
     return float(np.exp(log_tension) * thickness_m / tables.radius_m)
 
 
 SPARE = 1e-3  # of the volume: the pressure of an end of the bracket lies beyond the solution
 
 
-class SealedEyes(NamedTuple):
-    """Sealed eyes under forces, (sample,) each: walls, resting pressures over E, F/E, and rates of their globes.
-
-    `lowest` and `highest` are the library's pressures over E of these walls.
-    """
-
-    thickness_m: Floats
-    resting: Floats
-    force_ratio: Floats
-    rate: Floats
-    lowest: Floats
-    highest: Floats
-
-
 class SealedEye(NamedTuple):
-    """One of them, with the weights over the tension of its wall's paths (p, 2 d) and a workspace (2 d,)."""
+    """A sealed eye under a force: wall, resting pressure over E, F/E and its globe's law.
+
+    `along`: weights over the tension of its wall's paths (p, 2 d); `path` (2 d,) is workspace.
+    """
 
     thickness_m: float
     resting: float
@@ -102,16 +78,19 @@ class SealedEye(NamedTuple):
 
 @compiled
 def pressures_under_forces(
-    tables: SplineTables, eyes: SealedEyes, is_logarithmic: bool, tolerance: float, found: Floats
+    tables: SplineTables, eyes_ns: Floats, is_logarithmic: bool, tolerance: float, found: Floats
 ) -> None:
-    """Write the pressure over E of each eye (sample,); `tolerance` is that of its logarithm."""
+    """Write the pressure over E of each eye (sample,); `tolerance` is that of its logarithm.
+
+    `eyes_ns`: thickness, resting pressure over E, F/E, the globe's rate, and the library's lowest and highest pressure.
+    """
     columns = tables.paths.shape[1]
     along, path = np.empty((tables.tensions, columns)), np.empty(columns)
     for n in range(len(found)):
-        _paths_of_thickness(tables, eyes.thickness_m[n], along)
-        thickness_m, resting = eyes.thickness_m[n], eyes.resting[n]
-        eye = SealedEye(thickness_m, resting, eyes.force_ratio[n], eyes.rate[n], is_logarithmic, along, path)
-        found[n] = _pressure(tables, eye, eyes.lowest[n], eyes.highest[n], tolerance)
+        thickness_m, resting, force_ratio, rate, lowest, highest = eyes_ns[:, n]
+        _paths_of_thickness(tables, thickness_m, along)
+        eye = SealedEye(thickness_m, resting, force_ratio, rate, is_logarithmic, along, path)
+        found[n] = _pressure(tables, eye, lowest, highest, tolerance)
 
 
 @compiled_part
@@ -200,11 +179,10 @@ def iop_ratio_under_force(
     (sealed,) = np.nonzero((walls[3] != 0.0) & (walls[2] > 0.0))
     if not len(sealed):
         return found
-    thickness, resting, force, rate = (np.asarray(values[sealed], dtype=np.float64) for values in walls)
-    library.check_walls(thickness, resting)
-    pressures = np.empty_like(resting)
-    eyes = SealedEyes(thickness, resting, force, rate, *library.iop_ratio_ends(thickness))
-    pressures_under_forces(library.tables, eyes, globe.law == RIGIDITY_LAWS[1], tolerance, pressures)
+    eyes_ns = np.array([values[sealed] for values in walls], dtype=np.float64)
+    library.check_walls(eyes_ns[0], eyes_ns[1])
+    eyes_ns, pressures = np.vstack([eyes_ns, library.iop_ratio_ends(eyes_ns[0])]), np.empty(len(sealed))
+    pressures_under_forces(library.tables, eyes_ns, globe.law == RIGIDITY_LAWS[1], tolerance, pressures)
     found[sealed] = pressures
     return found
 
@@ -222,7 +200,7 @@ def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, 
     eyes = np.broadcast_arrays(*inside, globe.rate, iop_ratio)
     thickness, tip, rate, ratio = (np.array(part, dtype=np.float64) for part in eyes)
     is_logarithmic = globe.law == RIGIDITY_LAWS[1]
-    pressures_at_dents(library.tables, volume_paths(library), thickness, tip, rate, is_logarithmic, ratio)
+    pressures_at_dents(library.tables, thickness, tip, rate, is_logarithmic, ratio)
     return ratio
 
 

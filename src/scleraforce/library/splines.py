@@ -169,27 +169,21 @@ MOST_STEPS = 50  # bisections of an interval of 0.25 mm end far below a rounding
 CONVERGED = 1e-13  # of an interval
 
 
-def first_crossing(tip_m: Floats, force_sd: Floats, slope_sd: Floats, wanted_s: Floats) -> Floats:
-    """Return the smallest tip (sample,), m, at which each path carries its force; NaN where it never does.
-
-    `force_sd` and `slope_sd` are force and slope at the increasing tips (sample, tip). The first tip is returned where
-    its force is larger already.
-    """
-    found = np.array(wanted_s, dtype=np.float64)
-    _first_places(tip_m, np.concatenate([force_sd, slope_sd], axis=1), found)
-    return found
-
-
 @compiled
-def _first_places(tip_m: Floats, paths: Floats, wanted: Floats) -> None:
-    """Put the place (sample,) at which each path (sample, 2 place) first reaches its value instead of the value."""
-    for sample in range(len(wanted)):
-        wanted[sample] = first_place(tip_m, paths[sample], wanted[sample])
+def first_crossing(tip_m: Floats, paths: Floats, wanted: Floats) -> Floats:
+    """Return the smallest tip (sample,), m, at which each path (sample, 2 tip) carries its force; NaN where none does.
+
+    A path is the force, and then its slope, at the increasing tips.
+    """
+    found = np.empty(len(wanted))
+    for sample in range(len(found)):
+        found[sample] = first_place(tip_m, paths[sample], wanted[sample])
+    return found
 
 
 @compiled_part
 def first_place(tip_m: Floats, path: Floats, wanted: float) -> float:
-    """Return where a path, values and slopes at increasing places, first reaches a value."""
+    """Return where a path first reaches a value; the first place if it is larger there already."""
     tips = len(tip_m)
     if path[0] >= wanted:
         return float(tip_m[0])
@@ -249,8 +243,9 @@ class SplineTables(NamedTuple):
 
     `curves` (t p d, b n c), `undented` (t p, b n c), `forces` and `volumes` (t p d,) are the weights; the splines run
     over log thickness, log tension and tip, which have `tensions` and `tips` nodes and lie between `thickness_ends_m`
-    and `tension_ends`. `paths` (t p, 2 d) are the weights of force and slope at the tips `tip_m` (d,). `angles` (node,)
-    belong to the walls without the needle.
+    and `tension_ends`. `paths` (t p, 2 d) are the weights of force and slope at the tips `tip_m` (d,), and
+    `volumes_along_tension` (t d, 2 p) of volume and slope at `log_tension` (p,). `angles` (node,) belong to the walls
+    without the needle.
     """
 
     thickness: Pieces
@@ -263,6 +258,8 @@ class SplineTables(NamedTuple):
     forces: Floats
     volumes: Floats
     paths: Floats
+    volumes_along_tension: Floats
+    log_tension: Floats
     tip_m: Floats
     thickness_ends_m: tuple[float, float]
     tension_ends: tuple[float, float]

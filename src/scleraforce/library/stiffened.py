@@ -13,7 +13,6 @@ value is off by more than it may be. It sums up without BLAS: the result is the 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,8 +123,9 @@ class WholeCurves:
         return mixed
 
     def coefficients(self, weights_b: Floats, splines: Splines) -> Curves:
-        """Return the spline weights of `mixed` over the first three axes."""
-        return tensor_coefficients(splines, self.mixed(weights_b).astype(np.float64)).astype(np.float32)
+        """Return the spline weights of `mixed` over the first three axes (t p d, b n c)."""
+        weights = tensor_coefficients(splines, self.mixed(weights_b).astype(np.float64)).astype(np.float32)
+        return weights.reshape(prod(self.shape[1:4]), -1)
 
     def within(self, nodes: int) -> "WholeCurves":
         """Return the first nodes of the curves."""
@@ -159,9 +159,9 @@ class ReducedCurves:
         return np.asarray(values, dtype=np.float32).reshape(self.shape[1:])
 
     def coefficients(self, weights_b: Floats, splines: Splines) -> Curves:
-        """Return the spline weights of `mixed` over the first three axes, right to 20 nm: as exact as the curves."""
+        """Return the spline weights of `mixed` over the first three axes (t p d, b n c), as exact as the curves."""
         steps_rk = sum(np.float32(weights_b[b]) * self._steps(b, splines) for b in np.flatnonzero(weights_b).tolist())
-        return np.asarray(steps_rk @ self.rows.basis_kv).reshape(self.shape[1:])
+        return np.asarray(steps_rk @ self.rows.basis_kv)
 
     def _steps(self, b: int, splines: Splines) -> Curves:
         """Return the spline weights of the steps of one b (t p d, part)."""
@@ -182,36 +182,13 @@ class ReducedCurves:
         return self.rows.rows().astype(np.float32).reshape(self.shape)
 
 
-@dataclass(frozen=True, eq=False)
-class MixedCurves:
-    """Curves of one tissue (t, p, d, boundary, node, 2), m: a sum by weights (b,). They are unpacked lazily."""
-
-    of: WholeCurves | ReducedCurves
-    weights_b: Floats
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of the curves."""
-        return self.of.shape[1:]
-
-    def values(self) -> Curves:
-        """Return the curves."""
-        return self.of.mixed(self.weights_b)
-
-    def coefficients(self, splines: Splines) -> Curves:
-        """Return their spline weights over the first three axes (t p d, b n c)."""
-        return self.of.coefficients(self.weights_b, splines).reshape(prod(self.shape[:3]), -1)
-
-    def within(self, nodes: int) -> "MixedCurves":
-        """Return the first nodes of the curves."""
-        return replace(self, of=self.of.within(nodes))
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StiffenedWalls:
-    """A library's walls of each stiffening b, `stiffening` (b,), which increase: one, or at least four.
+    """Walls of each stiffening b, `stiffening` (b,), which increase: one, or at least four.
 
-    `force_ratio_btpd`, `displaced_btpd`, `undented_btpbnc` and `curves` are the arrays of `Library`, for each b.
+    `force_ratio_btpd` is F/E in m^2, `displaced_btpd` the volume in m^3 between the wall without the needle and with
+    it, at one pressure, and `curves` are as in `Responses`, of walls clamped 90 degrees from the needle axis.
+    `undented_btpbnc` are the walls without the needle, from axis to clamp.
     """
 
     stiffening: Floats
@@ -232,27 +209,18 @@ class StiffenedWalls:
         if not all(np.isfinite(values).all() for values in arrays):
             raise InputError("library: values that are not finite")
 
-    def at(self, stiffening: float) -> dict[str, Any]:
-        """Return the arrays of `Library` that change with the stiffening, by name."""
-        weights = self._weights(stiffening)
-        undented = np.tensordot(weights, self.undented_btpbnc.astype(np.float64), axes=1)
-        return {
-            "force_ratio_tpd": np.tensordot(weights, self.force_ratio_btpd, axes=1),
-            "displaced_tpd": np.tensordot(weights, self.displaced_btpd, axes=1),
-            "undented_tpbnc": undented.astype(np.float32),
-            "walls": MixedCurves(self.curves, weights),
-        }
-
     def within(self, nodes: int) -> "StiffenedWalls":
         """Return the walls with the first nodes of their curves."""
         return replace(self, curves=self.curves.within(nodes))
 
-    def _weights(self, stiffening: float) -> Floats:
+    def weights(self, stiffening: float) -> Floats:
         """Return the weight of each b at another (b,)."""
         here: Floats = (self.stiffening == stiffening).astype(np.float64)
         if here.any():
             return here
         low, high = float(self.stiffening[0]), float(self.stiffening[-1])
+        if low == high:
+            raise InputError(f"stiffening: the library only holds tissue of {low:g}, not of {stiffening:g}")
         if not low <= stiffening <= high:  # nor is NaN
             raise InputError(f"stiffening: {stiffening:g} is outside the library's range, {low:g} to {high:g}")
         spline = CubicSpline(stiffening_place(self.stiffening))

@@ -28,7 +28,7 @@ from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
 from scleraforce.errors import InputError
 from scleraforce.library.base import base_stiffness
 from scleraforce.library.plan import LibraryPlan, parse_plan, plan_library
-from scleraforce.library.responses import Library, library_of
+from scleraforce.library.responses import Library
 from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
@@ -106,21 +106,30 @@ def open_library(path: str | PathLike[str]) -> Library:
     for name in AXES:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
             raise InputError(f"{path / name}: not the values of its plan: the store is damaged; make it again")
-    stiffening, thickness_m, tension, tip_m = (arrays[name] for name in AXES)
-    forces, displaced, curves = arrays[FORCES], arrays[DISPLACED], WholeCurves(arrays[CURVES])
-    resting = np.ascontiguousarray(arrays[CURVES][:, :, :, 0])
     walls = StiffenedWalls(
-        stiffening=stiffening, force_ratio_btpd=forces, displaced_btpd=displaced, undented_btpbnc=resting, curves=curves
+        stiffening=arrays["stiffening"],
+        force_ratio_btpd=arrays[FORCES],
+        displaced_btpd=arrays[DISPLACED],
+        undented_btpbnc=np.ascontiguousarray(arrays[CURVES][:, :, :, 0]),
+        curves=WholeCurves(arrays[CURVES]),
     )
-    polar_rad, stiffness_atpd = base_stiffness(thickness_m, tension, tip_m, forces[0], arrays[SUPPORT_FORCES])
-    of_plan = ("radius_m", "poisson_ratio", "needle_radius_m", "contact_polar_rad")
-    others = {name: arrays[name] for name in AXES[1:]} | {name: getattr(plan, name) for name in of_plan}
-    others |= {
-        "max_force_ratio": plan.grid.max_force_ratio_m2,
-        "polar_rad": polar_rad,
-        "stiffness_atpd": stiffness_atpd,
-    }
-    return library_of(walls, **others)
+    thickness_m, tension, tip_m = (arrays[name] for name in AXES[1:])
+    forces, supported = arrays[FORCES][0], arrays[SUPPORT_FORCES]
+    polar_rad, stiffness_atpd = base_stiffness(thickness_m, tension, tip_m, forces, supported)
+    return Library(
+        thickness_m=thickness_m,
+        tension=tension,
+        tip_m=tip_m,
+        walls=walls,
+        stiffening=float(walls.stiffening[0]),
+        radius_m=plan.radius_m,
+        poisson_ratio=plan.poisson_ratio,
+        needle_radius_m=plan.needle_radius_m,
+        max_force_ratio=plan.grid.max_force_ratio_m2,
+        polar_rad=polar_rad,
+        stiffness_atpd=stiffness_atpd,
+        contact_polar_rad=plan.contact_polar_rad,
+    )
 
 
 def _arrays(plan: LibraryPlan) -> dict[str, StoredArray]:
