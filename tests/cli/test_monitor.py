@@ -10,8 +10,9 @@ import sys
 import termios
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache, wraps
-from itertools import count
+from itertools import chain, count
 from math import radians
 from pathlib import Path
 from shutil import copytree
@@ -145,22 +146,21 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(fold
     with started(model.parent, *known, *kept) as monitor:
         if run(["replay", str(push), "--port", str(monitor.port), "--quiet"]):
             raise StarvedError
-        wait_until(lambda: len(read_recording(session).frames) == len(read_recording(push).frames))
     log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
     read = [record["entry"] for record in log if record["kind"] == "entry" and record["entry"]["frame"]]
-    assert [entry["plane"] for entry in read] == ["along", "across"] * (len(read) // 2)
+    sent, true_n = read_recording(push).frames, list(true_forces(push).values())  # a busy machine may lose some
+    assert [entry["plane"] for entry in read] == [sent[entry["frame_id"] - 1].plane for entry in read]
     assert read[0]["code"] == 13
-    true_mn = [1e3 * force_n for force_n in true_forces(push).values()]
+    true_mn = [1e3 * true_n[entry["frame_id"] - 1] for entry in read]
     assert [entry["force_mn"] for entry in read] == pytest.approx(true_mn, abs=1.5)
     assert read[-1]["planes_force_mn"] == pytest.approx(12.0, abs=1.5)
     assert np.hypot(*read[-1]["contact_xyz_mm"][:2]) == pytest.approx(0.5, abs=0.15)
-    kept_lines = (session / "frames.csv").read_text().splitlines()
-    (session / "frames.csv").write_text("\n".join([kept_lines[0], *kept_lines[-8:]]) + "\n")
-    (session / "forces.csv").unlink()  # of the whole push
-    found = evaluate_recordings(load_model("default"), [session])
-    assert [frame.plane for frame in found.frames] == ["along", "across"] * 4
-    forces_n = [frame.answer.force_n for frame in found.frames]  # E is not known to it
-    assert forces_n == pytest.approx([force_mn / 1e3 for force_mn in true_mn[-8:]], abs=4e-3)
+    recorded = read_recording(session)
+    assert [entry.plane for entry in recorded.frames] == [entry["plane"] for entry in read]
+    held = [moment for moment in recorded.moments if len(moment) == 2][-3:]
+    found = evaluate_recordings(load_model("default"), [replace(recorded, frames=tuple(chain(*held)), forces=None)])
+    assert [frame.plane for frame in found.frames] == ["along", "across"] * 3
+    assert [frame.answer.force_n for frame in found.frames] == pytest.approx([0.012] * 6, abs=4e-3)  # with no known E
     assert all(frame.answer.place for frame in found.frames)
 
 
