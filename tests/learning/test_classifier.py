@@ -151,7 +151,7 @@ def store(tmp_path_factory) -> Path:
     unwritten = create_dataset(path, STUDY, MODULUS_PA, None, plan)
     top = plan.force_n / 10e-3
     row = np.arange(8)[:, None]
-    bars = np.broadcast_to((row >= top[:, None, None]) & (row < top[:, None, None] + 2), (plan.images, 8, 10))
+    bars = np.broadcast_to((row >= top[:, None, None]) & (row < top[:, None, None] + 2), (len(plan), 8, 10))
     for unit, samples in enumerate(unit_samples(STUDY)):
         unwritten.write(unit, {SLICES: bars[samples].astype(np.uint8) * np.uint8(255)})
     unwritten.finish()
@@ -173,9 +173,7 @@ def test_the_reader_takes_the_folder_and_knows_its_modulus_data_study_and_accura
     assert "`youngs_modulus_mpa` | 0.31 |" in (tmp_path / "model/card.md").read_text(encoding="utf-8")
 
 
-def test_ctrl_c_leaves_nothing_behind_and_an_existing_model_is_refused_before_any_training(
-    store: Path, tmp_path: Path
-) -> None:
+def test_ctrl_c_leaves_nothing_behind_and_an_existing_model_is_refused_before_any_training(store, tmp_path) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 

@@ -97,7 +97,7 @@ def test_a_part_of_a_plan_is_that_of_the_whole_whatever_groups_and_contacts_it_s
         group=(st.DatasetGroup(images=45), st.DatasetGroup(images=3), st.DatasetGroup(images=230, thickness_m=8e-4)),
     )
     whole, draft = plan_dataset(study), draft_plan(study)
-    assert len(draft.seed) == whole.images == 278
+    assert len(draft.seed) == len(whole) == 278
     for part in (slice(0, 1), slice(40, 60), slice(45, 48), slice(277, 278)):
         for name, values in vars(draft.samples(part)).items():
             np.testing.assert_array_equal(values, vars(whole)[name][part], err_msg=name)
@@ -349,7 +349,7 @@ def test_slices_equal_cutting_and_filling_one_by_one(study, library):
     plan = plan_dataset(study)
     near = near_library(study, plan, library)
     images = library_slices(study, MODULUS_PA, draft_plan(study).unit(1), near)
-    numbers = np.arange(plan.images)[unit_samples(study)[1]]
+    numbers = np.arange(len(plan))[unit_samples(study)[1]]
     differing = [
         int((image != one_by_one(study, library, plan, sample)).sum())
         for sample, image in zip(numbers[:25], images, strict=False)

@@ -17,7 +17,7 @@ from scleraforce.laboratory.pushes import path_of_pushes, plan_pushes, sample_se
 from scleraforce.learning import virtual_eyes
 from scleraforce.learning.virtual_eyes import FRAMES, VirtualEye, VirtualFrame, calibrated, draw_eye, draw_frames
 from scleraforce.learning.walls import CORNEA_RADIUS_M, BoundaryErrors, Forms, added_depths, disturb, draw_forms
-from scleraforce.library import INNER, OUTER, Library
+from scleraforce.library import INNER, OUTER
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.prior import prior_of
 from scleraforce.mechanics.relaxation import ELASTIC
@@ -199,9 +199,7 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
 
 
 @pytest.mark.slow
-def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_at_others(
-    library, eye: VirtualEye
-) -> None:
+def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_at_others(library, eye) -> None:
     largest_n, gaps = list[float](), list[float]()
     for seed in range(6):
         known, left = virtual_eyes.calibrated_otherwise(eye, EXACT, library, np.random.default_rng(seed))
@@ -233,9 +231,7 @@ def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye
     assert twice["fit"] == pytest.approx(0.5 * once["fit"], rel=1e-9)
 
 
-def test_a_calibration_gets_the_zeros_covariance_and_its_frames_times(
-    eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_calibration_gets_the_zeros_covariance_and_its_frames_times(eye: VirtualEye, library, monkeypatch) -> None:
     given = list[Any]()
     begin, step, frames = virtual_eyes.begin, virtual_eyes.step, draw_frames(eye, EXACT, 5, np.random.default_rng(6))
     monkeypatch.setattr(

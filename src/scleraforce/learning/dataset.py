@@ -60,9 +60,7 @@ class DatasetPlan:
     validation: Flags
     seed: NDArray[np.uint32]
 
-    @property
-    def images(self) -> int:
-        """Number of samples."""
+    def __len__(self) -> int:
         return len(self.force_n)
 
 
@@ -305,7 +303,7 @@ class SampleSimulator:
     def slices(self, plan: DatasetPlan) -> Bytes:
         """Return the slices of all samples of a plan of the study, shape (samples, rows, columns), 255 = wall."""
         walls = np.flatnonzero(np.diff(plan.thickness_m)) + 1
-        return np.concatenate([self._of_one_wall(plan, part) for part in np.split(np.arange(plan.images), walls)])
+        return np.concatenate([self._of_one_wall(plan, part) for part in np.split(np.arange(len(plan)), walls)])
 
     def _of_one_wall(self, plan: DatasetPlan, samples: Places) -> Bytes:
         """Slices of samples of one thickness."""
@@ -361,7 +359,7 @@ def library_slices(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, li
     thickness, force, the contact's polar angle, plane and framing, not by azimuth or by the direction of the plane.
     `library` is a `near_library` of the whole plan.
     """
-    slices, bounds = [], [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), plan.images]
+    slices, bounds = [], [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), len(plan)]
     for samples in (slice(*part) for part in pairwise(bounds)):  # of one contact
         beside = library.for_contact(float(plan.polar_rad[samples.start]))
         thickness_m, gap_m, tilt_rad = plan.thickness_m[samples], plan.gap_m[samples], plan.tilt_rad[samples]
@@ -436,7 +434,7 @@ def generate_dataset(
     todo = store.missing()
     units = unit_samples(study)
     missing = sum(units[number].stop - units[number].start for number in todo)
-    report(plan.images - missing)
+    report(len(plan) - missing)
     workers = workers or available_cores()
     near = None if library is None else near_library(study, plan, library)
     prepare = partial(_making, study, modulus, near)
@@ -450,7 +448,7 @@ def generate_dataset(
             store.write(unit, {SLICES: images})
             report(len(images))
     store.finish()
-    return Generation(plan.images, missing, perf_counter() - start)
+    return Generation(len(plan), missing, perf_counter() - start)
 
 
 def _making(study: Study, youngs_modulus_pa: float, library: Library | None) -> Callable[[int], Bytes]:

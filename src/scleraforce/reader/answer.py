@@ -50,6 +50,11 @@ class Reading:
         numbers = (*self.probabilities, self.force_n, low, high, self.contact_m, self.contact_sd_m)
         return all(map(isfinite, numbers)) and low <= self.force_n <= high
 
+    def spanning(self, check: "Reading") -> "Reading":
+        """Return the reading with an interval that spans both intervals; a check that is not finite adds nothing."""
+        (low, high), (other_low, other_high) = self.interval_n, (check if check.finite else self).interval_n
+        return replace(self, interval_n=(min(low, other_low), max(high, other_high)))
+
 
 def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...], factor: float = 1.0) -> Reading:
     """Return the reading of a fit, its distribution stretched about the median by a factor (`reader.intervals`)."""
@@ -85,14 +90,6 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
         f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, "
         f"the {names[1]} {from_si(check.force_n, 'mn'):.1f} mN: they differ by more than their intervals allow"
     )
-
-
-def spanned_interval(answer: Reading, check: Reading) -> tuple[float, float]:
-    """Return the interval that spans the intervals of both readings; a check that is not finite adds nothing."""
-    if not check.finite:
-        return answer.interval_n
-    (low, high), (other_low, other_high) = answer.interval_n, check.interval_n
-    return min(low, other_low), max(high, other_high)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,17 +23,7 @@ from scleraforce.library.responses import Library
 from scleraforce.library.unknowns import GAP
 from scleraforce.models import NETWORK_FILE, RECORD_FILE, check_interface, run_network
 from scleraforce.reader import verdicts
-from scleraforce.reader.answer import (
-    METHODS,
-    UNCHECKED,
-    Answer,
-    Reading,
-    disagreement,
-    fit_reading,
-    spanned_interval,
-    together,
-    unusable,
-)
+from scleraforce.reader.answer import METHODS, UNCHECKED, Answer, Reading, disagreement, fit_reading, together, unusable
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
 from scleraforce.reader.networks import ForceNetwork
@@ -423,7 +413,7 @@ class ForceReader(Reader):
         check = METHODS[1 - METHODS.index(name)]
         answering, other = readings[name], readings[check]
         warning = disagreement(answering, other, (name, check))
-        reading = replace(answering, interval_n=spanned_interval(answering, other)) if warning else answering
+        reading = answering.spanning(other) if warning else answering
         answer = verdicts.judged_answer(reading, name, leaves, self.study)
         undecided = verdicts.no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
         reason = verdicts.contact_outside(other, self.study.reader) or (undecided and f"{warning}; {undecided}")
