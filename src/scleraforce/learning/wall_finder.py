@@ -133,12 +133,9 @@ def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
     """Return the rows of a scene that are learned from: all of them or, in some, the rows of a second look."""
     there, rows = np.isfinite(scene.outer_row), len(scene.frame)
     share, chosen = finders.BEYOND_SHARE * rng.uniform(0.5, 2.0), rng.random() < SECOND_LOOKS
-    close = (
-        finders.rows_about(scene.outer_row[there], scene.inner_row[there], rows, share)
-        if chosen and there.any()
-        else None
-    )
-    return close or (0, rows)
+    if chosen and there.any():
+        return finders.rows_about(scene.outer_row[there], scene.inner_row[there], rows, share) or (0, rows)
+    return 0, rows
 
 
 def fit_wall_finder(

@@ -144,7 +144,7 @@ class Score:
     score: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Stretch:
     """The readings of a method with one kind of modulus, and the factor that stretches their intervals.
 
@@ -225,10 +225,8 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
         eyes, factor = eye_count(entries), conformal_quantile(entries)
         globes = tuple(globe for globe in GLOBE_TRAITS if any(globe in entry.traits for entry in entries))
         factor = max(factor, 1.0) if eyes < FEW_EYES else factor
-        count, held = len(entries), sum(entry.score <= 1.0 for entry in entries) / len(entries)
-        found.append(
-            Stretch(method=method, modulus=modulus, globes=globes, eyes=eyes, readings=count, held=held, factor=factor)
-        )
+        held = sum(entry.score <= 1.0 for entry in entries) / len(entries)
+        found.append(Stretch(method, modulus, globes, eyes, len(entries), held, factor))
     return tuple(found)
 
 

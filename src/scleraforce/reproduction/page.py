@@ -232,10 +232,11 @@ def write_reproduction_html(
 def _sections(run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str, float]) -> Iterator[html.Html]:
     evaluation, to_the_bounds, bent_paper, bent_reader = evaluations
     reader = load_classifier(run.model)
-    yield html.section(
-        "Result", html.paragraph(said("simulated"), notice=True), html.evaluation_cards(evaluation),
-        html.paragraph(said("paper_result")), _overview(run, evaluation),
-    )  # fmt: skip
+    drawn = frame_figures.draw_overview(look_at_all(_typical(evaluation, 0)), evaluation)
+    write_figure(drawn, run.overview)
+    overview = html.figure(drawn, "frames with the class read, and the forces of all trials", said("overview"), "png")
+    simulated, cards = html.paragraph(said("simulated"), notice=True), html.evaluation_cards(evaluation)
+    yield html.section("Result", simulated, cards, html.paragraph(said("paper_result")), overview)
     yield _design(run, evaluation)
     model = html.figure(draw_model(run.study), "a half-sphere with its loads and its clamped base", said("model"))
     yield html.section("The simulated eye", model, _mesh_figure(run.study))
@@ -253,12 +254,6 @@ def _sections(run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str,
     taken = [[name, f"{value:.1f}"] for name, value in [*seconds.items(), ("together", sum(seconds.values()))]]
     times = html.table(["stage", "seconds"], taken, "Stages of this run; writing this page comes on top.")
     yield html.section("Time and provenance", times, html.provenance_table(run.study, reader))
-
-
-def _overview(run: Run, evaluation: Evaluation) -> html.Html:
-    drawn = frame_figures.draw_overview(look_at_all(_typical(evaluation, 0)), evaluation)
-    write_figure(drawn, run.overview)
-    return html.figure(drawn, "frames with the class read, and the forces of all trials", said("overview"), "png")
 
 
 def _design(run: Run, evaluation: Evaluation) -> html.Html:

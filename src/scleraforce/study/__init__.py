@@ -76,8 +76,7 @@ class ClassesStudy(Section):
 
     bounds_n: tuple[float, ...] = quantity((5.0, 30.0), "mn", 0.0, 1000.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if len(self.bounds_n) != 2 or not self.bounds_n[0] < self.bounds_n[1]:
             raise StudyError("bounds_mn: give two increasing forces, like [5.0, 30.0]")
 
@@ -140,8 +139,7 @@ class LibraryStudy(Section):
         low, high = self.stiffening.bounds
         return low, high if self.stiffenings > 1 else low
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         for key, bounds in (("thickness_um", self.thickness_m.bounds), ("tension", self.tension.bounds)):
             if bounds[0] == bounds[1]:
                 raise StudyError(f"{key}: a range has to be given, like {{ min = ..., max = ... }}")
@@ -181,8 +179,7 @@ class DatasetStudy(Section):
     direction_rad: Sampled = quantity(fixed(0.0), "deg", -180.0, 180.0)
     group: tuple[DatasetGroup, ...] = PAPER_GROUPS
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if not self.group:
             raise StudyError("group: give at least one [[dataset.group]]")
 

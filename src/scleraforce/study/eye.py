@@ -37,8 +37,7 @@ class MeshStudy(Section):
     layers: int = quantity(1, None, 1, 20)
     order: int = quantity(2, None, 1, 2)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if self.divisions % 2:
             raise StudyError(f"divisions: {self.divisions} is odd; a half cube needs an even number per edge")
         if self.core % 2:
@@ -90,8 +89,7 @@ class TissueStudy(Section):
     stiffer_around: float = quantity(1.0, None, 1.0, 10.0)
     relaxation: tuple[tuple[Sampled, ...], ...] = quantity((), None, 0.0, 1e5)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if any(len(term) != 2 for term in self.relaxation):
             raise StudyError(TERMS)
         check_relaxation([(share.bounds[1], time_s.bounds[0]) for share, time_s in self.relaxation])
@@ -154,8 +152,7 @@ class GlobeStudy(Section):
     rigidity_law: str = option("cube-root", *RIGIDITY_LAWS)
     leak_time_s: float = quantity(0.0, None, 0.0, 1e6)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if 0.0 < self.leak_time_s < 1.0:
             raise StudyError(f"leak_time_s: {self.leak_time_s:g}; must be 1 s or more, or 0: no leak")
 
@@ -209,8 +206,7 @@ class CorneaStudy(Section):
     polar_rad: float = quantity(0.0, "deg", 0.0, 90.0)
     azimuth_rad: float = quantity(0.0, "deg", -360.0, 360.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if not self.limbus_radius_m < self.radius_m:
             ring, cornea = (f"{from_si(value, 'mm'):g}" for value in (self.limbus_radius_m, self.radius_m))
             raise StudyError(f"limbus_radius_mm: {ring}; must be below the cornea's radius_mm, {cornea}")
@@ -225,8 +221,7 @@ class FormStudy(Section):
     region: tuple[RegionStudy, ...] = ()
     cornea: CorneaStudy | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if len(self.semi_axes) != 3:
             raise StudyError("semi_axes: give three ratios, like [1.0, 1.0, 1.0]")
         if sum(abs(wave.amplitude_fraction) for wave in self.wave) > MOST_UNEVEN:

@@ -177,10 +177,14 @@ def check_fields(record: Any) -> None:
 
 
 class Section:
-    """A section of a study: every field is within its bounds from the start."""
+    """A section of a study: every field is within its bounds from the start, and they fit together (`_check`)."""
 
     def __post_init__(self) -> None:
         check_fields(self)
+        self._check()
+
+    def _check(self) -> None:
+        """Raise a `StudyError` if fields do not fit together."""
 
 
 def check_number(key: str, number: float, unit: Unit) -> None:

@@ -108,8 +108,7 @@ class PhantomStudy(Section):
     cross_talk_fraction: Sampled = quantity(Range(min=-3.0, max=3.0), "percent", -100.0, 100.0)
     torque_noise_nm: Sampled = quantity(fixed(0.1), "mnm", 0.0, 1000.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if self.frame_delay_s.bounds[1] > self.hold_s.bounds[0]:
             raise StudyError("frame_delay_s: a frame would be taken after the push is over; make hold_s longer")
 
@@ -349,8 +348,7 @@ class SceneScannerStudy(Section):
     margin_fraction: Sampled = span(1.0, 15.0, "percent", 0.0, 45.0, "of the size, at some sides")
     margin_level: Sampled = span(0.0, 1.0, None, 0.0, 1.0, "its grey: black 0, white 1")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if self.linear_share + self.root_share > 1.0:
             raise StudyError("root_share: with linear_share more than 1")
 

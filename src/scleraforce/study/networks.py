@@ -49,8 +49,7 @@ class WallFinderStudy(Section):
     validation_scenes: int = quantity(400, None, 1, 1_000_000)
     seed: int = quantity(0, None, 0, 2**31 - 1)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         least = 2 ** len(self.channels)
         for key in ("rows", "columns"):
             if getattr(self, key) % least:
@@ -120,8 +119,7 @@ class ReaderStudy(Section):
     validation_samples: int = quantity(6_000, None, 10, 100_000_000)
     seed: int = quantity(0, None, 0, 2**31 - 1)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if self.small_force_n > self.max_force_n:
             raise StudyError("small_force_mn: larger than max_force_mn")
         if self.globe_open_fraction + self.globe_missing_fraction > 1.0:
@@ -166,8 +164,7 @@ class RawReaderStudy(Section):
     interval_eyes: int = quantity(120, None, 0, 1_000_000)
     seed: int = quantity(0, None, 0, 2**31 - 1)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if self.rows % 2:
             raise StudyError(f"rows: {self.rows} is odd; rows and columns are taken in pairs")
         _ = self.wall  # which checks its sizes
