@@ -102,11 +102,9 @@ def test_commands_run_without_functions_of_linux(command: str, session: Path, tm
     out = tmp_path / "out"
     words = {
         "phantom": ("--study", study, "--out", out, "--forces-mn", "2,20", "--thickness-um", 600),
-        "generate": ("--study", study, "--out", out, "--workers", 1),
-        "evaluate": ("default", session),
-        "segment": (session, "--out", out),
-        "replay": (session, "--port", 1),
-    }[command]
+        "generate": ("--study", study, "--out", out, "--workers", 1), "evaluate": ("default", session),
+        "segment": (session, "--out", out), "replay": (session, "--port", 1),
+    }[command]  # fmt: skip
     done = elsewhere(command, *words)
     if command == "replay":  # there is no monitor to play to
         assert done.stderr.startswith("error: 127.0.0.1:1: "), done.stderr
@@ -159,12 +157,9 @@ def test_no_command_speaks_to_another_host_or_writes_outside_its_outputs(reader:
         ("phantom", "--study", "study.toml", "--out", "eye", "--forces-mn", "5,30"),
         ("segment", "eye", "--out", "masks", "--overlay"),
         ("generate", "--study", "study.toml", "--out", "data.zarr", "--workers", "1"),
-        ("train", "data.zarr", "--out", "classifier"),
-        ("classify", "classifier", *frame),
-        ("classify", reader, *frame),
-        ("evaluate", reader, "eye", "--html", "page.html"),
-        ("monitor", reader, "--port", "0", "--web-port", "0"),
-    ]
+        ("train", "data.zarr", "--out", "classifier"), ("classify", "classifier", *frame), ("classify", reader, *frame),
+        ("evaluate", reader, "eye", "--html", "page.html"), ("monitor", reader, "--port", "0", "--web-port", "0"),
+    ]  # fmt: skip
     for command in commands:
         monitor = command[0] == "monitor"
         done = traced(tmp_path, *command, until=(lambda line: line.startswith("reset")) if monitor else None)

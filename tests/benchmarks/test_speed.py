@@ -110,12 +110,9 @@ def test_another_benchmark_waits_until_the_first_is_done(tmp_path: Path) -> None
 def test_an_interrupted_run_writes_nothing(tmp_path: Path) -> None:
     words = ["--quick", "--out", str(tmp_path / "out")]
     process = subprocess.Popen(
-        [sys.executable, "-m", "speed", *words],
-        env=environment(tmp_path) | {"TMPDIR": str(tmp_path)},
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+        [sys.executable, "-m", "speed", *words], env=environment(tmp_path) | {"TMPDIR": str(tmp_path)},
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
     while not list(tmp_path.glob("bench-*")):
         sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)

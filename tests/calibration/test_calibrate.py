@@ -177,19 +177,15 @@ def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() ->
 
 HOSTILE = {
     "stiffening": ([-1, 1e300, "5", True, None, []], "stiffening"),
-    "mean_mpa": ([1e300, "0.2", True, None, [], 10**35], "mean_mpa"),
-    "sd_mpa": ([-1, 1e300], "sd_mpa"),
+    "mean_mpa": ([1e300, "0.2", True, None, [], 10**35], "mean_mpa"), "sd_mpa": ([-1, 1e300], "sd_mpa"),
     "parameters": ([{}, [], {"youngs_modulus_pa": {"mean": 1e300, "sd": 1.0}}, {"weight": {}}], "parameters"),
-    "recordings": ([None, [3], [{}]], "recordings"),
-    "steps": ([{}, [{}], ["x"], []], "steps"),
+    "recordings": ([None, [3], [{}]], "recordings"), "steps": ([{}, [{}], ["x"], []], "steps"),
     "state.mean": ([[1e300], [[0.1]], "x", [None], [0.0, 1.0], {}], "state"),
-    "state.factor": ([[[1e300]], [1.0]], "state.factor"),
-    "state.precision": ([[[0.0]], [[-4.0]]], "state.precision"),
+    "state.factor": ([[[1e300]], [1.0]], "state.factor"), "state.precision": ([[[0.0]], [[-4.0]]], "state.precision"),
     "state.recent": ([[[1, 2, 3]], [["a", 1]], [[-1.0, 2]], 7], "state.recent"),
-    "state.updates": ([-1, 1e300, "5"], "state.updates"),
-    "state.belief_covariance": ([[[1.0]], "x"], "state"),
+    "state.updates": ([-1, 1e300, "5"], "state.updates"), "state.belief_covariance": ([[[1.0]], "x"], "state"),
     "state.zero_covariance": ([[[-1.0, 0.0], [0.0, 1.0]], [[1.0, 2.0], [0.0, 1.0]]], "state.zero_covariance"),
-}
+}  # fmt: skip
 
 
 def test_hostile_values_are_refused_by_their_key_before_they_are_used(calibration: Calibration) -> None:

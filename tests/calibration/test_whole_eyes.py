@@ -55,13 +55,10 @@ def drawn_eye(rng: np.random.Generator, rigidity: float) -> tuple[float, EyeCons
     """The modulus and the true values of an eye, whose contact is not the stated one."""
     modulus_pa = float(rng.uniform(0.25e6, 0.45e6))
     eye = EyeConstants(
-        iop_pa=float(rng.uniform(150.0, 400.0)),
-        thickness_m=float(rng.uniform(0.52e-3, 0.78e-3)),
-        gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
-        polar_rad=float(rng.uniform(0.45, 0.78)),
-        polar_sd_rad=0.0,
+        iop_pa=float(rng.uniform(150.0, 400.0)), thickness_m=float(rng.uniform(0.52e-3, 0.78e-3)),
+        gap_m=float(rng.uniform(0.4e-3, 0.8e-3)), polar_rad=float(rng.uniform(0.45, 0.78)), polar_sd_rad=0.0,
         globe=replace(SEALED, mean=rigidity * PER_UL) if rigidity else OPEN,
-    )
+    )  # fmt: skip
     return modulus_pa, eye
 
 

@@ -64,12 +64,10 @@ def test_a_folder_of_the_name_takes_precedence(frame: Path, shell) -> None:
 def test_a_wrong_name_is_an_error_that_lists_the_bundled_ones(frame: Path, shell) -> None:
     bundled = "(default, living, paper, wall-finder)"
     for arguments in (
-        ("classify", "defualt", frame),
-        ("evaluate", "defualt", frame.parents[1]),
-        ("monitor", "defualt"),
+        ("classify", "defualt", frame), ("evaluate", "defualt", frame.parents[1]), ("monitor", "defualt"),
         ("calibrate", frame.parents[1], "--intervals", "defualt", "--out", "new"),
         ("segment", frame, "--wall-finder", "defualt", "--out", "masks"),
-    ):
+    ):  # fmt: skip
         refused = shell.refused(*arguments)
         assert refused.startswith(f"error: defualt: no such folder, and not a bundled model {bundled}")
         assert sorted(path.name for path in frame.parents[2].iterdir()) == ["session"]

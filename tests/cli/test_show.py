@@ -69,14 +69,11 @@ SAID = {
     ".": ("study", "dataset.framing_depth_mm = 0.2 to 0.6 (the paper's: [0.0])"),
     "eye": ("recording", "40 in 0.39 s, 32 x 24 pixels of 12 bits"),
     "modulus.json": ("calibration", "mine               0.300   0.0100        3  thickness 651 ± 12 µm"),
-    "box": ("decision log", "1 BOUND"),
-    "box/log": ("decision log", "30, 30 of them on a frame"),
+    "box": ("decision log", "1 BOUND"), "box/log": ("decision log", "30, 30 of them on a frame"),
     "box/log/decisions-000001.jsonl": ("decision log", "1.0 to 30.0 mN"),
-    "reader": ("model", "reader, answers with its fit"),
-    "default": ("model", "library.npz"),
-    "wall-finder": ("model", "wall-finder"),
-    "reader/library.npz": ("library", "radius 12 mm, 350 to 900 µm thick"),
-}
+    "reader": ("model", "reader, answers with its fit"), "default": ("model", "library.npz"),
+    "wall-finder": ("model", "wall-finder"), "reader/library.npz": ("library", "radius 12 mm, 350 to 900 µm thick"),
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -154,16 +151,14 @@ def test_a_log_has_each_withdrawal_once_and_the_number_of_its_torn_parts(things:
 REFUSED = {
     "nowhere": "nowhere: no such file or folder; give a study",
     "empty": "empty: give a study, library, data set, model (or a bundled one: default, living, paper, wall-finder)",
-    "eye/recording.toml": "a part of a recording; give its folder",
-    "eye/frames/0000.png": "0000.png: give a study",
+    "eye/recording.toml": "a part of a recording; give its folder", "eye/frames/0000.png": "0000.png: give a study",
     "eye --model nowhere": "nowhere: no such folder, and not a bundled model",
     "eye --model wall-finder": "wall-finder: kind: found 'wall-finder'",
     "study.toml --model default": "--model: study.toml is a study; a model reads recordings",
     "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",
-    "eye --plot study.toml": "give a name that ends in",
-    "eye --plot old.svg": "old.svg: exists already",
+    "eye --plot study.toml": "give a name that ends in", "eye --plot old.svg": "old.svg: exists already",
     "eye --plot new.svg --model nowhere": "nowhere: no such folder, and not a bundled model",
-}
+}  # fmt: skip
 
 
 def test_wrong_input_is_one_line_and_writes_nothing(here: Path, shell) -> None:

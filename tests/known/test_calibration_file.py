@@ -98,13 +98,11 @@ def test_a_refusal_names_the_value_and_the_unit_that_may_be_meant(tmp_path: Path
 
 
 GLOBES = {
-    "open": OPEN,
-    "unknown": UNKNOWN,
-    "stated": known_globe("sealed", 1e8, "logarithmic"),
+    "open": OPEN, "unknown": UNKNOWN, "stated": known_globe("sealed", 1e8, "logarithmic"),
     "calibrated": replace(SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True),
     "nearly open": replace(UNKNOWN, mean=-1e5, sd=1e6, correlation=0.7, calibrated=True),
     "most correlated": replace(SEALED, correlation=-MOST_CORRELATED, calibrated=True),
-}
+}  # fmt: skip
 
 
 def test_a_globe_is_read_as_it_was_written_with_its_band_for_people(tmp_path: Path) -> None:

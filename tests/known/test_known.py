@@ -105,11 +105,9 @@ def test_an_eye_takes_the_globe_that_its_calibration_found_unless_another_kind_i
 
 def test_a_recording_states_a_globe_or_none() -> None:
     for said, globe in (
-        ({}, None),
-        ({"globe": "open"}, OPEN),
-        ({"globe": "sealed"}, SEALED),
+        ({}, None), ({"globe": "open"}, OPEN), ({"globe": "sealed"}, SEALED),
         ({"globe": "sealed", "rigidity_pa13_per_m3": 1e8}, known_globe("sealed", 1e8)),
-    ):
+    ):  # fmt: skip
         assert stated_globe(EyeInfo("e", **said)) == globe
 
 

@@ -24,14 +24,9 @@ PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 RADIUS, NU, NEEDLE = 12e-3, 0.45, 0.35e-3
 DENTS_M = 1e-3 * np.array([0.3, 0.8, 1.4, 2.0])
 GRID = LibraryStudy(
-    thickness_m=Range(min=0.45e-3, max=0.9e-3),
-    thicknesses=5,
-    tension=Range(min=4e-3, max=0.2),
-    tensions=8,
-    max_tip_m=3e-3,
-    tips=24,
-    stiffenings=1,
-)
+    thickness_m=Range(min=0.45e-3, max=0.9e-3), thicknesses=5, tension=Range(min=4e-3, max=0.2), tensions=8,
+    max_tip_m=3e-3, tips=24, stiffenings=1,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +57,9 @@ def test_a_sealed_eye_is_that_of_a_path_with_its_own_volumes(
     globe = sealed_globe(rigidity * PER_UL, law)
     dents_m = DENTS_M[:3]
     path = axisymmetric_path(
-        *(RADIUS, thickness_m, NU, NEEDLE, iop_pa / modulus_pa),
-        tips_m=dents_m,
-        globe=globe.over(modulus_pa),
+        *(RADIUS, thickness_m, NU, NEEDLE, iop_pa / modulus_pa), tips_m=dents_m, globe=globe.over(modulus_pa),
         size=MeridianSize(96),
-    )
+    )  # fmt: skip
     eye = thickness_m, modulus_pa, iop_pa
     pressures_pa, forces_n = loaded(library, dents_m, eye, 0.0, rigidity, law)  # the path knows no base beside the pole
     np.testing.assert_allclose(pressures_pa, path.iop_ratio[1:] * modulus_pa, rtol=2e-3)
@@ -95,14 +88,9 @@ def test_a_sealed_eye_is_that_of_three_dimensions(
     globe, contact = sealed_globe(rigidity * PER_UL), Contact(polar_rad=polar_rad)
     wall = FiniteWall(graded_mesh(RADIUS, thickness_m, contact, core=8, rings=20), NU)
     path = wall.load_path(
-        needle_at(wall.mesh, contact, NEEDLE),
-        youngs_modulus_pa=modulus_pa,
-        iop_pa=iop_pa,
-        density_kg_m3=0.0,
-        max_force_n=np.inf,
-        max_tip_m=float(dents_m[-1]),
-        globe=globe,
-    )
+        needle_at(wall.mesh, contact, NEEDLE), youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, density_kg_m3=0.0,
+        max_force_n=np.inf, max_tip_m=float(dents_m[-1]), globe=globe,
+    )  # fmt: skip
     pressures_pa, forces_n = loaded(library, dents_m, (thickness_m, modulus_pa, iop_pa), polar_rad, rigidity, LAWS[0])
     np.testing.assert_allclose(forces_n, CubicSpline(path.tips_m, path.forces_n)(dents_m), rtol=0.02)
     np.testing.assert_allclose(pressures_pa, CubicSpline(path.tips_m, path.pressures_pa)(dents_m), rtol=0.02)

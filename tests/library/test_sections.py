@@ -115,11 +115,9 @@ def drawn(seed, turn_rad=0.0):
     rng = np.random.default_rng(seed)
     walls = curves(rng.uniform(0.35e-3, 0.9e-3, COUNT), rng.uniform(1e-4, 6e-3, COUNT), rng.uniform(0.0, 6e-3, COUNT))
     framing = Framing(
-        rng.uniform(-1e-3, 1e-3, COUNT),
-        rng.uniform(0.1e-3, 0.8e-3, COUNT),
-        rng.uniform(0.95, 1.05, COUNT),
+        rng.uniform(-1e-3, 1e-3, COUNT), rng.uniform(0.1e-3, 0.8e-3, COUNT), rng.uniform(0.95, 1.05, COUNT),
         rng.uniform(-turn_rad, turn_rad, COUNT),
-    )
+    )  # fmt: skip
     return walls, rng.uniform(0.3e-3, 1e-3, COUNT), rng.uniform(-0.2, 0.2, COUNT), framing
 
 

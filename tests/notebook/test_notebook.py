@@ -73,14 +73,12 @@ def test_a_declared_globe_decides_the_pressure_at_the_dent() -> None:
 
 def test_a_frame_that_cannot_be_used_is_one_clear_line() -> None:
     cases: list[tuple[Any, dict[str, float], str]] = [
-        (FRAME, {}, "give width_m and depth_m"),
-        (FRAME[0], SIZE, r"shape \(512,\); give one frame"),
+        (FRAME, {}, "give width_m and depth_m"), (FRAME[0], SIZE, r"shape \(512,\); give one frame"),
         ([[1, 2], [3, 4]], SIZE, "frame: a frame of 2 dimensions and type int64"),
         (FRAME.astype(float), SIZE, "type float64"),
         (FRAME, {"width_m": 15.0, "depth_m": 4.0}, r"width_m: 15 .*did you mean 0\.015 m \(15 mm\)"),
-        (FRAME, {**SIZE, "refractive_index": 3.0}, "refractive index of 3"),
-        ("nowhere.png", SIZE, "nowhere.png"),
-    ]
+        (FRAME, {**SIZE, "refractive_index": 3.0}, "refractive index of 3"), ("nowhere.png", SIZE, "nowhere.png"),
+    ]  # fmt: skip
     for frame, size, words in cases:
         with pytest.raises(FrameError, match=words):
             segment(frame, **size)
@@ -184,16 +182,13 @@ def test_missing_metadata_is_named_by_arguments_all_at_once(sources: list[Path],
 
 
 REFUSED: list[tuple[dict[str, object], str]] = [
-    ({"width_m": 12.0}, "width_m: 12 is above the largest allowed value 0.1"),
-    ({"bits": -1}, "bits: -1 is below"),
-    ({"bits": 8}, "bits says 8"),
-    ({"rate_hz": 0.0}, "^rate_hz: 0; give the frames taken in a second"),
+    ({"width_m": 12.0}, "width_m: 12 is above the largest allowed value 0.1"), ({"bits": -1}, "bits: -1 is below"),
+    ({"bits": 8}, "bits says 8"), ({"rate_hz": 0.0}, "^rate_hz: 0; give the frames taken in a second"),
     ({**FORCE, "contact_sign": 0}, "contact_sign: 0 is not a sign"),
     ({"grey_range": (9.0, 1.0)}, "^grey_range: 9 1; give the darkest"),
     ({"array": "a"}, "^array: acts on an .npz file"),
-    ({"columns": ["fz=pull"]}, "^columns: 'fz=pull'; give COLUMN=NAME:UNIT"),
-    ({"globe": "shut"}, "globe: "),
-]
+    ({"columns": ["fz=pull"]}, "^columns: 'fz=pull'; give COLUMN=NAME:UNIT"), ({"globe": "shut"}, "globe: "),
+]  # fmt: skip
 
 
 def test_a_wrong_value_is_refused_by_its_argument(sources: list[Path], tmp_path: Path) -> None:

@@ -139,13 +139,11 @@ def _inward(walls: Walls, unknown: Floats) -> dict[int, float]:
     thickness = unknown[at.THICKNESS] / size
     beyond = np.exp(unknown[law_of(walls.globe).pressure] - unknown[at.MODULUS] + at.LOG_PRESSURE_STEP)
     outside = {
-        at.TIP: unknown[at.TIP] / size + at.TIP_STEP_M > library.tip_m[-1],
-        at.GAP: False,
+        at.TIP: unknown[at.TIP] / size + at.TIP_STEP_M > library.tip_m[-1], at.GAP: False,
         at.THICKNESS: thickness + at.THICKNESS_STEP_M > library.thickness_m[-1],
         law_of(walls.globe).pressure: beyond > library.iop_ratio_ends(thickness)[1],
-        at.POLE.start: unknown[at.POLE.start] > 0.0,
-        at.POLE.start + 1: unknown[at.POLE.start + 1] > 0.0,
-    }
+        at.POLE.start: unknown[at.POLE.start] > 0.0, at.POLE.start + 1: unknown[at.POLE.start + 1] > 0.0,
+    }  # fmt: skip
     steps = (at.TIP_STEP_M, at.GAP_STEP_M, at.THICKNESS_STEP_M, at.LOG_PRESSURE_STEP, at.POLE_STEP, at.POLE_STEP)
     return {place: -step if out else step for (place, out), step in zip(outside.items(), steps, strict=True)}
 

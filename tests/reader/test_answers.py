@@ -136,17 +136,13 @@ def test_an_eye_outside_the_training_is_withdrawn_from_although_one_could_calibr
 
 GRADIENT = np.linspace(0.0, 4000.0, 512)[:, None] + np.random.default_rng(0).normal(0.0, 100.0, (512, 512))
 NO_EYES = {
-    "blank": np.full((512, 512), 700, dtype=np.uint16),
-    "black": np.zeros((512, 512), dtype=np.uint16),
+    "blank": np.full((512, 512), 700, dtype=np.uint16), "black": np.zeros((512, 512), dtype=np.uint16),
     "noise": np.random.default_rng(0).integers(0, 4096, (512, 512)).astype(np.uint16),
-    "gradient": GRADIENT.clip(0, 4095).astype(np.uint16),
-    "plate": image(plate(1.2e-3)),
-    "tilted plate": image(plate(1.2e-3, 0.8e-3, slope=0.08)),
-    "coverslip": image(plate(0.8e-3, 0.15e-3)),
+    "gradient": GRADIENT.clip(0, 4095).astype(np.uint16), "plate": image(plate(1.2e-3)),
+    "tilted plate": image(plate(1.2e-3, 0.8e-3, slope=0.08)), "coverslip": image(plate(0.8e-3, 0.15e-3)),
     "double layer": np.maximum(image(plate(0.9e-3, 0.3e-3), 2), image(plate(1.8e-3, 0.5e-3), 3)),
-    "large ball": image(ball(40e-3)),
-    "upside down": image(wall_section(tip_of(0.002)))[::-1].copy(),
-}
+    "large ball": image(ball(40e-3)), "upside down": image(wall_section(tip_of(0.002)))[::-1].copy(),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NO_EYES)

@@ -17,11 +17,9 @@ from scleraforce.study import LibraryStudy, Range, ReaderStudy, Study
 from scleraforce.units import to_si
 
 TRAINED = ReaderStudy(
-    youngs_modulus_pa=Range(min=0.18e6, max=0.55e6),
-    iop_pa=Range(min=120.0, max=560.0),
-    thickness_m=Range(min=0.45e-3, max=0.85e-3),
-    gap_m=Range(min=0.35e-3, max=1e-3),
-)
+    youngs_modulus_pa=Range(min=0.18e6, max=0.55e6), iop_pa=Range(min=120.0, max=560.0),
+    thickness_m=Range(min=0.45e-3, max=0.85e-3), gap_m=Range(min=0.35e-3, max=1e-3),
+)  # fmt: skip
 HELD = LibraryStudy(stiffening=Range(min=0.0, max=20.0))
 INSIDE = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=5e3, source="own"), iop_pa=270.0, thickness_m=0.6e-3, gap_m=0.5e-3)
 
@@ -32,11 +30,9 @@ def test_an_eye_inside_the_training_is_inside_also_on_its_bounds() -> None:
     for end in (0, 1):
         modulus = Modulus(mean_pa=TRAINED.youngs_modulus_pa.bounds[end], sd_pa=1e3, source="own")
         known = Known(
-            modulus=modulus,
-            iop_pa=TRAINED.iop_pa.bounds[end],
-            thickness_m=TRAINED.thickness_m.bounds[end],
+            modulus=modulus, iop_pa=TRAINED.iop_pa.bounds[end], thickness_m=TRAINED.thickness_m.bounds[end],
             gap_m=TRAINED.gap_m.bounds[end],
-        )
+        )  # fmt: skip
         assert outside_training(known, TRAINED, HELD) is None
 
 

@@ -211,12 +211,8 @@ TEXT = " ".join(map(str, FRAMES.ravel().tolist())).encode()
 
 def test_the_storage_that_a_metaimage_states_is_read(tmp_path: Path) -> None:
     for pixels, fields in [
-        (None, {}),
-        (None, {"BinaryData": None}),
-        (None, {"BinaryData": "T"}),
-        (TEXT, {"BinaryData": "False"}),
-        (TEXT, {"BinaryData": "False", "ElementDataFile": "a.txt"}),
-        (BIG, {"BinaryDataByteOrderMSB": "True"}),
+        (None, {}), (None, {"BinaryData": None}), (None, {"BinaryData": "T"}), (TEXT, {"BinaryData": "False"}),
+        (TEXT, {"BinaryData": "False", "ElementDataFile": "a.txt"}), (BIG, {"BinaryDataByteOrderMSB": "True"}),
         (BIG, {"BinaryDataByteOrderMSB": None, "ElementByteOrderMSB": "True"}),
         (b"x" * 100 + FRAMES.tobytes(), {"HeaderSize": -1, "ElementDataFile": "a.raw"}),
         (b"x" * 100 + FRAMES.tobytes(), {"HeaderSize": 100, "ElementDataFile": "a.raw"}),
@@ -224,7 +220,7 @@ def test_the_storage_that_a_metaimage_states_is_read(tmp_path: Path) -> None:
         (FRAMES.astype("<u8").tobytes(), {"ElementType": "MET_ULONG_LONG"}),
         (zlib.compress(BIG), {"CompressedData": "True", "BinaryDataByteOrderMSB": "True"}),
         (zlib.compress(FRAMES.tobytes()), {"CompressedData": "True", "ElementDataFile": "a.zraw"}),
-    ]:
+    ]:  # fmt: skip
         scan = read_metaimage(mha(tmp_path / "a.mhd", pixels, **fields), IJK)
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
         assert (sizes_of(scan), scan.notes) == (SIZE, ())

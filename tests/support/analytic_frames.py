@@ -95,11 +95,9 @@ def write_one_frame(recording: Path, text: str, force_n: float = 0.020, seed: in
 
 COLUMNS = 256
 RANGES = ReaderStudy(
-    youngs_modulus_pa=Range(min=0.15e6, max=0.6e6),
-    iop_pa=Range(min=100.0, max=600.0),
-    thickness_m=Range(min=0.4e-3, max=0.9e-3),
-    gap_m=Range(min=0.3e-3, max=1.0e-3),
-)
+    youngs_modulus_pa=Range(min=0.15e6, max=0.6e6), iop_pa=Range(min=100.0, max=600.0),
+    thickness_m=Range(min=0.4e-3, max=0.9e-3), gap_m=Range(min=0.3e-3, max=1.0e-3),
+)  # fmt: skip
 LATERAL_M = (np.arange(COLUMNS) + 0.5 - COLUMNS / 2) * 15e-3 / COLUMNS
 
 

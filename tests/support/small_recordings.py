@@ -71,11 +71,9 @@ def write_small_recording(
 
 
 LOGGED_INFO = recorded.RecordingInfo(
-    recorded.EyeInfo("eye"),
-    recorded.OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
-    recorded.NeedleInfo(gauge=22, slice_gap_m=5e-4),
-    recorded.ForceInfo("fz", -1),
-)
+    recorded.EyeInfo("eye"), recorded.OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
+    recorded.NeedleInfo(gauge=22, slice_gap_m=5e-4), recorded.ForceInfo("fz", -1),
+)  # fmt: skip
 
 
 RIGHT = FrameAnswer(
@@ -151,11 +149,9 @@ def calibration_text(mean_mpa: Any = 0.27, eyes: Mapping[str, Any] | None = None
     """Return the JSON text; `eyes` maps ids to changed values of an entry, `keys` replace the file's own."""
     usual = {"mean_mpa": mean_mpa, "sd_mpa": 0.005, "thickness_um": 700.0, "frames": [], "status": "ok"}
     content = {
-        "format": 3,
-        "mechanics": "finite-strain",
-        "population": {"mean_mpa": mean_mpa, "sd_mpa": 0.03},
+        "format": 3, "mechanics": "finite-strain", "population": {"mean_mpa": mean_mpa, "sd_mpa": 0.03},
         "eyes": {name: {**usual, **entry} for name, entry in (eyes or {}).items()},
-    }
+    }  # fmt: skip
     return json.dumps({**content, **keys})
 
 
