@@ -268,13 +268,10 @@ def _calibrate_eye(
     missed_n = [record.force_n for record in records if record.skipped is not None]
     used_n = [record.force_n for record in records if record.skipped is None]
     doubts = (
-        *(open_doubts(recording.info.eye.globe) if library is None else ()),
-        *(() if rests_pa is None else (LEAKS,)),
-        *label_notes(recording, trials),
-        *recording.walls.notes,
-        *log_doubts(recording, study.classes, shown),
+        *(open_doubts(recording.info.eye.globe) if library is None else ()), *(() if rests_pa is None else (LEAKS,)),
+        *label_notes(recording, trials), *recording.walls.notes, *log_doubts(recording, study.classes, shown),
         *reach_doubts(used_n, missed_n),
-    )
+    )  # fmt: skip
     if not used_n:
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(
@@ -284,21 +281,13 @@ def _calibrate_eye(
         )
     means, sds = assimilation.moments(session.filter, session.state)
     eye = EyeCalibration(
-        id=recording.info.eye.id,
-        names=session.filter.space.names,
-        means=tuple(means.tolist()),
-        sds=tuple(sds.tolist()),
-        stated_thickness_m=session.filter.model.constants.thickness_m,
-        globe=assimilation.known_globe_after(session.filter, session.state),
-        state=session.state,
-        recordings=_recordings(recording, forces, earlier, doubts),
-        frames=tuple(records),
-        steps=tuple(steps),
-        filter=session.filter,
-        stiffening=0.0 if library is None else library.stiffening,
-        relaxation=relaxation,
+        id=recording.info.eye.id, names=session.filter.space.names, means=tuple(means.tolist()),
+        sds=tuple(sds.tolist()), stated_thickness_m=session.filter.model.constants.thickness_m,
+        globe=assimilation.known_globe_after(session.filter, session.state), state=session.state,
+        recordings=_recordings(recording, forces, earlier, doubts), frames=tuple(records), steps=tuple(steps),
+        filter=session.filter, stiffening=0.0 if library is None else library.stiffening, relaxation=relaxation,
         lean_rad=recording.info.needle.lean_rad,
-    )
+    )  # fmt: skip
     return _settled(eye, assimilation.known_after(session), taken, refused, settings)
 
 

@@ -111,27 +111,18 @@ def stated_wall(
 ) -> WallState:
     """Return the state of the eye as stated; the rigidity is by default the mean of the known globe's."""
     return WallState(
-        youngs_modulus_pa=youngs_modulus_pa,
-        force_n=force_n,
-        iop_pa=constants.iop_pa,
-        thickness_m=constants.thickness_m,
-        gap_m=constants.gap_m,
-        polar_rad=polar_rad,
+        youngs_modulus_pa=youngs_modulus_pa, force_n=force_n, iop_pa=constants.iop_pa,
+        thickness_m=constants.thickness_m, gap_m=constants.gap_m, polar_rad=polar_rad,
         rigidity_pa13_per_m3=constants.globe.mean if rigidity_pa13_per_m3 is None else rigidity_pa13_per_m3,
-    )
+    )  # fmt: skip
 
 
 def known_of_constants(constants: EyeConstants, modulus: Modulus | None = None) -> Known:
     """Return a reader's known inputs for an eye with these constants and modulus."""
     return Known(
-        modulus=modulus,
-        iop_pa=constants.iop_pa,
-        thickness_m=constants.thickness_m,
-        gap_m=constants.gap_m,
-        polar_rad=constants.polar_rad,
-        direction_rad=constants.direction_rad,
-        globe=constants.globe,
-    )
+        modulus=modulus, iop_pa=constants.iop_pa, thickness_m=constants.thickness_m, gap_m=constants.gap_m,
+        polar_rad=constants.polar_rad, direction_rad=constants.direction_rad, globe=constants.globe,
+    )  # fmt: skip
 
 
 def lagrange(nodes: Sequence[float], at: float) -> Floats:

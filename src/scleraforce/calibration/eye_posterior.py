@@ -69,18 +69,11 @@ class EyePosterior:
         assert self.fit is not None
         modulus, thickness_m = self.modulus, float(self.fit.shared[THICKNESS])
         return EyeCalibration(
-            id=eye,
-            names=(PARAMETERS["e"], PARAMETERS["thickness"]),
-            means=(modulus.mean_pa, thickness_m),
+            id=eye, names=(PARAMETERS["e"], PARAMETERS["thickness"]), means=(modulus.mean_pa, thickness_m),
             sds=(modulus.sd_pa, float(np.sqrt(self.fit.covariance[THICKNESS, THICKNESS]))),
-            stated_thickness_m=thickness_m,
-            globe=self.known.globe or UNKNOWN,
-            state=None,
-            recordings=tuple(recordings),
-            frames=tuple(frames),
-            stiffening=self.library.stiffening,
-            relaxation=self.known.relaxation,
-        )
+            stated_thickness_m=thickness_m, globe=self.known.globe or UNKNOWN, state=None, recordings=tuple(recordings),
+            frames=tuple(frames), stiffening=self.library.stiffening, relaxation=self.known.relaxation,
+        )  # fmt: skip
 
     def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
         """Return the posterior after more frames; a frame that no wall of the library lies on is left out."""

@@ -294,16 +294,11 @@ def read_again(
         slopes = [log(each.force_n / here.force_n) for each in (stiffer, *rigid)]
         found.append(
             KnownForce(
-                force_n=force_n,
-                library_n=here.force_n,
-                sd_n=0.5 * (high_n - low_n) / NINETY_PERCENT,
-                modulus_pa=modulus.mean_pa,
-                rigidity=globe.mean,
-                by_modulus=slopes[0] / modulus_step,
-                by_rigidity=slopes[1] / rigidity_step if rigid else 0.0,
-                loss=here.loss,
+                force_n=force_n, library_n=here.force_n, sd_n=0.5 * (high_n - low_n) / NINETY_PERCENT,
+                modulus_pa=modulus.mean_pa, rigidity=globe.mean, by_modulus=slopes[0] / modulus_step,
+                by_rigidity=slopes[1] / rigidity_step if rigid else 0.0, loss=here.loss,
             )
-        )
+        )  # fmt: skip
     return found
 
 
@@ -381,17 +376,11 @@ def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> 
     rising_n = [0.0, *sorted(forces_n)]
     by = given * np.array([modulus.relative_sd, float(sds[OF_RIGIDITY])])
     discrepancy = ForceDiscrepancy(
-        level=level,
-        growth=growth,
-        level_sd=level_sd,
-        growth_sd=growth_sd,
-        correlation=correlation_of(left, 0, 1),
-        level_by=(float(by[0, 0]), float(by[0, 1])),
-        growth_by=(float(by[1, 0]), float(by[1, 1])),
-        scatter=found.scatter,
-        largest_n=rising_n[-1] if forces_n else None,
+        level=level, growth=growth, level_sd=level_sd, growth_sd=growth_sd, correlation=correlation_of(left, 0, 1),
+        level_by=(float(by[0, 0]), float(by[0, 1])), growth_by=(float(by[1, 0]), float(by[1, 1])),
+        scatter=found.scatter, largest_n=rising_n[-1] if forces_n else None,
         widest_gap=float(np.diff(rising_n).max() / rising_n[-1]) if forces_n else None,
-    )
+    )  # fmt: skip
     return replace(known, modulus=modulus, globe=globe, discrepancy=discrepancy)
 
 

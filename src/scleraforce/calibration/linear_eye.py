@@ -166,10 +166,6 @@ def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool 
         wall = LinearWall(mesh, study.eye.poisson_ratio)
         fields.append(np.stack([_response(wall, contact, study, constants, lateral) for contact in contacts]))
     return LinearEye(
-        constants=constants,
-        weight_pa_m=study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2,
-        thickness_nodes_m=thicknesses,
-        polar_nodes_rad=polars,
-        fields=np.stack(fields),
-        smoothing_m=study.calibration.surface_smoothing_m,
-    )
+        constants=constants, weight_pa_m=study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2, thickness_nodes_m=thicknesses,
+        polar_nodes_rad=polars, fields=np.stack(fields), smoothing_m=study.calibration.surface_smoothing_m,
+    )  # fmt: skip

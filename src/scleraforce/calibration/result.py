@@ -220,12 +220,9 @@ def _words(name: str, mean: float, sd: float) -> str:
 LONGEST_RECENT = 100
 # Each uncertain parameter, and the values (SI) that it may have in a file.
 _RANGES = {
-    "youngs_modulus_pa": (1e3, 100e6),
-    "iop_pa": (-1e5, 1e5),
-    "thickness_m": (1e-6, 10e-3),
-    "gap_m": (-0.1, 0.1),
+    "youngs_modulus_pa": (1e3, 100e6), "iop_pa": (-1e5, 1e5), "thickness_m": (1e-6, 10e-3), "gap_m": (-0.1, 0.1),
     RIGIDITY: (-1e10, 1e10),
-}
+}  # fmt: skip
 
 
 def calibration_as_json(calibration: Calibration) -> dict[str, Any]:

@@ -261,17 +261,12 @@ def one_lean(ends_rad: tuple[float, float] | None) -> float | None:
 def known_of_recording(info: RecordingInfo) -> Known:
     """Return the known inputs that a recording states; it never states the modulus, which a calibration may add."""
     return Known(
-        iop_pa=info.eye.iop_pa,
-        thickness_m=info.eye.thickness_m,
-        gap_m=info.needle.slice_gap_m,
-        polar_rad=info.needle.polar_angle_rad,
-        direction_rad=info.oct.plane_direction_rad,
-        globe=stated_globe(info.eye),
+        iop_pa=info.eye.iop_pa, thickness_m=info.eye.thickness_m, gap_m=info.needle.slice_gap_m,
+        polar_rad=info.needle.polar_angle_rad, direction_rad=info.oct.plane_direction_rad, globe=stated_globe(info.eye),
         relaxation=None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation),
         lean_rad=None if info.needle.lean_rad is None else (info.needle.lean_rad,) * 2,
-        lean_azimuth_rad=info.needle.lean_azimuth_rad,
-        leak_time_s=info.eye.leak_time_s,
-    )
+        lean_azimuth_rad=info.needle.lean_azimuth_rad, leak_time_s=info.eye.leak_time_s,
+    )  # fmt: skip
 
 
 def stated_globe(eye: EyeInfo) -> KnownGlobe | None:

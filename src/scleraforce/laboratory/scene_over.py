@@ -62,12 +62,9 @@ def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
     over = _Over(study, tissue, tissue.picture, rng, rays.window.lateral_m, rays.surface_m)
     _vessels(over)
     for share, thing in (
-        (study.contact_lens_share, _contact_lens),
-        (study.coverslip_share, _coverslip),
-        (study.drape_share, _drape),
-        (study.lid_share, partial(_lid, left=True)),
-        (study.lid_share, partial(_lid, left=False)),
-    ):
+        (study.contact_lens_share, _contact_lens), (study.coverslip_share, _coverslip), (study.drape_share, _drape),
+        (study.lid_share, partial(_lid, left=True)), (study.lid_share, partial(_lid, left=False)),
+    ):  # fmt: skip
         if rng.random() < share:
             thing(over)
     for _ in range(int(draw(study.bubble_count, rng))):

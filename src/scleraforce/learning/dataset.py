@@ -103,20 +103,15 @@ class PlanDraft:
         draws = dict(zip(DRAWS, uniform.reshape(-1, len(DRAWS)).T, strict=True))
         force_n = np.array([group.max_force_n for group in groups]) * draws["force"]
         return DatasetPlan(
-            force_n=force_n,
-            target=np.array([self.study.classes.classify(force) for force in force_n], dtype=np.uint8),
-            thickness_m=np.array([group.thickness_m for group in groups]),
-            contact=contact.astype(np.int32),
-            polar_rad=self.polar_rad[contact],
-            azimuth_rad=self.azimuth_rad[contact],
+            force_n=force_n, target=np.array([self.study.classes.classify(force) for force in force_n], dtype=np.uint8),
+            thickness_m=np.array([group.thickness_m for group in groups]), contact=contact.astype(np.int32),
+            polar_rad=self.polar_rad[contact], azimuth_rad=self.azimuth_rad[contact],
             gap_m=np.full(len(seed), needle.gap_m) if study.gap_m is None else _at(study.gap_m, draws["gap"]),
-            tilt_rad=_at(study.tilt_rad, draws["tilt"]),
-            direction_rad=_at(study.direction_rad, draws["direction"]),
+            tilt_rad=_at(study.tilt_rad, draws["tilt"]), direction_rad=_at(study.direction_rad, draws["direction"]),
             framing_lateral_m=_at(study.framing_lateral_m, draws["framing_lateral"]),
-            framing_depth_m=_at(study.framing_depth_m, draws["framing_depth"]),
-            validation=self.validation[contact],
+            framing_depth_m=_at(study.framing_depth_m, draws["framing_depth"]), validation=self.validation[contact],
             seed=seed,
-        )
+        )  # fmt: skip
 
 
 def draft_plan(study: Study) -> PlanDraft:
@@ -276,14 +271,10 @@ def create_dataset(
     }
     packages = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "zarr")
     described = {
-        "study": format_study(study),
-        "study_hash": study_hash(study),
-        "seed": study.dataset.seed,
-        "mechanics": mechanics,
-        "youngs_modulus_pa": youngs_modulus_pa,
-        "calibration": modulus,
+        "study": format_study(study), "study_hash": study_hash(study), "seed": study.dataset.seed,
+        "mechanics": mechanics, "youngs_modulus_pa": youngs_modulus_pa, "calibration": modulus,
         "versions": {name: version(name) for name in packages},
-    }
+    }  # fmt: skip
     store = CheckedStore(KIND, path, _arrays(study), [{SLICES: (unit,)} for unit in range(len(unit_samples(study)))])
     store.begin(described, vars(plan))
     return store

@@ -178,18 +178,11 @@ def _provenance(
 ) -> dict[str, str]:
     """Return `metadata_props` of a network: the same for the same study, data and versions."""
     return {
-        "kind": kind,
-        "study_sha256": study_hash(study),
-        "seed": str(seed),
-        "threads": str(threads),
-        "device": torch.cuda.get_device_name() if device == "cuda" else device,
-        **more,
-        "scleraforce": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "torch": torch.__version__,
+        "kind": kind, "study_sha256": study_hash(study), "seed": str(seed), "threads": str(threads),
+        "device": torch.cuda.get_device_name() if device == "cuda" else device, **more, "scleraforce": __version__,
+        "python": platform.python_version(), "numpy": np.__version__, "torch": torch.__version__,
         "onnx": onnx.__version__,
-    }
+    }  # fmt: skip
 
 
 def _of_library(stored: BytesIO, study: Study) -> dict[str, str]:

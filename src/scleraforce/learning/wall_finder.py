@@ -197,14 +197,11 @@ def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]
             shares.append(scene_dice(seen_mask(seen, scene.frame.shape), scene))
     error = np.concatenate(errors, axis=1)
     return {
-        "dice_mean": float(np.mean(shares)),
-        "dice_median": float(np.median(shares)),
-        "dice_low": float(np.quantile(shares, 0.05)),
-        "outer_rows": float(np.median(np.abs(error[0]))),
-        "inner_rows": float(np.median(np.abs(error[1]))),
-        "coverage": float((np.abs(error[2:]) < SDS_OF_90).mean()),
+        "dice_mean": float(np.mean(shares)), "dice_median": float(np.median(shares)),
+        "dice_low": float(np.quantile(shares, 0.05)), "outer_rows": float(np.median(np.abs(error[0]))),
+        "inner_rows": float(np.median(np.abs(error[1]))), "coverage": float((np.abs(error[2:]) < SDS_OF_90).mean()),
         "found": float(np.concatenate(right).mean()),
-    }
+    }  # fmt: skip
 
 
 def seen_mask(seen: finders.SeenWall, shape: tuple[int, ...]) -> Flags:

@@ -51,14 +51,11 @@ def draw_forms(thickness_m: Floats, radius_m: Floats, uneven: Flags, rng: np.ran
     side = rng.choice([-1.0, 1.0], count)
     in_view = uneven & (rng.random(count) < LIMBUS_SHARE)
     return Forms(
-        curvature=CURVATURE_SD * numbers[0] / radius_m,
-        skew=SKEW_SD * numbers[1] / radius_m,
+        curvature=CURVATURE_SD * numbers[0] / radius_m, skew=SKEW_SD * numbers[1] / radius_m,
         limbus_m=side * np.where(in_view, rng.uniform(*LIMBUS_M, count), radius_m),
-        limbus_rad=in_view * rng.uniform(*LIMBUS_RAD, count),
-        soft_m=rng.uniform(*SOFT_M, count),
-        wedge=WEDGE_SD * numbers[2] * thickness_m / radius_m,
-        bow=BOW_SD * numbers[3] * thickness_m / radius_m**2,
-    )
+        limbus_rad=in_view * rng.uniform(*LIMBUS_RAD, count), soft_m=rng.uniform(*SOFT_M, count),
+        wedge=WEDGE_SD * numbers[2] * thickness_m / radius_m, bow=BOW_SD * numbers[3] * thickness_m / radius_m**2,
+    )  # fmt: skip
 
 
 def added_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floats:

@@ -83,23 +83,15 @@ class FrameAnswer:
         """Return the frame's keys in `evaluate --json`."""
         median_ms, interval_ms = self.to_bound.as_ms() if self.to_bound else (None, None)
         return {
-            "recording": self.recording,
-            "eye": self.eye,
-            "file": self.file,
+            "recording": self.recording, "eye": self.eye, "file": self.file,
             **({"plane": self.plane, "time_s": self.time_s} if self.plane is not None else {}),
             "measured_force_mn": from_si(self.measured_force_n, "mn"),
             "measured_force_sd_mn": from_si(self.measured_force_sd_n, "mn"),
-            "true_force_mn": from_si(self.true_force_n, "mn"),
-            "target": self.target,
-            **self.answer.as_json(),
-            "time_to_bound_ms": median_ms,
-            "time_to_bound_ms_interval": interval_ms,
-            "calibration": self.calibration,
-            "excluded": self.excluded,
-            "pierced": self.pierced,
-            "youngs_modulus_mpa": from_si(self.youngs_modulus_pa, "mpa"),
-            "modulus_source": self.modulus_source,
-        }
+            "true_force_mn": from_si(self.true_force_n, "mn"), "target": self.target, **self.answer.as_json(),
+            "time_to_bound_ms": median_ms, "time_to_bound_ms_interval": interval_ms, "calibration": self.calibration,
+            "excluded": self.excluded, "pierced": self.pierced,
+            "youngs_modulus_mpa": from_si(self.youngs_modulus_pa, "mpa"), "modulus_source": self.modulus_source,
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -390,24 +382,13 @@ class _Session:
         sds_n, seen, repeats = label_sds(recording, self.trials), list[tuple[float, float]](), self.repeats
         for sd_n, (entry, trial, answer, calibrates) in zip(sds_n, self.read(progress), strict=True):
             yield FrameAnswer(
-                recording=str(recording.path),
-                eye=recording.info.eye.id,
-                file=entry.file,
-                measured_force_n=trial.measured_force_n,
-                measured_force_sd_n=sd_n,
-                true_force_n=true_n.get(entry.file),
-                target=trial.target,
-                calibration=calibrates,
-                excluded=trial.excluded,
-                pierced=bool(entry.pierced),
-                youngs_modulus_pa=modulus_pa,
-                modulus_source=source,
-                to_bound=self._to_bound(answer, entry.time_s, seen),
-                plane=entry.plane,
-                time_s=entry.time_s,
-                repeats=entry.file in repeats,
-                answer=replace(answer, warnings=(*answer.warnings, *doubts)),
-            )
+                recording=str(recording.path), eye=recording.info.eye.id, file=entry.file,
+                measured_force_n=trial.measured_force_n, measured_force_sd_n=sd_n, true_force_n=true_n.get(entry.file),
+                target=trial.target, calibration=calibrates, excluded=trial.excluded, pierced=bool(entry.pierced),
+                youngs_modulus_pa=modulus_pa, modulus_source=source,
+                to_bound=self._to_bound(answer, entry.time_s, seen), plane=entry.plane, time_s=entry.time_s,
+                repeats=entry.file in repeats, answer=replace(answer, warnings=(*answer.warnings, *doubts)),
+            )  # fmt: skip
 
     def without_pierced(self, answers: tuple[FrameAnswer, ...]) -> tuple[FrameAnswer, ...]:
         """Leave out the frames after a puncture that the readings show, as the monitor does; frames.csv overrules."""

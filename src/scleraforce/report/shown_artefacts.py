@@ -145,13 +145,9 @@ def show_model(path: Path) -> Thing:
         if isinstance(values, list) and values and all(isinstance(value, int | float) for value in values)
     }  # fmt: skip
     facts = {
-        "model_kind": record["kind"],
-        "default": record.get("default"),
-        "metrics": metrics,
-        "provenance": provenance,
-        "reads": dict(ranges),
-        "files": {name: len(folder.files[name]) for name in FILES[record["kind"]]},
-    }
+        "model_kind": record["kind"], "default": record.get("default"), "metrics": metrics, "provenance": provenance,
+        "reads": dict(ranges), "files": {name: len(folder.files[name]) for name in FILES[record["kind"]]},
+    }  # fmt: skip
     steps = "epoch" if "epochs" in record else "reports during the training"
     return Thing(kind="model", facts=facts, rows=rows, lines=lines, draw=partial(draw_curves, curves, steps))
 
