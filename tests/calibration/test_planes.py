@@ -76,6 +76,8 @@ def test_the_filter_follows_the_plane_nearest_to_the_needle_at_its_place(tmp_pat
     assert (
         EyeFrames(recording, frames.settings, frozenset([frames._look(recording.frames[0])[0]]), None).seen(0) is None
     )
+    missing = EyeFrames(replace(recording, frames=recording.frames[:3]), frames.settings, frozenset(), None).seen(1)
+    assert (missing.file, missing.wall.reason) == ("1-0.png", "not usable: no frame of plane near")
 
 
 def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(tmp_path: Path) -> None:

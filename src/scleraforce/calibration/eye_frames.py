@@ -99,8 +99,10 @@ class EyeFrames:
         moment, plane = self.moments[index], self.followed
         if any(self._look(entry)[0] in self.used for entry in moment):
             return None
-        entry = next(entry for entry in moment if plane is None or entry.plane == plane.name)
+        entry = next((entry for entry in moment if plane is None or entry.plane == plane.name), moment[0])
         sha256, wall = self._look(entry)
+        if plane is not None and entry.plane != plane.name:
+            wall = assimilation.Skipped(f"not usable: no frame of plane {plane.name}")
         seen = SeenFrame(entry.file, sha256, wall)
         if plane is None or isinstance(wall, assimilation.Skipped):
             return seen
