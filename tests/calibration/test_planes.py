@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 import pytest
 from analytic_frames import BOTH, LATERAL_M, LIBRARY, MODULUS_PA, SMALL_LIBRARY, STUDY, known_eye, middling_eye
-from scanned_planes import CONTACT_M, CROSS, write_moments
+from scanned_planes import CONTACT_M, CROSS, TILT_RAD, write_moments
 from small_models import write_fixed_reader
 
 import scleraforce as sf
 from predicted_walls import Walls, force_n as wall_force_n, predict_wall
-from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.assimilation import begin
+from scleraforce.calibration.calibrate import _at, calibrate_recordings, eye_constants
 from scleraforce.calibration.eye_frames import EyeFrames, Settings
 from scleraforce.calibration.eye_posterior import EyePosterior
 from scleraforce.calibration.result import Calibration, calibration_as_json
@@ -78,6 +79,20 @@ def test_the_filter_follows_the_plane_nearest_to_the_needle_at_its_place(tmp_pat
     )
     missing = EyeFrames(replace(recording, frames=recording.frames[:3]), frames.settings, frozenset(), None).seen(1)
     assert (missing.file, missing.wall.reason) == ("1-0.png", "not usable: no frame of plane near")
+
+
+def test_the_filter_sees_the_eye_at_the_place_of_the_plane(cross) -> None:
+    """Gap, direction and tilt of the plane across, by the contact and tilt of the recording."""
+    frames = EyeFrames(cross, Settings(STUDY, LIBRARY, ("e",), False, None, None), frozenset(), None)
+    stated = replace(eye_constants(cross, STUDY), direction_rad=0.3)
+    here = frames.seen(1).beside(stated)
+    assert frames.followed == CROSS[1]
+    assert (here.gap_m, here.direction_rad) == (pytest.approx(CONTACT_M[0], abs=30e-6), 0.3 + CROSS[1].direction_rad)
+    assert here.tilt_rad == pytest.approx(-TILT_RAD[0], abs=5e-3)
+    session = begin(STUDY, stated, LIBRARY)
+    model = _at(session, frames.seen(1), 250.0, STUDY).filter.model
+    assert model.constants == replace(here, iop_pa=250.0)
+    assert _at(session, replace(frames.seen(1), planes=None), None, STUDY).filter.model is session.filter.model
 
 
 def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(tmp_path: Path) -> None:

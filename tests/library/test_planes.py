@@ -9,7 +9,7 @@ from scanned_planes import CROSS, PARALLEL, cut_wall
 
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit import fit_boundaries
-from scleraforce.library.planes import TILT, SeenPlane, SpatialPlace, _Problem, fit_planes
+from scleraforce.library.planes import TILT, PlanesFit, SeenPlane, SpatialPlace, _Problem, fit_planes
 from scleraforce.library.prior import prior_of
 from scleraforce.recording.folder import Plane
 from scleraforce.study import Range
@@ -60,6 +60,21 @@ def test_a_cross_knows_the_gap_and_the_force_better_than_one_plane() -> None:
     assert np.ptp(first.interval_n) < 0.9 * np.ptp(alone.interval_n)
     assert place.contact_sd_m[0] == pytest.approx(first.sd[at.LATERAL])
     assert place.contact_sd_m[1] == pytest.approx(first.sd[at.GAP])
+
+
+@pytest.mark.parametrize("planes", [CROSS, BESIDE, PARALLEL], ids=["cross", "cross beside", "parallel"])
+def test_a_fit_that_starts_from_another_prior_s_ends_where_a_search_does(planes) -> None:
+    seen = seen_planes(planes, tip_of(0.02), (0.2e-3, -0.45e-3, 0.5e-3), (0.03, -0.02), noise_m=2e-6)
+    stiffer = replace(KNOWN.modulus, mean_pa=1.2 * KNOWN.modulus.mean_pa)
+    prior = prior_of(replace(KNOWN, gap_m=None, modulus=stiffer), UNKNOWN_GAP)
+    searched, _ = fit_planes(LIBRARY, [replace(one, prior=prior) for one in seen])
+    found = PlanesFit(tuple(seen), *fit_planes(LIBRARY, seen)).with_priors(LIBRARY, [prior, prior], 0.0)
+    assert found.fits[0].force_n > 1.05 * 0.02
+    for one, other in zip(found.fits, searched, strict=True):
+        assert one.force_n == pytest.approx(other.force_n, rel=2e-3)
+        assert one.unknown[at.GAP] == pytest.approx(other.unknown[at.GAP], abs=3e-6)
+    assert found.whole.misfit_m == max(fit.misfit_m for fit in found.fits)
+    assert found.whole.loss == pytest.approx(0.5 * (found.fits[0].loss + found.fits[1].loss))
 
 
 @pytest.mark.parametrize("planes", [CROSS, PARALLEL], ids=["cross", "parallel"])
