@@ -123,11 +123,9 @@ class MeasuredScanner:
         lens_seen = window["width_m"][0] >= least[0] and window["depth_share"][0] >= least[1]
         shown = _measured(scenes.window, window | deep)
         return replace(
-            scenes,
-            window=shown if lens_seen else replace(shown, deep_share=0.0),
-            tissue=_measured(scenes.tissue, tissue),
-            scanner=replace(_measured(scenes.scanner, ends), **given),
-        )
+            scenes, window=shown if lens_seen else replace(shown, deep_share=0.0),
+            tissue=_measured(scenes.tissue, tissue), scanner=replace(_measured(scenes.scanner, ends), **given),
+        )  # fmt: skip
 
 
 def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:

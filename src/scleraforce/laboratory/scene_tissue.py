@@ -173,10 +173,8 @@ def draw_tissue(study: SceneTissueStudy, wall: DrawnWall, window: Window, rng: n
     over_m = _conjunctiva(study, wall, rng)
     rays = rays_below(heights(wall.offset(-over_m), window), window, index)
     surface, outer, inner = (
-        window.row(rays.surface_m),
-        rays.row_of(wall.outer),
-        rays.row_of(wall.offset(wall.thickness_m)),
-    )
+        window.row(rays.surface_m), rays.row_of(wall.outer), rays.row_of(wall.offset(wall.thickness_m)),
+    )  # fmt: skip
     tissue = Tissue(study, wall, picture, rays, surface, outer, inner, snr_db, rng)
     _fill_inside(tissue)
     _fill_wall(tissue)

@@ -323,12 +323,10 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
     Contact angles, which the paper does not give ("near the limbus"), spread over the study's range.
     """
     design = (
-        ("eye-1", 800e-6, 0.27e6, (0, 11, 14), 0.5),
-        ("eye-2", 500e-6, 0.22e6, (1, 2, 2), 0.1),
-        ("eye-3", 650e-6, 0.24e6, (2, 0, 3), 0.7),
-        ("eye-4", 560e-6, 0.29e6, (2, 1, 2), 0.3),
+        ("eye-1", 800e-6, 0.27e6, (0, 11, 14), 0.5), ("eye-2", 500e-6, 0.22e6, (1, 2, 2), 0.1),
+        ("eye-3", 650e-6, 0.24e6, (2, 0, 3), 0.7), ("eye-4", 560e-6, 0.29e6, (2, 1, 2), 0.3),
         ("eye-5", 800e-6, 0.25e6, (2, 1, 2), 0.9),
-    )  # the trials of each class; the contact's place in the study's range
+    )  # the trials of each class; the contact's place in the study's range  # fmt: skip
     low, high = study.needle.polar_angle_rad.bounds
     limits_n = (0.0, *study.classes.bounds_n, study.needle.max_force_n)
     rng = np.random.default_rng((study.phantom.seed, 45))

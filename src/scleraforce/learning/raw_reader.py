@@ -96,13 +96,11 @@ def draw_optics(study: Study, needle_gap_m: float | None, rng: np.random.Generat
         diameter_m = max(draw(raw.needle_diameter_m, rng), needle_gap_m / raw.needle_gap_fraction)
         needle = sample_needle(replace(phantom, needle_count=fixed(1)), diameter_m, needle_gap_m, rng)
     return replace(
-        optics,
-        snr_db=optics.snr_db - draw(raw.snr_loss_db, rng),
+        optics, snr_db=optics.snr_db - draw(raw.snr_loss_db, rng),
         axial_resolution_m=coarser * optics.axial_resolution_m,
-        lateral_resolution_m=coarser * optics.lateral_resolution_m,
-        conjunctiva=sample_conjunctiva(phantom, rng),
+        lateral_resolution_m=coarser * optics.lateral_resolution_m, conjunctiva=sample_conjunctiva(phantom, rng),
         needle=needle,
-    )
+    )  # fmt: skip
 
 
 def draw_shafts(

@@ -232,13 +232,11 @@ def compared(outputs: Sequence[tuple[torch.Tensor, torch.Tensor]], truth: ForceS
     confusion = confusion_matrix(target, found, len(bounds_n) + 1)
     share, off_m = accuracy(confusion), to_si(places_mm.double().numpy(), "mm") - truth.lateral_m
     return {
-        "validation_accuracy": share.value,
-        "validation_interval": share.interval,
-        "validation_confusion": confusion.tolist(),
-        "mae_mn": from_si(float(np.abs(median_n - force_n).mean()), "mn"),
+        "validation_accuracy": share.value, "validation_interval": share.interval,
+        "validation_confusion": confusion.tolist(), "mae_mn": from_si(float(np.abs(median_n - force_n).mean()), "mn"),
         "coverage": float(((force_n >= low_n) & (force_n <= high_n)).mean()),
         "lateral_mae_mm": from_si(float(np.abs(off_m).mean()), "mm"),
-    }
+    }  # fmt: skip
 
 
 def reader_loss(

@@ -70,14 +70,12 @@ def train_classifier(
         "samples": {"training": len(training), "validation": len(validation)},
         "epochs": study.network.epochs,
         "metrics": {
-            "validation_accuracy": reached.value,
-            "validation_interval": reached.interval,
-            "validation_loss": fitted.curves.validation_loss[-1],
-            "validation_confusion": confusion.tolist(),
+            "validation_accuracy": reached.value, "validation_interval": reached.interval,
+            "validation_loss": fitted.curves.validation_loss[-1], "validation_confusion": confusion.tolist(),
         },
         "curves": asdict(fitted.curves),
         "search": [asdict(entry) for entry in candidates],
-    }
+    }  # fmt: skip
     graph = classifier.classifier_bytes(stored, study.slice, provenance)
     pixels = study.slice.rows * study.slice.columns
     words = {
@@ -118,11 +116,9 @@ def train_reader(
     record = {
         "default": DEFAULT_METHOD,
         "samples": {"training": own.epochs * _whole_chunks(study), "validation": own.validation_samples},
-        "epochs": own.epochs,
-        "metrics": reader.measure_reader(fitted.network, source, study),
-        "curves": {"training_loss": fitted.training_loss},
-        "library": asdict(errors),
-    }
+        "epochs": own.epochs, "metrics": reader.measure_reader(fitted.network, source, study),
+        "curves": {"training_loss": fitted.training_loss}, "library": asdict(errors),
+    }  # fmt: skip
     measure, cores = partial(measuring, study, library, graph), workers or available_cores()
     record |= measured_intervals(measure, own.interval_eyes, cores, EYES, measured)
     curves_um = {"curves_um": from_si(errors.curves_m, "um")}

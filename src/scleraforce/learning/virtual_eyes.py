@@ -355,11 +355,9 @@ def _regression(scores: Sequence[Score]) -> dict[str, float]:
     ends = [(least if trait in intervals.GLOBE_TRAITS else 0.0, most) for trait in traits]
     solution = linprog(
         np.concatenate([np.zeros(len(traits)), share * weight, (1.0 - share) * weight]),
-        A_eq=hstack([has, one, -one], format="csr"),
-        b_eq=logs,
-        bounds=[*ends, *[(0.0, None)] * (2 * len(scores))],
+        A_eq=hstack([has, one, -one], format="csr"), b_eq=logs, bounds=[*ends, *[(0.0, None)] * (2 * len(scores))],
         method="highs",
-    )
+    )  # fmt: skip
     if solution.x is None:
         raise SolverError(f"factors of the intervals: {solution.message}")
     return {trait: round(float(np.exp(value)), 4) for trait, value in zip(traits, solution.x, strict=False)}

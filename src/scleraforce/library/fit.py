@@ -158,20 +158,11 @@ def fit_of(library: Library, globe: KnownGlobe, fitted: Fitted) -> BoundaryFit:
     unknown, (force, low_n, high_n, misfit, outliers, cost) = fitted.unknown, fitted.numbers.tolist()
     radius_m, pressure = library.radius_m * np.exp(unknown[at.SIZE]), unknown[law_of(globe).pressure]
     return BoundaryFit(
-        force_n=force,
-        interval_n=(low_n, high_n),
-        draws_n=fitted.draws_n,
-        contact_m=float(unknown[at.LATERAL]),
-        tip_m=float(unknown[at.TIP]),
-        misfit_m=misfit * OUTER_SD_M,
-        outliers=outliers,
-        wall_bmc=fitted.wall_bmc,
-        unknown=unknown,
-        spread=fitted.spread,
-        iop_pa=float(np.exp(pressure)),
-        tension=float(np.exp(pressure - unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS]),
-        loss=cost,
-    )
+        force_n=force, interval_n=(low_n, high_n), draws_n=fitted.draws_n, contact_m=float(unknown[at.LATERAL]),
+        tip_m=float(unknown[at.TIP]), misfit_m=misfit * OUTER_SD_M, outliers=outliers, wall_bmc=fitted.wall_bmc,
+        unknown=unknown, spread=fitted.spread, iop_pa=float(np.exp(pressure)),
+        tension=float(np.exp(pressure - unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS]), loss=cost,
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=4)

@@ -107,29 +107,18 @@ def open_library(path: str | PathLike[str]) -> Library:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
             raise InputError(f"{path / name}: not the values of its plan: the store is damaged; make it again")
     walls = StiffenedWalls(
-        stiffening=arrays["stiffening"],
-        force_ratio_btpd=arrays[FORCES],
-        displaced_btpd=arrays[DISPLACED],
-        undented_btpbnc=np.ascontiguousarray(arrays[CURVES][:, :, :, 0]),
-        curves=WholeCurves(arrays[CURVES]),
-    )
+        stiffening=arrays["stiffening"], force_ratio_btpd=arrays[FORCES], displaced_btpd=arrays[DISPLACED],
+        undented_btpbnc=np.ascontiguousarray(arrays[CURVES][:, :, :, 0]), curves=WholeCurves(arrays[CURVES]),
+    )  # fmt: skip
     thickness_m, tension, tip_m = (arrays[name] for name in AXES[1:])
     forces, supported = arrays[FORCES][0], arrays[SUPPORT_FORCES]
     polar_rad, stiffness_atpd = base_stiffness(thickness_m, tension, tip_m, forces, supported)
     return Library(
-        thickness_m=thickness_m,
-        tension=tension,
-        tip_m=tip_m,
-        walls=walls,
-        stiffening=float(walls.stiffening[0]),
-        radius_m=plan.radius_m,
-        poisson_ratio=plan.poisson_ratio,
-        needle_radius_m=plan.needle_radius_m,
-        max_force_ratio=plan.grid.max_force_ratio_m2,
-        polar_rad=polar_rad,
-        stiffness_atpd=stiffness_atpd,
+        thickness_m=thickness_m, tension=tension, tip_m=tip_m, walls=walls, stiffening=float(walls.stiffening[0]),
+        radius_m=plan.radius_m, poisson_ratio=plan.poisson_ratio, needle_radius_m=plan.needle_radius_m,
+        max_force_ratio=plan.grid.max_force_ratio_m2, polar_rad=polar_rad, stiffness_atpd=stiffness_atpd,
         contact_polar_rad=plan.contact_polar_rad,
-    )
+    )  # fmt: skip
 
 
 def _arrays(plan: LibraryPlan) -> dict[str, StoredArray]:
@@ -214,17 +203,11 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
     """Return the path of a unit in an open globe, extrapolated beyond twice the library's largest force."""
     planned = plan.path(unit)
     path = axisymmetric_path(
-        plan.radius_m,
-        planned.thickness_m,
-        plan.poisson_ratio,
-        plan.needle_radius_m,
-        planned.iop_ratio,
-        tips_m=planned.tip_m[1:],
-        max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
-        support_rad=planned.support_rad,
-        stiffening=planned.stiffening,
+        plan.radius_m, planned.thickness_m, plan.poisson_ratio, plan.needle_radius_m, planned.iop_ratio,
+        tips_m=planned.tip_m[1:], max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
+        support_rad=planned.support_rad, stiffening=planned.stiffening,
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
-    )
+    )  # fmt: skip
     solved = (path.force_ratio_m2, path.displaced_m3, path.curves_sbnc)
     force_d, displaced_d, curves_dbnc = (_extrapolated(values, path.tip_m, planned.tip_m) for values in solved)
     return SolvedPath(force_d, displaced_d, curves_dbnc.astype(np.float32))

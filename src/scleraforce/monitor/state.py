@@ -146,11 +146,9 @@ def _contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> tu
 
 def _remember_opinion(state: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> MonitorState:
     state = replace(
-        state,
-        opinion=opinion,
-        doubted=0 if opinion.verdict.usable else state.doubted + 1,
+        state, opinion=opinion, doubted=0 if opinion.verdict.usable else state.doubted + 1,
         unanswered=_unanswered(state.unanswered, opinion.frame_id),
-    )
+    )  # fmt: skip
     if not opinion.verdict.usable or unsound(opinion.verdict, limits):
         return replace(state, clear_s=None)
     return replace(state, touched=True, clear_s=None) if touches(opinion.verdict, limits) else state

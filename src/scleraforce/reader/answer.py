@@ -59,12 +59,10 @@ class Reading:
 def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...], factor: float = 1.0) -> Reading:
     """Return the reading of a fit, its distribution stretched about the median by a factor (`reader.intervals`)."""
     return Reading(
-        probabilities=fit.probabilities(unstretched(fit.force_n, bounds_n, factor)),
-        force_n=fit.force_n,
-        interval_n=stretched_interval(fit.force_n, fit.interval_n, factor),
-        contact_m=fit.contact_m,
+        probabilities=fit.probabilities(unstretched(fit.force_n, bounds_n, factor)), force_n=fit.force_n,
+        interval_n=stretched_interval(fit.force_n, fit.interval_n, factor), contact_m=fit.contact_m,
         contact_sd_m=float(fit.sd[LATERAL]),
-    )
+    )  # fmt: skip
 
 
 def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str | None:

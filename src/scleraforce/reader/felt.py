@@ -77,11 +77,9 @@ class FeltForce:
             side_n = max(below_n if bound_n < force_n else above_n, 1e-9) / NINETY_PERCENT
             under.append(0.5 + 0.5 * erf((bound_n - force_n) / (sqrt(2.0) * side_n)))
         return replace(
-            elastic,
-            probabilities=tuple(np.diff([*under, 1.0]).tolist()),
-            force_n=force_n,
+            elastic, probabilities=tuple(np.diff([*under, 1.0]).tolist()), force_n=force_n,
             interval_n=(max(force_n - below_n, 0.0), force_n + above_n),
-        )
+        )  # fmt: skip
 
     def leaning(self, lean: "Lean", elastic_n: float) -> "FeltForce":
         """Return the force along a needle that leans."""

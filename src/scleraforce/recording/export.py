@@ -216,9 +216,7 @@ def _answer(row: Row, header: Any, store: Any) -> Any:
     forces = {name: row.get(name) for name in ("measured_force_mn", "predicted_force_mn")}
     forces |= {"interval_low_mn": low_mn, "interval_high_mn": high_mn}
     return store.types[ANSWER](
-        header=header,
-        file=str(row["file"]),
-        **{name: bool(row.get(name)) for name in ("pierced", "usable")},
+        header=header, file=str(row["file"]), **{name: bool(row.get(name)) for name in ("pierced", "usable")},
         **{name: float("nan") if value is None else float(value) for name, value in forces.items()},
         **{name: -1 if row.get(name) is None else int(row[name]) for name in ("target", "predicted")},
-    )
+    )  # fmt: skip

@@ -353,14 +353,12 @@ def joined(scans: Sequence[Scan]) -> Scan:
         if rising(time_s):
             ordered, joint = [scans[nth] for nth in order], Times(time_s, times[0].source)
     return replace(
-        first,
-        names=tuple(name for scan in ordered for name in scan.names),
-        pictures=lambda: (picture for scan in ordered for picture in _checked(scan)),
-        times=joint,
+        first, names=tuple(name for scan in ordered for name in scan.names),
+        pictures=lambda: (picture for scan in ordered for picture in _checked(scan)), times=joint,
         scale_fault=next((scan.scale_fault for scan in scans if scan.scale_fault), None),
         times_fault=next((scan.times_fault for scan in scans if scan.times_fault), None),
         notes=tuple(dict.fromkeys(note for scan in scans for note in scan.notes)),
-    )
+    )  # fmt: skip
 
 
 def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:

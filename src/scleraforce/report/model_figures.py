@@ -114,11 +114,9 @@ def draw_network(pixels: tuple[int, int], hidden: Sequence[int], classes: Sequen
     """Draw the layers from a slice of (columns, rows) over hidden layers with dropout to the named classes."""
     columns, rows = pixels
     layers = [
-        (f"slice\n{columns} x {rows}\npixels", BLACK),
-        (f"input\n{columns * rows}", GREY),
-        *((f"{size}\nReLU\ndropout {dropout:g}", BLUE) for size in hidden),
-        (f"{len(classes)}\nsoftmax", RED),
-    ]
+        (f"slice\n{columns} x {rows}\npixels", BLACK), (f"input\n{columns * rows}", GREY),
+        *((f"{size}\nReLU\ndropout {dropout:g}", BLUE) for size in hidden), (f"{len(classes)}\nsoftmax", RED),
+    ]  # fmt: skip
     step = 1.3 * BOX_MM
     figure = Figure(figsize=inches(170, 28))
     axes = figure.add_subplot()

@@ -36,11 +36,9 @@ from scleraforce.units import HumanUnit, from_si
 
 PICTURED = 24  # slices
 TITLES = {
-    "mae_mn": "mean error of the force [mN]",
-    "lateral_mae_mm": "mean error of the contact [mm]",
-    "coverage": "intervals that hold",
-    "dice_mean": "overlap (Dice)",
-}
+    "mae_mn": "mean error of the force [mN]", "lateral_mae_mm": "mean error of the contact [mm]",
+    "coverage": "intervals that hold", "dice_mean": "overlap (Dice)",
+}  # fmt: skip
 # Data behind the metrics of a training. README and docs/figures.md have a reader's figures on recordings.
 MEASURED_ON = {
     "reader": "the network alone, on simulated slices with values that are missing or wrong; not what it does on "
@@ -67,12 +65,10 @@ def show_library(path: Path) -> Thing:
         ("largest F/E", f"{from_si(library.max_force_ratio, 'mm2'):.4g} mm²"),
     )  # fmt: skip
     facts = {
-        "radius_mm": from_si(library.radius_m, "mm"),
-        "thickness_um": from_si(library.thickness_m, "um").tolist(),
-        "tension": library.tension.tolist(),
-        "tip_mm": from_si(library.tip_m, "mm").tolist(),
+        "radius_mm": from_si(library.radius_m, "mm"), "thickness_um": from_si(library.thickness_m, "um").tolist(),
+        "tension": library.tension.tolist(), "tip_mm": from_si(library.tip_m, "mm").tolist(),
         "largest_force_ratio_mm2": from_si(library.max_force_ratio, "mm2"),
-    }
+    }  # fmt: skip
     return Thing(kind="library", facts=facts, rows=rows, draw=partial(draw_library, library))
 
 
@@ -111,11 +107,9 @@ def show_data_set(path: Path) -> Thing:
         ("seed", str(dataset.study.dataset.seed)),
     )  # fmt: skip
     facts = {
-        "images": dataset.images,
-        "validation": len(validation),
-        "classes": counts,
+        "images": dataset.images, "validation": len(validation), "classes": counts,
         "youngs_modulus_mpa": from_si(dataset.youngs_modulus_pa, "mpa"),
-    }
+    }  # fmt: skip
     pictured = np.array(evenly(list(range(dataset.images)), PICTURED))
     return Thing(kind="data set", facts=facts, rows=rows, draw=partial(draw_montage, dataset, pictured))
 
@@ -267,14 +261,12 @@ def show_decision_log(path: Path) -> Thing:
         begin = datetime.fromtimestamp(decisions[0].time_s, UTC)
         span_words = f"{decisions[-1].at_s - decisions[0].at_s:.4g} s from {begin:%Y-%m-%d %H:%M:%S} UTC"
     rows = (
-        ("decisions", f"{len(decisions)}, {frames} of them on a frame"),
-        ("span", span_words),
+        ("decisions", f"{len(decisions)}, {frames} of them on a frame"), ("span", span_words),
         ("forces", f"{min(forces_mn):.1f} to {max(forces_mn):.1f} mN" if forces_mn else ""),
         ("lost frames", str(decisions[-1].lost) if decisions else ""),
         ("withdrawals", ", ".join(f"{count} {cause}" for cause, count in causes.items()) or "none"),
-        ("notes", str(len(notes))),
-        ("torn", f"{torn} parts could not be read" if torn else "nothing"),
-    )
+        ("notes", str(len(notes))), ("torn", f"{torn} parts could not be read" if torn else "nothing"),
+    )  # fmt: skip
     facts = {
         "decisions": len(decisions),
         "frames": frames,
