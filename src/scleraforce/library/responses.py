@@ -48,22 +48,6 @@ def check_inside(
         )
 
 
-def check_tension(
-    tension: Floats, thickness_m: Floats, ends: tuple[float, float], radius_m: float, poisson_ratio: float
-) -> None:
-    """Raise `InputError` for a tension outside a library's; the message gives it as the wall's IOP/E."""
-    inside = (tension >= ends[0] * (1.0 - SLACK)) & (tension <= ends[1] * (1.0 + SLACK))
-    if inside.all():
-        return
-    worst = int(np.argmin(inside))  # NaN is outside, too
-    thickness = float(np.broadcast_to(thickness_m, tension.shape)[worst])
-    low, high, burst = (value * thickness / radius_m for value in (*ends, burst_tension(poisson_ratio)))
-    raise InputError(
-        f"IOP/E: {tension[worst] * thickness / radius_m:.4g} is outside the library's range for a wall of "
-        f"{from_si(thickness, 'um'):.0f} µm, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
-    )
-
-
 def inside_ends(values: Floats, axis: Floats) -> Floats:
     """Return values of a checked range without the rounding beyond its ends."""
     return np.clip(np.asarray(values, dtype=np.float64), axis[0], axis[-1])
@@ -400,11 +384,20 @@ class Library:
         return rows.reshape(shape), (of_t[:, :, None] * of_p[:, None]).reshape(shape)
 
     def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
-        """Return the tensions of walls in the library (sample,)."""
+        """Return the tensions of walls (sample,); one outside the library raises `InputError`, with its IOP/E."""
         check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm")
-        tension = self._tension(thickness_m, iop_ratio)
-        check_tension(tension, thickness_m, self._ends(self.tension), self.radius_m, self.poisson_ratio)
-        return tension
+        tension, ends = self._tension(thickness_m, iop_ratio), self._ends(self.tension)
+        inside = (tension >= ends[0] * (1.0 - SLACK)) & (tension <= ends[1] * (1.0 + SLACK))
+        if inside.all():
+            return tension
+        worst = int(np.argmin(inside))  # NaN is outside, too
+        thickness = float(np.broadcast_to(thickness_m, tension.shape)[worst])
+        per_tension = thickness / self.radius_m
+        low, high, burst = (value * per_tension for value in (*ends, burst_tension(self.poisson_ratio)))
+        raise InputError(
+            f"IOP/E: {tension[worst] * per_tension:.4g} is outside the library's range for a wall of "
+            f"{from_si(thickness, 'um'):.0f} µm, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
+        )
 
     def _tension(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         return np.asarray(iop_ratio) * (self.radius_m / np.asarray(thickness_m))

@@ -208,16 +208,14 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
         support_rad=planned.support_rad, stiffening=planned.stiffening,
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
     )  # fmt: skip
-    solved = (path.force_ratio_m2, path.displaced_m3, path.curves_sbnc)
-    force_d, displaced_d, curves_dbnc = (_extrapolated(values, path.tip_m, planned.tip_m) for values in solved)
-    return SolvedPath(force_d, displaced_d, curves_dbnc.astype(np.float32))
+    beyond_m, step_m = planned.tip_m[len(path.tip_m) :] - path.tip_m[-1], path.tip_m[-1] - path.tip_m[-2]
 
+    def extrapolated(values: Floats) -> Floats:
+        """Return values (solved tip, ...) at all tips: beyond the last one on the line through the last two."""
+        return np.concatenate([values, values[-1] + np.multiply.outer(beyond_m, (values[-1] - values[-2]) / step_m)])
 
-def _extrapolated(values: Floats, solved_m: Floats, tips_m: Floats) -> Floats:
-    """Return values (solved tip, ...) at all tips (tip,): beyond the last one on the line through the last two."""
-    slope = (values[-1] - values[-2]) / (solved_m[-1] - solved_m[-2])
-    beyond_m = tips_m[len(solved_m) :] - solved_m[-1]
-    return np.concatenate([values, values[-1] + np.multiply.outer(beyond_m, slope)])
+    force_d, displaced_d = extrapolated(path.force_ratio_m2), extrapolated(path.displaced_m3)
+    return SolvedPath(force_d, displaced_d, extrapolated(path.curves_sbnc).astype(np.float32))
 
 
 KEY_LETTERS = 32  # of the key, in a file name
