@@ -54,11 +54,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_two_builds_are_the_same_bytes_of_every_file_of_the_package(wheel: Path, tmp_path: Path) -> None:
     assert wheel.read_bytes() == built(tmp_path / "elsewhere", tmp_path / "dist").read_bytes()
     package = ROOT / "src" / "scleraforce"
-    files = {
-        path.relative_to(ROOT / "src").as_posix()
-        for path in package.rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
-    }
+    there = [path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    files = {path.relative_to(ROOT / "src").as_posix() for path in there}
     held = {name for name in ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert held == files
     assert wheel.stat().st_size < 17 * 2**20

@@ -35,11 +35,8 @@ SLOW_MODULES = {f"scleraforce.notebook.{name}" for name in ("calibrating", "trai
 LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", "{eval-rst}", ""}
 FENCE = re.compile(r"^```([\w{}-]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 PACKAGE = Path(scleraforce.__file__).parent
-MODULES = sorted(
-    "scleraforce." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
-    for path in PACKAGE.rglob("*.py")
-    if path.name != "__init__.py"
-)
+SOURCES = [path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py") if path.name != "__init__.py"]
+MODULES = sorted(".".join(["scleraforce", *path.with_suffix("").parts]) for path in SOURCES)
 
 PUBLIC = [name for name in scleraforce.__all__ if not name.startswith("__")]
 PUBLIC_MODULES = sorted({getattr(scleraforce, name).__module__ for name in PUBLIC})

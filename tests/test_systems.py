@@ -68,11 +68,8 @@ def used(path: Path) -> set[str]:
 
 
 def test_only_service_and_guarded_calls_need_linux() -> None:
-    found = {
-        (".".join(path.relative_to(ROOT).with_suffix("").parts), name)
-        for path in ROOT.rglob("*.py")
-        for name in used(path)
-    }
+    places = {path: ".".join(path.relative_to(ROOT).with_suffix("").parts) for path in ROOT.rglob("*.py")}
+    found = {(place, name) for path, place in places.items() for name in used(path)}
     assert {one for one in found if not one[0].startswith("service")} == GUARDED
     assert {"sched_setscheduler", "SCHED_FIFO"} <= {name for _, name in found}
 

@@ -44,16 +44,13 @@ def frame(target, predicted, usable=True, *, by_log=None, true_mn=20.0, read_mn=
 
 
 def test_scores_of_a_few_frames_are_as_counted_by_hand():
-    found = score(
-        [
-            frame(0, 0, true_mn=2.0, read_mn=3.0, interval_mn=(1.0, 3.5)),
-            frame(1, 2, by_log=2, true_mn=29.0, read_mn=31.0, interval_mn=(30.0, 32.0)),
-            frame(2, 0, true_mn=40.0, read_mn=4.0, interval_mn=(3.0, 5.0)),
-            frame(2, 2, true_mn=50.0, read_mn=50.0, interval_mn=(49.0, 51.0)),
-            frame(2, 2, usable=False, true_mn=55.0, in_window=False),
-            frame(0, 2, usable=False, true_mn=1.0),
-        ]
-    )
+    found = score([
+        frame(0, 0, true_mn=2.0, read_mn=3.0, interval_mn=(1.0, 3.5)),
+        frame(1, 2, by_log=2, true_mn=29.0, read_mn=31.0, interval_mn=(30.0, 32.0)),
+        frame(2, 0, true_mn=40.0, read_mn=4.0, interval_mn=(3.0, 5.0)),
+        frame(2, 2, true_mn=50.0, read_mn=50.0, interval_mn=(49.0, 51.0)),
+        frame(2, 2, usable=False, true_mn=55.0, in_window=False), frame(0, 2, usable=False, true_mn=1.0),
+    ])  # fmt: skip
     assert (found.accuracy.hits, found.accuracy.total) == (3, 6)
     assert (found.usable_accuracy.hits, found.usable_accuracy.total) == (2, 4)
     assert (found.log_accuracy.hits, found.log_accuracy.total) == (4, 6)

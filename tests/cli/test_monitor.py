@@ -353,11 +353,9 @@ def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypat
     assert limits.loss_in_window_s == pytest.approx(0.6)
     assert (limits.expects_opinion, limits.reads_force) == (False, True)
     assert settings.token != plain.token
-    assert plain.limits == MonitorLimits(
-        size=(study.oct.rows, study.oct.columns),
-        scale_m=(study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows),
-        expects_opinion=True,
-    )
+    scale_m = (study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows)
+    size = (study.oct.rows, study.oct.columns)
+    assert plain.limits == MonitorLimits(size=size, scale_m=scale_m, expects_opinion=True)
     assert (plain.address, plain.console, plain.record) == (module.Address("127.0.0.1", 18944), None, None)
 
 

@@ -265,8 +265,8 @@ def read(monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
         def spy(record: object, name: str) -> object:
             caller = sys._getframe(1)
-            is_special = caller.f_code.co_name.startswith("__") and caller.f_code.co_name != "__init__"
-            if caller.f_globals["__name__"] not in BOOKKEEPING and not is_special:
+            checks = caller.f_code.co_name.startswith(("__", "_check")) and caller.f_code.co_name != "__init__"
+            if caller.f_globals["__name__"] not in BOOKKEEPING and not checks:
                 seen.update({keys[name]} if name in keys else ())
             return object.__getattribute__(record, name)
 
@@ -288,11 +288,8 @@ def test_the_table_names_the_keys_that_a_command_does_not_read(
 ) -> None:
     work, text = WORK[command, mechanics]
     study = parse_study(text)
-    every = {
-        f"{section}.{field_key(item)}"
-        for section in PHYSICS
-        for item in type(getattr(study, section)).__dataclass_fields__.values()
-    }
+    kinds = {section: type(getattr(study, section)) for section in PHYSICS}
+    every = {f"{name}.{field_key(key)}" for name, kind in kinds.items() for key in kind.__dataclass_fields__.values()}
     read.clear()
     work(study)
     assert every - read - ELSEWHERE == set(UNUSED[command, mechanics])

@@ -28,25 +28,17 @@ SMALL = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthic
 FRAME = "eye-a/frames/0001.png"
 # The arguments of each command, in the folder below; {out} is new for each run.
 RUNS = {
-    "init": "{out}",
-    "cite": "",
-    "simulate": "--study small.toml --thickness-um 600 --force-mn 10",
+    "init": "{out}", "cite": "", "simulate": "--study small.toml --thickness-um 600 --force-mn 10",
     "phantom": "--study small.toml --out {out} --forces-mn 2,20 --thickness-um 600",
     "segment": FRAME + " --out {out}",
     "scanner": "drawn/0.png drawn/1.png --width-mm 15 --depth-mm 4 --bits 12 --out {out}.toml",
-    "library": "--study study.toml --out {out}",
-    "calibrate": "eye-a --study study.toml --frames 2 --out {out}",
-    "generate": "--study small.toml --out {out} --workers 1",
-    "train": "dataset --out {out}",
-    "read": "reader " + FRAME,
-    "evaluate": "reader eye-a",
+    "library": "--study study.toml --out {out}", "calibrate": "eye-a --study study.toml --frames 2 --out {out}",
+    "generate": "--study small.toml --out {out} --workers 1", "train": "dataset --out {out}",
+    "read": "reader " + FRAME, "evaluate": "reader eye-a",
     "import": FRAME + " --out {out} --width-mm 15 --depth-mm 4 --bits 12 --rate-hz 1 --refractive-index 1 --gauge 22 "
     "--gap-mm 0.6 --eye eye-b",
-    "export": "eye-a --out {out}.csv",
-    "show": "eye-a",
-    "doctor": "",
-    "demo": "--out {out}",
-}
+    "export": "eye-a --out {out}.csv", "show": "eye-a", "doctor": "", "demo": "--out {out}",
+}  # fmt: skip
 # They need a monitor, or a quarter of an hour; these calls cannot begin.
 REFUSED = {
     "monitor": "nowhere", "monitor-reset": "--port 1 --token none", "replay": "eye-a --port 1",

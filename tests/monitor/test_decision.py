@@ -112,11 +112,8 @@ def pierced() -> MonitorState:
 
 
 STATES: dict[State, Callable[[], MonitorState]] = {
-    State.NOT_READY: MonitorState,
-    State.WATCHING: watching,
-    State.PIERCED: pierced,
-    State.WITHDRAW: withdrawn,
-}
+    State.NOT_READY: MonitorState, State.WATCHING: watching, State.PIERCED: pierced, State.WITHDRAW: withdrawn,
+}  # fmt: skip
 WRONG_NUMBERS: list[dict[str, Any]] = [
     {"force_n": NAN}, {"interval_n": (0.0, NAN)}, {"interval_n": (0.0, float("inf"))}, {"interval_n": (0.02, 0.01)},
     {"probabilities": (NAN, 0.5, 0.5)}, {"probabilities": None}, {"probabilities": (0.5, 0.3, 0.1)}, {"predicted": -1},
@@ -130,20 +127,15 @@ VERDICTS: list[tuple[dict[str, Any], Cause]] = [  # of any reader, each with the
 ]
 ALARMS: list[tuple[MonitorEvent, Cause]] = [
     *((judged(frame(6), **said), cause) for said, cause in VERDICTS),
-    (Fault(0.06, Cause.CHECKSUM, "CRC"), Cause.CHECKSUM),
-    (Fault(0.06, Cause.EXCEPTION, "ValueError"), Cause.EXCEPTION),
+    (Fault(0.06, Cause.CHECKSUM, "CRC"), Cause.CHECKSUM), (Fault(0.06, Cause.EXCEPTION, "ValueError"), Cause.EXCEPTION),
     (Fault(0.06, Cause.BAD_IMAGE, "short"), Cause.BAD_IMAGE),
     (QueueLoss(at_s=0.06, lost=5, unread_s=0.05, row=1), Cause.QUEUE_BEHIND),
     (QueueLoss(at_s=0.06, lost=0, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),
     (QueueLoss(at_s=0.06, lost=1, unread_s=0.0, row=1), Cause.QUEUE_BEHIND),
-    (QueueLoss(at_s=0.06, lost=NAN, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),
-    (frame(6, at_s=NAN), Cause.NO_NUMBER),
-    (Tick(NAN), Cause.NO_NUMBER),
-    ("nonsense", Cause.EXCEPTION),
-    (replace(frame(6), scale_m=(NAN, 5e-6)), Cause.SCALE),
-    (opinion(7, at_s=0.06), Cause.OUT_OF_ORDER),
-    (opinion(5, at_s=NAN), Cause.NO_NUMBER),
-]
+    (QueueLoss(at_s=0.06, lost=NAN, unread_s=0.01, row=1), Cause.QUEUE_BEHIND), (frame(6, at_s=NAN), Cause.NO_NUMBER),
+    (Tick(NAN), Cause.NO_NUMBER), ("nonsense", Cause.EXCEPTION), (replace(frame(6), scale_m=(NAN, 5e-6)), Cause.SCALE),
+    (opinion(7, at_s=0.06), Cause.OUT_OF_ORDER), (opinion(5, at_s=NAN), Cause.NO_NUMBER),
+]  # fmt: skip
 AFTER_A_FRAME: list[tuple[MonitorEvent, Cause]] = [
     (Tick(0.1501), Cause.SILENCE), (frame(6, at_s=0.1501), Cause.SILENCE), (Reset(0.1501), Cause.SILENCE),
     (unusable(6), Cause.UNUSABLE), (frame(5, at_s=0.06), Cause.OUT_OF_ORDER), (frame(3, at_s=0.06), Cause.OUT_OF_ORDER),
@@ -156,15 +148,11 @@ OPINIONS = [
 ]
 OVERTAKEN = [(OvertakenRead(0.0505, judged(frame(4), **said)), cause) for said, cause in VERDICTS]
 SIGNALS: dict[Signal, list[MonitorEvent]] = {
-    Signal.HARMLESS: [frame(6)],
-    Signal.TOLERATED: [frame(6), unusable(7)],
-    Signal.UNJUDGED: [unusable(6)],
-    Signal.QUIET: [Tick(0.06)],
-    Signal.ALARM: [Fault(0.06, Cause.EXCEPTION, "error")],
+    Signal.HARMLESS: [frame(6)], Signal.TOLERATED: [frame(6), unusable(7)], Signal.UNJUDGED: [unusable(6)],
+    Signal.QUIET: [Tick(0.06)], Signal.ALARM: [Fault(0.06, Cause.EXCEPTION, "error")],
     Signal.PIERCED: [*(frame(n, 0.024) for n in range(6, 9)), frame(9, 0.007), frame(10, 0.0071)],
-    Signal.RESET_GRANTED: [*(frame(n) for n in range(6, 11)), Reset(0.105)],
-    Signal.RESET_REFUSED: [Reset(0.06)],
-}
+    Signal.RESET_GRANTED: [*(frame(n) for n in range(6, 11)), Reset(0.105)], Signal.RESET_REFUSED: [Reset(0.06)],
+}  # fmt: skip
 
 
 def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there() -> None:
@@ -1010,12 +998,8 @@ def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() ->
     _, decision = play_planes(doubts, watching, limits)
     assert (decision.cause, "plane across: second opinion" in decision.message) == (Cause.UNUSABLE, True)
     for stray in (
-        frame(8),
-        of_plane("up", frame(8)),
-        of_plane("up", opinion(6)),
-        OvertakenRead(0.08, frame(7)),
-        object(),
-    ):
+        frame(8), of_plane("up", frame(8)), of_plane("up", opinion(6)), OvertakenRead(0.08, frame(7)), object(),
+    ):  # fmt: skip
         _, decision = play_planes([stray], watching, limits)
         assert decision.state is State.WITHDRAW
     _, decision = play_planes([OvertakenRead(0.08, of_plane("across", frame(6, 0.031)))], watching, limits)

@@ -108,10 +108,8 @@ def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, child
 
 def test_what_one_says_of_the_frames_is_passed_on(companions, children):
     console: list[CompanionMessage] = [
-        messages.ResetAsked(request=1, token="t"),
-        messages.ListensAt(url="u"),
-        messages.WrongTokens(count=2),
-    ]
+        messages.ResetAsked(request=1, token="t"), messages.ListensAt(url="u"), messages.WrongTokens(count=2),
+    ]  # fmt: skip
     kept = messages.WithdrawalKept(folder="x")
     for name, said in ((OPINION, [OPINION_OF_3]), (BLACK_BOX, [kept]), (CONSOLE, console)):
         for message in said:

@@ -62,14 +62,12 @@ def bands(picture: Pixels) -> Pixels:
 
 
 LIVE: dict[str, Callable[[NDArray[np.uint16]], Pixels]] = {
-    "12 bits": lambda picture: picture,
-    "8 bits": lambda picture: (picture >> 4).astype(np.uint8),
+    "12 bits": lambda picture: picture, "8 bits": lambda picture: (picture >> 4).astype(np.uint8),
     "4 bits": lambda picture: (picture >> 8).astype(np.uint8),
     "saturated": lambda picture: np.minimum(picture, np.uint16(1500)),
-    "nearly black": lambda picture: np.where(picture > 2600, picture, np.uint16(0)),
-    "black bands": bands,
+    "nearly black": lambda picture: np.where(picture > 2600, picture, np.uint16(0)), "black bands": bands,
     "of few pixels": lambda picture: picture[:24, :32],
-}
+}  # fmt: skip
 
 
 def test_live_pictures_are_new_whatever_stays_in_them() -> None:

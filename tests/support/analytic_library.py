@@ -140,14 +140,11 @@ def solved_library(grid: LibraryStudy) -> Library:
         undented_btpbnc=np.ascontiguousarray(curves[:, :, :, 0]), curves=WholeCurves(curves),
     )  # fmt: skip
     return Library(
-        walls=walls,
-        stiffening=float(walls.stiffening[0]),
-        **{name: getattr(plan, name) for name in AXES_AND_SIZES},
-        max_force_ratio=plan.grid.max_force_ratio_m2,
-        polar_rad=POLAR_RAD,
+        walls=walls, stiffening=float(walls.stiffening[0]), **{name: getattr(plan, name) for name in AXES_AND_SIZES},
+        max_force_ratio=plan.grid.max_force_ratio_m2, polar_rad=POLAR_RAD,
         stiffness_atpd=np.stack([np.full(forces.shape[1:], stiffness(polar)) for polar in POLAR_RAD]),
         contact_polar_rad=0.0,
-    )
+    )  # fmt: skip
 
 
 def made_up_library(most: float = 30.0) -> Library:

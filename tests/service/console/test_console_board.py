@@ -169,11 +169,9 @@ def test_requests_come_from_own_names_and_what_writes_from_the_own_page_with_a_s
 def test_it_goes_down_a_level_a_second_at_most_and_comes_back_only_after_calm() -> None:
     thrift = Thrift()
     for times, begin_s, looks in (
-        (3, 10.0, [(10.2, 1)]),
-        (3, 10.3, [(10.6, 1)]),
-        (3, 11.0, [(11.3, 2)]),
+        (3, 10.0, [(10.2, 1)]), (3, 10.3, [(10.6, 1)]), (3, 11.0, [(11.3, 2)]),
         (20, 11.4, [(13.4, 2), (18.2, 2), (18.4, 1), (18.5, 1), (23.5, 0)]),
-    ):
+    ):  # fmt: skip
         for n in range(times):
             thrift.woke(0.05, begin_s + 0.1 * n)
         assert [(at_s, thrift.share(at_s).level) for at_s, _ in looks] == looks

@@ -283,11 +283,9 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
     )
     support = Path(__file__).parents[2] / "support"
     killed = subprocess.Popen(
-        [sys.executable, "-c", program],
-        env=os.environ | {"PYTHONPATH": str(support)},
-        stdout=subprocess.PIPE,
+        [sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": str(support)}, stdout=subprocess.PIPE,
         text=True,
-    )
+    )  # fmt: skip
     assert killed.stdout is not None
     with ends(killed.stdout, FUSE_S):
         port, pid = map(int, killed.stdout.readline().split())
