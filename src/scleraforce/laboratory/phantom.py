@@ -437,14 +437,10 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
     modules = {"numpy": np, "scipy": scipy, "opencv": cv2}
     versions = {"scleraforce": __version__, **{name: module.__version__ for name, module in modules.items()}}
     return {
-        "simulated": True,
-        "versions": versions,
-        "study_hash": study_hash(study),
-        "seed": plan.seed,
+        "simulated": True, "versions": versions, "study_hash": study_hash(study), "seed": plan.seed,
         "mechanics": asdict(study.mechanics),
         "tissue": {**asdict(study.tissue), "relaxation": plan.path.relaxation.terms},
-        "globe": asdict(study.globe),
-        "eye": asdict(plan.eye),
+        "globe": asdict(study.globe), "eye": asdict(plan.eye),
         "form": {key: value for key, value in asdict(study.form).items() if value is not None},
         "thickness_at_contact_m": _thickness_at(plan.eye, plan.eye.plane.contact, study),
         "needle": {**asdict(study.needle), "lean_rad": plan.lean[0]},
@@ -453,26 +449,20 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
         **({"puncture": asdict(plan.path.puncture)} if plan.path.puncture else {}),
         "frames": [
             {
-                "file": frame.file,
-                "time_s": frame.time_s,
-                "force_n": force_n,
-                "elastic_force_n": elastic_n,
-                "pressure_pa": pressure_pa,
-                "target": study.classes.classify(force_n),
-                **({"push": asdict(frame.push)} if frame.push else {}),
-                "pose": asdict(frame.pose),
+                "file": frame.file, "time_s": frame.time_s, "force_n": force_n, "elastic_force_n": elastic_n,
+                "pressure_pa": pressure_pa, "target": study.classes.classify(force_n),
+                **({"push": asdict(frame.push)} if frame.push else {}), "pose": asdict(frame.pose),
                 **({"pierced": frame.time_s > plan.path.puncture.time_s} if plan.path.puncture else {}),
                 **({"needle": asdict(frame.travel)} if frame.travel else {}),
                 **({"plane": frame.plane.name, "cut": asdict(frame.cut)} if frame.plane and frame.cut else {}),
                 **({"turn": _turn_truth(plan.eye, frame.turn, study)} if frame.turn else {}),
-                "optics": asdict(frame.optics),
-                "seed": list(frame.seed),
+                "optics": asdict(frame.optics), "seed": list(frame.seed),
             }
             for frame, force_n, elastic_n, pressure_pa in zip(
                 plan.frames, plan.forces_n, plan.elastic_n, pressures_pa, strict=True
             )
         ],
-    }
+    }  # fmt: skip
 
 
 def _turn_truth(eye: PhantomEye, turn: EyeTurn, study: Study) -> dict[str, float]:

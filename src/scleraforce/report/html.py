@@ -171,17 +171,13 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     classes = [f"p({number})" for number in range(len(evaluation.bounds_n) + 1)]
     rows = [
         [
-            f"{frame.eye}/{frame.file}" if several else frame.file,
-            measured_force(frame),
-            NOTHING if frame.target is None else frame.target,
-            frame.answer.predicted,
-            *(read_force(frame) if with_force else []),
-            *(f"{p:.3f}" for p in frame.answer.probabilities or ()),
-            *([] if frame.answer.probabilities else [NOTHING] * len(classes)),
-            _remark(frame),
+            f"{frame.eye}/{frame.file}" if several else frame.file, measured_force(frame),
+            NOTHING if frame.target is None else frame.target, frame.answer.predicted,
+            *(read_force(frame) if with_force else []), *(f"{p:.3f}" for p in frame.answer.probabilities or ()),
+            *([] if frame.answer.probabilities else [NOTHING] * len(classes)), _remark(frame),
         ]
         for frame in frames
-    ]
+    ]  # fmt: skip
     wrong = [(r, 3) for r, f in enumerate(frames) if f.misread]
     read = ["read [mN]", "90 % [mN]"] if with_force else []
     head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
@@ -233,15 +229,11 @@ def made_line(made_at: datetime) -> str:
 def provenance_table(study: Study, reader: Reader) -> Html:
     """Return study hash, seeds, model and data set hashes, and the versions of the packages."""
     rows: list[Sequence[object]] = [
-        ["study, SHA-256", study_hash(study)],
-        ["data set, SHA-256", reader.provenance.get("dataset_sha256", "")],
-        ["seed of the data set", study.dataset.seed],
-        ["seed of the network", study.network.seed],
-        ["seed of the virtual eyes", study.phantom.seed],
-        ["Python", platform.python_version()],
-        ["PyTorch", reader.provenance.get("torch", "")],
-        *([name, version(name)] for name in PACKAGES),
-    ]
+        ["study, SHA-256", study_hash(study)], ["data set, SHA-256", reader.provenance.get("dataset_sha256", "")],
+        ["seed of the data set", study.dataset.seed], ["seed of the network", study.network.seed],
+        ["seed of the virtual eyes", study.phantom.seed], ["Python", platform.python_version()],
+        ["PyTorch", reader.provenance.get("torch", "")], *([name, version(name)] for name in PACKAGES),
+    ]  # fmt: skip
     caption = "Inputs of this run; the same study and versions give the same result."
     return table(["", "value"], rows, caption, prose=True)
 
