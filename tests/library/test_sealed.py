@@ -76,14 +76,9 @@ def test_a_sealed_eye_is_that_of_a_path_with_its_own_volumes(
     ],
 )
 def test_a_sealed_eye_is_that_of_three_dimensions(
-    library: Library,
-    thickness_m: float,
-    modulus_pa: float,
-    iop_pa: float,
-    rigidity: float,
-    polar_deg: float,
+    library: Library, thickness_m: float, modulus_pa: float, iop_pa: float, rigidity: float, polar_deg: float,
     dents_mm: tuple[float, ...],
-) -> None:
+) -> None:  # fmt: skip
     dents_m, polar_rad = 1e-3 * np.array(dents_mm), float(np.radians(polar_deg))
     globe, contact = sealed_globe(rigidity * PER_UL), Contact(polar_rad=polar_rad)
     wall = FiniteWall(graded_mesh(RADIUS, thickness_m, contact, core=8, rings=20), NU)

@@ -258,13 +258,9 @@ class EyeSession:
 
 
 def begin(
-    study: Study,
-    constants: EyeConstants,
-    library: Library | None,
-    parameters: tuple[str, ...] = ("e",),
-    zero_covariance: Floats = ZERO_PRIOR,
-    poses: dict[Boundaries, registration.PoseBelief] | None = None,
-) -> EyeSession:
+    study: Study, constants: EyeConstants, library: Library | None, parameters: tuple[str, ...] = ("e",),
+    zero_covariance: Floats = ZERO_PRIOR, poses: dict[Boundaries, registration.PoseBelief] | None = None,
+) -> EyeSession:  # fmt: skip
     """Return an eye before its first frame, with a library one of finite strain; raises `CalibrationError`.
 
     `poses` are shared by sessions of the same eye and the same frames, in one order, with walls of other tissue.
@@ -279,12 +275,9 @@ def begin(
 
 
 def begin_with(
-    model: "registration.EyeModel",
-    study: CalibrationStudy,
-    parameters: tuple[str, ...] = ("e",),
-    zero_covariance: Floats = ZERO_PRIOR,
-    poses: dict[Boundaries, registration.PoseBelief] | None = None,
-) -> EyeSession:
+    model: "registration.EyeModel", study: CalibrationStudy, parameters: tuple[str, ...] = ("e",),
+    zero_covariance: Floats = ZERO_PRIOR, poses: dict[Boundaries, registration.PoseBelief] | None = None,
+) -> EyeSession:  # fmt: skip
     """Return an eye of a model before its first frame."""
     eye = eye_filter(model, study, parameters)
     prior, belief = roukf.initial_posterior(*eye.space.prior()), registration.first_belief(model)

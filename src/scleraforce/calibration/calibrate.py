@@ -54,16 +54,10 @@ class _StepCount:
 
 
 def calibrate_recordings(
-    recordings: Sequence[Recording],
-    study: Study,
-    study_sha256: str,
-    library: Library | None,
-    parameters: tuple[str, ...] | None = None,
-    frames: int | None = None,
-    earlier: Calibration | None = None,
-    progress: Callable[[int], object] | None = None,
-    finder: WallFinder | None = None,
-) -> Calibration:
+    recordings: Sequence[Recording], study: Study, study_sha256: str, library: Library | None,
+    parameters: tuple[str, ...] | None = None, frames: int | None = None, earlier: Calibration | None = None,
+    progress: Callable[[int], object] | None = None, finder: WallFinder | None = None,
+) -> Calibration:  # fmt: skip
     """Calibrate every eye on its recordings; recordings of one eye add up. It raises `CalibrationError`.
 
     Without a library, mechanics is linear, as in the paper. The uncertain `parameters` are, of `e`, `stiffening`,
@@ -410,12 +404,9 @@ def _recordings(
 
 
 def _settled(
-    eye: EyeCalibration,
-    known: Known,
-    taken: Mapping[int, tuple[SeenFrame, float | None]],
-    refused: int,
+    eye: EyeCalibration, known: Known, taken: Mapping[int, tuple[SeenFrame, float | None]], refused: int,
     settings: Settings,
-) -> TissueTrial[EyeCalibration]:
+) -> TissueTrial[EyeCalibration]:  # fmt: skip
     """Return a calibration after its frames are read again, at their resting pressures, Pa, if it leaks."""
     if settings.library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)

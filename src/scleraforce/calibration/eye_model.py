@@ -103,12 +103,9 @@ class WallState:
 
 
 def stated_wall(
-    constants: EyeConstants,
-    youngs_modulus_pa: float,
-    force_n: float,
-    polar_rad: float,
+    constants: EyeConstants, youngs_modulus_pa: float, force_n: float, polar_rad: float,
     rigidity_pa13_per_m3: float | None = None,
-) -> WallState:
+) -> WallState:  # fmt: skip
     """Return the state of the eye as stated; the rigidity is by default the mean of the known globe's."""
     return WallState(
         youngs_modulus_pa=youngs_modulus_pa, force_n=force_n, iop_pa=constants.iop_pa,

@@ -114,13 +114,9 @@ def _spread(tips_m: Sequence[float], needed: Sequence[bool]) -> list[int]:
 
 
 def calibrate_without_force(
-    recordings: Sequence[Recording],
-    settings: Settings,
-    study_sha256: str,
-    population: Modulus | None = None,
-    earlier: Calibration | None = None,
-    progress: Callable[[int], object] = lambda _: None,
-) -> Calibration:
+    recordings: Sequence[Recording], settings: Settings, study_sha256: str, population: Modulus | None = None,
+    earlier: Calibration | None = None, progress: Callable[[int], object] = lambda _: None,
+) -> Calibration:  # fmt: skip
     """Calibrate every eye on the shape of its dents; `settings.frames` of each recording also by their forces.
 
     `population` is the prior of E, by default the study's. A later recording of an eye begins with the posterior of an
@@ -137,12 +133,9 @@ def calibrate_without_force(
 
 
 def _of_eye(
-    recording: Recording,
-    settings: Settings,
-    prior: Modulus,
-    before: EyeCalibration | None,
+    recording: Recording, settings: Settings, prior: Modulus, before: EyeCalibration | None,
     progress: Callable[[int], object],
-) -> EyeCalibration:
+) -> EyeCalibration:  # fmt: skip
     info, place, known = recording.info, recording.path / "recording.toml", known_of_recording(recording.info)
     library = settings.library
     assert library is not None  # at finite strain

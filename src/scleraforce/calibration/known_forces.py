@@ -237,13 +237,9 @@ Again = tuple[list[KnownForce | None], list[KnownForce], Found]
 
 
 def settled(
-    known: Known,
-    frames: SeenFrames,
-    earlier: Sequence[KnownForce],
-    library: Library,
-    study: Study,
+    known: Known, frames: SeenFrames, earlier: Sequence[KnownForce], library: Library, study: Study,
     rests_pa: Sequence[float] | None = None,
-) -> Settled:
+) -> Settled:  # fmt: skip
     """Return the known eye after its frames are read again, at their own resting pressures if the globe leaks."""
 
     def read_with(now: Known) -> Again:
