@@ -33,18 +33,12 @@ __all__ = [
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 _MODULES = {
-    "learning.dataset": ("open_dataset",),
-    "errors": ("InputError",),
-    "library.store": ("open_library",),
-    "notebook.calibrating": ("calibrate",),
-    "notebook.frames": ("evaluate", "load_model", "read", "segment"),
-    "notebook.importing": ("import_recording",),
-    "notebook.training": ("generate", "library_of", "train"),
-    "notebook.virtual": ("phantom", "simulate"),
-    "recording.folder": ("Plane", "read_recording"),
-    "recording.images": ("read_frame",),
-    "study": ("Study", "parse_study", "read_study"),
-}
+    "learning.dataset": ("open_dataset",), "errors": ("InputError",), "library.store": ("open_library",),
+    "notebook.calibrating": ("calibrate",), "notebook.frames": ("evaluate", "load_model", "read", "segment"),
+    "notebook.importing": ("import_recording",), "notebook.training": ("generate", "library_of", "train"),
+    "notebook.virtual": ("phantom", "simulate"), "recording.folder": ("Plane", "read_recording"),
+    "recording.images": ("read_frame",), "study": ("Study", "parse_study", "read_study"),
+}  # fmt: skip
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 # Hidden from type checkers, to which it would make every name valid.

@@ -225,21 +225,18 @@ def refused(folder: Path, monkeypatch: pytest.MonkeyPatch, shell):
 
 def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None:
     for options, words in (
-        (MINE[:2], "--eye: missing"),
-        ([*MINE, "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
+        (MINE[:2], "--eye: missing"), ([*MINE, "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
         ([*MINE, "--stiffening", "3"], "--stiffening: the calibration gives"),
         (["--stiffening", "99"], "stiffening 99 of the tissue"),
         (["--calibration", "nowhere.json", "--eye", "mine"], "nowhere.json"),
         (["--thickness-um", "2000"], "wall thickness 2000"),
         (["--thickness-um", "5000"], "5000 is above the largest allowed value 3000"),
-        (["--thickness-um", "nan"], "nan"),
-        (["--rigidity", "0.03"], "--rigidity: of a sealed globe"),
+        (["--thickness-um", "nan"], "nan"), (["--rigidity", "0.03"], "--rigidity: of a sealed globe"),
         (["--record", "box"], "the folder of the black box is there"),
         (["--black-box", "calibration.json/box"], "--black-box calibration.json/box: Not a directory"),
         (["--eye", "a\nb"], "--eye: 'a\\nb' has a line break"),
         (["--eye", "\x1b[2J"], "--eye: '\\x1b[2J' has a line break or another unprintable"),
-        (["--eye", ""], "--eye: empty; give the eye a name"),
-        (["--learn-eye"], "--learn-eye: --iop-mmhg is missing"),
+        (["--eye", ""], "--eye: empty; give the eye a name"), (["--learn-eye"], "--learn-eye: --iop-mmhg is missing"),
         ([*MINE, *EYE[2:], "--learn-eye"], "--learn-eye: the calibration has this eye's own E"),
         ([*EYE, "--learn-eye", "--youngs-modulus-mpa", "0.3"], "--learn-eye: E is given"),
         ([*EYE, "--learn-eye", "--no-second-opinion"], "--learn-eye: needs the second opinion"),
@@ -251,14 +248,12 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None
         (["--plane", "a,b:0:0", "--plane", "b:0:90"], "--plane: 'a,b' cannot name a device"),
         ([*CROSS, "--gap-mm", "0.5"], "--gap-mm: several planes show their gaps"),
         ([*CROSS, "--eye", "mine", "--iop-mmhg", "2", "--learn-eye"], "--learn-eye: it learns from a single plane"),
-        (["--host", ""], "--host: empty"),
-        (["--host", "no-such-host.invalid"], "--host 'no-such-host.invalid'"),
+        (["--host", ""], "--host: empty"), (["--host", "no-such-host.invalid"], "--host 'no-such-host.invalid'"),
         (["--web-port", "0", "--web-host", ""], "--web-host: empty"),
         (["--web-port", "0", "--web-host", "203.0.113.7"], "--web-host '203.0.113.7'"),
-        (["--web-port", "65536"], "--web-port"),
-        (["--bound-mn", "1"], "must be below bound_n"),
+        (["--web-port", "65536"], "--web-port"), (["--bound-mn", "1"], "must be below bound_n"),
         (["--host", "203.0.113.7"], "203.0.113.7"),
-    ):
+    ):  # fmt: skip
         assert words in refused(*options)
 
 

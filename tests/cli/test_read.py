@@ -100,14 +100,11 @@ def test_the_globe_is_the_options_then_the_recordings_then_unknown(read, frame) 
     stiff = f'globe = "sealed"\n{K} = 0.03'
     opened, closed = ({"globe": {"value": kind, "source": "option"}} for kind in ("open", "sealed"))
     for stated, options, used in (
-        ("", [], {"globe": {"value": None, "source": "unknown"}}),
-        ("", ["--globe", "open"], opened),
-        ('globe = "sealed"', [], {"globe": {"value": "sealed", "source": "recording.toml"}}),
-        (stiff, [], RECORDED),
-        (stiff, ["--globe", "open"], opened),
-        (stiff, ["--globe", "closed"], RECORDED | closed),
+        ("", [], {"globe": {"value": None, "source": "unknown"}}), ("", ["--globe", "open"], opened),
+        ('globe = "sealed"', [], {"globe": {"value": "sealed", "source": "recording.toml"}}), (stiff, [], RECORDED),
+        (stiff, ["--globe", "open"], opened), (stiff, ["--globe", "closed"], RECORDED | closed),
         (stiff, ["--globe", "sealed", "--rigidity", 0.012], closed | {K: {"value": 0.012, "source": "option"}}),
-    ):
+    ):  # fmt: skip
         (frame.parents[1] / "recording.toml").write_text(STATED.replace("[needle]", f"{stated}\n[needle]"))
         entry = read(frame, *options)
         assert {key: known for key, known in entry["known"].items() if key in RECORDED} == used
@@ -150,13 +147,11 @@ def test_options_that_contradict_each_other_are_refused_by_name(model, loose, tm
     for options, words in (
         (["--calibration", file, *MODULUS], "error: --youngs-modulus-mpa: the calibration gives the modulus"),
         (["--calibration", file, "--stiffening", 3], "error: --stiffening: the calibration gives the stiffening"),
-        (["--calibration", file], "error: --eye: missing"),
-        (["--eye", "mine"], "error: --eye: 'mine' names an eye"),
-        (["--calibration", "nowhere.json"], "nowhere.json"),
-        (["--rigidity", 0.03], "--rigidity: of a sealed globe"),
+        (["--calibration", file], "error: --eye: missing"), (["--eye", "mine"], "error: --eye: 'mine' names an eye"),
+        (["--calibration", "nowhere.json"], "nowhere.json"), (["--rigidity", 0.03], "--rigidity: of a sealed globe"),
         (["--globe", "open", "--rigidity", 0.03], "--rigidity: of a sealed globe"),
         (["--globe", "sealed", "--rigidity", 5], "'--rigidity': 5 is above the largest allowed value 1"),
-    ):
+    ):  # fmt: skip
         assert words in shell.refused("read", model, loose, *SIZE, *options)
 
 

@@ -198,17 +198,15 @@ def test_metadata_is_complete_and_is_the_plan(made):
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
-        ("slices/c/1/0/0", None, 0, "slices/c/1/0/0"),
-        ("validation/c/0", None, -2, "validation/c/0"),
+        ("slices/c/1/0/0", None, 0, "slices/c/1/0/0"), ("validation/c/0", None, -2, "validation/c/0"),
         ("slices/c/2/0/0", None, None, "slices: 1 of 3 chunks are missing"),
         ("zarr.json", b'"complete": true', b'"complete": false', "not complete"),
         ("zarr.json", b"max_force_mn = 45.0", b"max_force_mn = 46.0", "hash"),
         ("zarr.json", b"scleraforce-dataset-2", b"scleraforce-dataset-9", "schema"),
-        ("zarr.json", b"{", b"", "not a data set"),
-        ("force_n/zarr.json", b"float64", b"float32", "float32"),
+        ("zarr.json", b"{", b"", "not a data set"), ("force_n/zarr.json", b"float64", b"float32", "float32"),
         ("force_n/zarr.json", b"{", b"", "force_n"),
     ],
-)
+)  # fmt: skip
 def test_a_damaged_store_is_refused_and_the_damage_named(copy, file, old, new, message):
     content = bytearray((copy / file).read_bytes())
     (copy / file).unlink()
@@ -237,13 +235,11 @@ def test_chunks_and_arrays_in_each_others_place_are_found(copy, one, other):
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("force_n", np.nan, "not finite"),
-        ("force_n", -1e-3, "-1 to .* mN; its study asks for 0 to 60 mN"),
-        ("thickness_m", np.inf, "not finite"),
-        ("target", 3, "a class above 2"),
+        ("force_n", np.nan, "not finite"), ("force_n", -1e-3, "-1 to .* mN; its study asks for 0 to 60 mN"),
+        ("thickness_m", np.inf, "not finite"), ("target", 3, "a class above 2"),
         ("slices", 128, "a pixel other than 0"),
     ],
-)
+)  # fmt: skip
 def test_impossible_values_are_refused_even_where_the_hashes_agree(copy, name, value, message):
     zarr.open_array(copy / name, mode="r+")[7] = value
     rehash_store(copy)

@@ -181,14 +181,11 @@ def small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def in_json(answer: Answer) -> dict[str, object]:
     """The answer's keys in the JSON of commands."""
     return {
-        "predicted": answer.predicted,
-        "predicted_force_mn": from_si(answer.force_n, "mn"),
+        "predicted": answer.predicted, "predicted_force_mn": from_si(answer.force_n, "mn"),
         "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
-        "usable": answer.usable,
-        "reason": answer.reason,
-        "lean_deg": answer.as_json()["lean_deg"],
+        "usable": answer.usable, "reason": answer.reason, "lean_deg": answer.as_json()["lean_deg"],
         "elastic_force_mn": from_si(answer.elastic_force_n, "mn"),
-    }
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("remembers", [False, True])

@@ -231,11 +231,9 @@ def test_two_scales_in_one_file_are_named_and_give_none_and_one_that_is_stated_t
         assert {"0.004 x 0.0125 mm" in scan.scale_fault, found in scan.scale_fault} == {True}
     for tags, size in [
         (one | groups("Shared", [0.004, 0.0125]) | groups("PerFrame", [0.004, 0.0125], [0.004, 0.0125]), SIZE),
-        (one | {"PixelAspectRatio": [8, 25]}, SIZE),
-        (one | regions(0.00125, 0.0004), SIZE),
-        ({"PixelAspectRatio": [1, 2]}, (None, None)),
-        ({}, (None, None)),
-    ]:
+        (one | {"PixelAspectRatio": [8, 25]}, SIZE), (one | regions(0.00125, 0.0004), SIZE),
+        ({"PixelAspectRatio": [1, 2]}, (None, None)), ({}, (None, None)),
+    ]:  # fmt: skip
         scan = scan_of(tmp_path, RAMP, **tags)
         assert (scan.times, scan.scale_fault, sizes_of(scan)) == (None, None, size)
 

@@ -43,20 +43,15 @@ WRITERS = {
     "a.tif": lambda path: tifffile.imwrite(path, FRAMES, photometric="minisblack", compression="zlib"),
     "i.tif": lambda path: tifffile.imwrite(path, FRAMES, imagej=True, metadata={"axes": "TYX", "finterval": 1}),
     "o.ome.tif": lambda path: tifffile.imwrite(path, FRAMES, metadata={"axes": "TYX", "PhysicalSizeX": 1.0}),
-    "a.dcm": lambda path: write_dicom(path, FRAMES, FrameTime=4.0, PixelSpacing=[1, 1]),
-    "r.dcm": write_rle,
-    "a.npy": lambda path: np.save(path, FRAMES),
-    "a.npz": lambda path: np.savez_compressed(path, FRAMES),
+    "a.dcm": lambda path: write_dicom(path, FRAMES, FrameTime=4.0, PixelSpacing=[1, 1]), "r.dcm": write_rle,
+    "a.npy": lambda path: np.save(path, FRAMES), "a.npz": lambda path: np.savez_compressed(path, FRAMES),
     "a.nii": lambda path: nibabel.save(nibabel.Nifti1Image(FRAMES, np.eye(4)), path),
     "a.nii.gz": lambda path: nibabel.save(nibabel.Nifti1Image(FRAMES, np.eye(4)), path),
     "a.nrrd": lambda path: nrrd.write(str(path), FRAMES),
     "a.mha": lambda path: metaimageio.write(path, FRAMES, CompressedData=True),
-    "a.bag": lambda path: write_bag(path, "ros1"),
-    "a.db3": write_lone_bag,
-    "a.mcap": write_lone_bag,
-    "a.oct": write_oct,
-    "log.csv": write_log,
-}
+    "a.bag": lambda path: write_bag(path, "ros1"), "a.db3": write_lone_bag, "a.mcap": write_lone_bag,
+    "a.oct": write_oct, "log.csv": write_log,
+}  # fmt: skip
 
 
 def test_each_kind_is_recognised(tmp_path: Path) -> None:

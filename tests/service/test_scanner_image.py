@@ -51,13 +51,11 @@ def test_an_image_other_than_a_b_scan_is_refused_in_one_line() -> None:
         (image(np.array([[0, -1]], dtype=np.int8)), "int8 pixels down to -1"),
         (Image(np.zeros((1, 2, 2, 3), dtype=np.uint8), MATRIX), "1 slices, 3 components"),
         (Image(np.zeros((2, 2, 2), dtype=np.uint8), MATRIX), "2 slices"),
-        (part(slice(0, 2), size=(9, 6, 3)), "3 slices"),
-        (image(matrix=(0.0, 0.0, 0.0, *MATRIX[3:])), "0.0 x "),
+        (part(slice(0, 2), size=(9, 6, 3)), "3 slices"), (image(matrix=(0.0, 0.0, 0.0, *MATRIX[3:])), "0.0 x "),
         (image(matrix=(*MATRIX[:3], 0.0, 0.0, 0.0, *MATRIX[6:])), " x 0.0 m"),
-        (image(matrix=(float("nan"), *MATRIX[1:])), "nan"),
-        (image(COUNTS.astype(np.float32)), "float32"),
+        (image(matrix=(float("nan"), *MATRIX[1:])), "nan"), (image(COUNTS.astype(np.float32)), "float32"),
         (image(COUNTS.astype(">u2")), "byte order"),
-    ):
+    ):  # fmt: skip
         assembler = FrameAssembler()
         with pytest.raises(ProtocolError, match=says) as refused:
             assembler.add(wrong)
@@ -67,11 +65,9 @@ def test_an_image_other_than_a_b_scan_is_refused_in_one_line() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.sets(st.integers(1, 5), max_size=4),
-    st.sets(st.integers(1, 8), max_size=4),
-    st.randoms(use_true_random=False),
+    st.sets(st.integers(1, 5), max_size=4), st.sets(st.integers(1, 8), max_size=4), st.randoms(use_true_random=False),
     st.sampled_from(["uint8", "int16", "uint16"]),
-)
+)  # fmt: skip
 def test_parts_in_any_order_behind_the_first_make_the_image_they_were_cut_from(rows, columns, random, dtype) -> None:
     counts = (COUNTS % 120).astype(dtype)
     cut = [[slice(*ends) for ends in pairwise([0, *sorted(at), end])] for at, end in ((rows, 6), (columns, 9))]

@@ -148,18 +148,15 @@ FAULTS: dict[str, tuple[Callable[[Peer], object], Cause]] = {
     "class 2": (lambda peer: peer.show(35.0), Cause.DANGEROUS_CLASS),
     "not usable": (lambda peer: peer.show(0, frame_of(rule.UNUSABLE, 1)), Cause.UNUSABLE),
     "an exception of the reader": (lambda peer: peer.show(0, frame_of(rule.RAISES, 1)), Cause.EXCEPTION),
-    "silence": (silence, Cause.SILENCE),
-    "half a frame": (lambda peer: (half(peer), silence(peer)), Cause.SILENCE),
-    "frozen": (frozen, Cause.FROZEN),
-    "stale": (stale, Cause.STALE),
+    "silence": (silence, Cause.SILENCE), "half a frame": (lambda peer: (half(peer), silence(peer)), Cause.SILENCE),
+    "frozen": (frozen, Cause.FROZEN), "stale": (stale, Cause.STALE),
     "out of order": (lambda peer: peer.show(10.0, time_s=1e9), Cause.OUT_OF_ORDER),
     "another size": (lambda peer: peer.show(10.0, frame_of(10_000, 3)[:-1]), Cause.SIZE),
-    "another scale": (scaled, Cause.SCALE),
-    "checksum": (wrong_checksum, Cause.CHECKSUM),
+    "another scale": (scaled, Cause.SCALE), "checksum": (wrong_checksum, Cause.CHECKSUM),
     "overlapping parts": (cut_short, Cause.BAD_IMAGE),
     "garbage": (lambda peer: peer.link.sendall(b"\xff" * 100), Cause.BAD_IMAGE),
     "too many at once": (flood, Cause.QUEUE_BEHIND),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("fault", FAULTS)

@@ -98,18 +98,15 @@ KINDS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], None] | N
     "study": ("study.toml", lambda folder: read_study(folder / "study.toml"), None),
     "recording": ("recording/recording.toml", _read_recording, None),
     "frame list": ("recording/frames.csv", _read_recording, None),
-    "force log": ("recording/forces.csv", _read_recording, None),
-    "png": ("frames/frame.png", _read_frames, None),
-    "tiff": ("frames/frame.tif", _read_frames, None),
-    "jpeg": ("frames/frame.jpg", _read_frames, None),
-    "dicom": ("frames/frame.dcm", _read_frames, None),
-    "calibration": ("calibration.json", _read_calibration, None),
+    "force log": ("recording/forces.csv", _read_recording, None), "png": ("frames/frame.png", _read_frames, None),
+    "tiff": ("frames/frame.tif", _read_frames, None), "jpeg": ("frames/frame.jpg", _read_frames, None),
+    "dicom": ("frames/frame.dcm", _read_frames, None), "calibration": ("calibration.json", _read_calibration, None),
     "model record": ("model/model.json", _read_model, None),
     "network": ("model/model.onnx", _read_model, lambda folder: rehash_model(folder / "model", "model.onnx")),
     "npz": ("model/library.npz", _read_model, lambda folder: rehash_model(folder / "model", "library.npz")),
     "dataset": ("dataset/**/*", _read_dataset, lambda folder: rehash_store(folder / "dataset")),
     "library": ("library/**/*", lambda folder: open_library(folder / "library"), lambda f: rehash_store(f / "library")),
-}
+}  # fmt: skip
 
 
 def damage(folder: Path, kind: str, seed: int | str) -> Path:

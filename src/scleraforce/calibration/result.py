@@ -168,11 +168,9 @@ class Calibration:
 
 # Parameter -> its name for people, its unit, and how that is printed.
 PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
-    "iop_pa": ("IOP", "mmhg", "mmHg"),
-    "thickness_m": ("thickness", "um", "µm"),
-    "gap_m": ("gap", "mm", "mm"),
+    "iop_pa": ("IOP", "mmhg", "mmHg"), "thickness_m": ("thickness", "um", "µm"), "gap_m": ("gap", "mm", "mm"),
     RIGIDITY: ("k", "mmhg13_per_ul", "mmHg^(1/3)/µl"),
-}
+}  # fmt: skip
 SURE = 2.0  # standard deviations, from which a discrepancy is worth a remark
 MUCH = 2.0  # times what is expected
 

@@ -174,11 +174,9 @@ _SEALED_DOUBT = "eye.globe is sealed, and linear mechanics takes every eye for a
 
 # Sources of a modulus, in words; of an eye's own: by known forces, or by the shape of its dents alone.
 MODULUS_SOURCES = {
-    "own": "calibrated",
-    "shape": "from shape, without force",
-    "population": "mean of the calibrated eyes",
+    "own": "calibrated", "shape": "from shape, without force", "population": "mean of the calibrated eyes",
     "stated": "given",
-}
+}  # fmt: skip
 OWN_SOURCES = ("own", "shape")
 
 

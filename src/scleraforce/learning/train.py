@@ -212,16 +212,11 @@ def _written(
     sections = {"reader": study.reader, RawReader.kind: study.raw_reader, WALL_FINDER: study.scenes.window}
     ranges = _ranges(sections[kind]) if kind in sections else _ranges_of_classes(study)
     card = {
-        **texts,
-        **record,
-        **words,
-        "study": study,
-        "measured": intervals.format(**record),
-        "pixels": f"{cut.rows} x {cut.columns} pixels of {from_si(cut.pixel_m, 'mm'):g} mm",
-        "low_mn": low_mn,
+        **texts, **record, **words, "study": study, "measured": intervals.format(**record),
+        "pixels": f"{cut.rows} x {cut.columns} pixels of {from_si(cut.pixel_m, 'mm'):g} mm", "low_mn": low_mn,
         "high_mn": high_mn,
         "table": "\n".join(["| | |", "|---|---|", *(f"| {name} | {value} |" for name, value in ranges.items())]),
-    }
+    }  # fmt: skip
     write_folder(out, graph, format_study(study), texts[kind].format_map(card), record, more)
     return record
 

@@ -108,14 +108,9 @@ class BoundaryFit:
 
 
 def fit_boundaries(
-    library: Library,
-    lateral_m: Floats,
-    depth_bc: Floats,
-    prior: Prior,
-    smoothing_m: float = 0.0,
-    borne_n: float | None = None,
-    begun: Floats | None = None,
-) -> BoundaryFit | None:
+    library: Library, lateral_m: Floats, depth_bc: Floats, prior: Prior, smoothing_m: float = 0.0,
+    borne_n: float | None = None, begun: Floats | None = None,
+) -> BoundaryFit | None:  # fmt: skip
     """Fit the library to the boundaries of a frame; None if it shows fewer columns than there are unknowns.
 
     `lateral_m` (column,): places of the frame's columns from its middle. `depth_bc` (2, column), m: depth of the outer

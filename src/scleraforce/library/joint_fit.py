@@ -311,14 +311,9 @@ def _eliminated(seen: Sequence[_Seen], shared: int, damping: float) -> tuple[Flo
 
 
 def fit_jointly(
-    library: Library,
-    frames: Sequence[ShownFrame],
-    known: Known,
-    trained: ReaderStudy,
-    smoothing_m: float,
-    own: Floats,
+    library: Library, frames: Sequence[ShownFrame], known: Known, trained: ReaderStudy, smoothing_m: float, own: Floats,
     shared: Floats | None = None,
-) -> JointFit:
+) -> JointFit:  # fmt: skip
     """Fit the library to all frames of an eye at once, from each frame's unknowns `own` (frame, `OWN`).
 
     `known` is the eye, its modulus the prior; `library` that of its contact; `shared`: of an earlier fit, to begin at.

@@ -155,11 +155,9 @@ class Stopping(NamedTuple):
 
 
 def gauss_newton(
-    problem: Problem[Prediction],
-    start: Floats,
-    stopping: Stopping,
+    problem: Problem[Prediction], start: Floats, stopping: Stopping,
     step_of: Callable[[Floats, Floats], Floats] | None = None,
-) -> tuple[Floats, Prediction, float]:
+) -> tuple[Floats, Prediction, float]:  # fmt: skip
     """Return the fitted unknowns, their prediction and their cost; `step_of` solves the damped equations."""
     unknown, damping = start, FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)

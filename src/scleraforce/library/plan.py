@@ -155,12 +155,9 @@ def plan_library(study: Study) -> LibraryPlan:
     if not highest < burst:
         raise InputError(f"library.tension: up to {highest:g}; must stay below {burst:.3g}, at which the wall bursts")
     return LibraryPlan(
-        radius_m=eye.radius_m,
-        poisson_ratio=eye.poisson_ratio,
-        needle_radius_m=0.5 * needle.outer_diameter_m,
-        contact_polar_rad=middle_rad,
-        grid=study.library,
-    )
+        radius_m=eye.radius_m, poisson_ratio=eye.poisson_ratio, needle_radius_m=0.5 * needle.outer_diameter_m,
+        contact_polar_rad=middle_rad, grid=study.library,
+    )  # fmt: skip
 
 
 def parse_plan(recipe: str, name: str) -> LibraryPlan:

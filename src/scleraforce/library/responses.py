@@ -259,16 +259,9 @@ class Library:
         return self.for_contact(min(max(polar_rad, 0.0), float(self.polar_rad[-1])))
 
     def eye(
-        self,
-        *,
-        thickness_m: float,
-        youngs_modulus_pa: float,
-        iop_pa: float,
-        rigidity_pa13_per_m3: float = 0.0,
-        rigidity_law: str = RIGIDITY_LAWS[0],
-        polar_angle_rad: float | None = None,
-        stiffening: float | None = None,
-    ) -> "LibraryEye":
+        self, *, thickness_m: float, youngs_modulus_pa: float, iop_pa: float, rigidity_pa13_per_m3: float = 0.0,
+        rigidity_law: str = RIGIDITY_LAWS[0], polar_angle_rad: float | None = None, stiffening: float | None = None,
+    ) -> "LibraryEye":  # fmt: skip
         """Return one eye, which answers with the force of a dent and the dent of a force.
 
         `iop_pa`: without the needle; `rigidity_pa13_per_m3`: of a sealed globe, 0 is an open one; `polar_angle_rad`: of
@@ -321,25 +314,15 @@ class Library:
         along, forces, volumes = self._splines, self._contact_forces, self._contact_volumes
         thickness, tension, tip = (spline.pieces for spline in along)
         return SplineTables(
-            thickness=thickness,
-            tension=tension,
-            tip=tip,
-            tensions=len(self.tension),
-            tips=len(self.tip_m),
-            curves=self._curve_weights,
-            undented=self._undented_weights,
+            thickness=thickness, tension=tension, tip=tip, tensions=len(self.tension), tips=len(self.tip_m),
+            curves=self._curve_weights, undented=self._undented_weights,
             forces=splines.tensor_coefficients(along, forces).reshape(-1),
             volumes=splines.tensor_coefficients(along, volumes).reshape(-1),
             paths=splines.values_and_slopes(along, forces, axis=2),
-            volumes_along_tension=splines.values_and_slopes(along, volumes, axis=1),
-            log_tension=np.log(self.tension),
-            tip_m=self.tip_m,
-            thickness_ends_m=self._ends(self.thickness_m),
-            tension_ends=self._ends(self.tension),
-            angles=self._angles,
-            radius_m=self.radius_m,
-            poisson_ratio=self.poisson_ratio,
-        )
+            volumes_along_tension=splines.values_and_slopes(along, volumes, axis=1), log_tension=np.log(self.tension),
+            tip_m=self.tip_m, thickness_ends_m=self._ends(self.thickness_m), tension_ends=self._ends(self.tension),
+            angles=self._angles, radius_m=self.radius_m, poisson_ratio=self.poisson_ratio,
+        )  # fmt: skip
 
     @cached_property
     def _contact_forces(self) -> Floats:

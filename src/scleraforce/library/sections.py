@@ -162,12 +162,9 @@ MIN_NODES = 2
 
 
 def depths_at_columns(
-    square_sbn: Floats,
-    depth_sbn: Floats,
-    columns_sc: Floats,
-    turn_s: Floats,
+    square_sbn: Floats, depth_sbn: Floats, columns_sc: Floats, turn_s: Floats,
     moved: tuple[Floats, SectionMotion] | None = None,
-) -> tuple[Floats, Flags]:
+) -> tuple[Floats, Flags]:  # fmt: skip
     """Return the depth of boundaries in the columns of their slices, and which samples fold over (sample,).
 
     The depths (sample, boundary, column), m, are after the turn (sample,) of the section about its frame's origin: NaN
@@ -340,13 +337,9 @@ def column_laterals(study: SliceStudy) -> Floats:
 
 
 def wall_boundaries(
-    curves_sbnc: Reals,
-    gap_m: Floats,
-    tilt_rad: Floats,
-    framing: Framing,
-    study: SliceStudy,
+    curves_sbnc: Reals, gap_m: Floats, tilt_rad: Floats, framing: Framing, study: SliceStudy,
     motion: SectionMotion | None = None,
-) -> WallBoundaries:
+) -> WallBoundaries:  # fmt: skip
     """Cut walls by their B-scan planes and return the boundaries in the columns of the slices.
 
     `curves_sbnc` must include all material that the slice shows; `motion` moves the points that the planes meet.

@@ -39,17 +39,11 @@ FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curv
 AXES = ("stiffening", "thickness_m", "tension", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")
 KIND = StoreKind(
-    noun="library",
-    command="library",
-    verb="make",
-    parts="load paths",
-    schema="scleraforce-library-4",
-    recipe="plan",
-    required=frozenset({"complete", "plan", "plan_hash", "key", "seed", "versions"}),
-    same=("plan", "key", "versions"),
+    noun="library", command="library", verb="make", parts="load paths", schema="scleraforce-library-4", recipe="plan",
+    required=frozenset({"complete", "plan", "plan_hash", "key", "seed", "versions"}), same=("plan", "key", "versions"),
     others={"scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"},
     error=InputError,
-)
+)  # fmt: skip
 
 
 def library_store(path: Path, plan: LibraryPlan) -> CheckedStore:
@@ -159,13 +153,9 @@ PathSolver = Callable[[LibraryPlan, int], SolvedPath]
 
 
 def build_library(
-    study: Study,
-    out: Path,
-    *,
-    workers: int | None = None,
-    progress: Callable[[int], None] | None = None,
+    study: Study, out: Path, *, workers: int | None = None, progress: Callable[[int], None] | None = None,
     solve: PathSolver | None = None,
-) -> Building:
+) -> Building:  # fmt: skip
     """Build the library of a study, or the remaining part of an interrupted run.
 
     The result is the same, byte for byte, for any number of workers and interruptions. Processes are spawned: a script
@@ -222,13 +212,9 @@ KEY_LETTERS = 32  # of the key, in a file name
 
 
 def cached_library(
-    study: Study,
-    *,
-    folder: Path | None = None,
-    workers: int | None = None,
-    progress: Callable[[int], None] | None = None,
-    solve: PathSolver | None = None,
-) -> Library:
+    study: Study, *, folder: Path | None = None, workers: int | None = None,
+    progress: Callable[[int], None] | None = None, solve: PathSolver | None = None,
+) -> Library:  # fmt: skip
     """Return the library of a study; the first time it is built, which takes a minute or two.
 
     `folder` is the cache, by default the user's; `progress` is called only if the library has to be built. Other

@@ -187,13 +187,10 @@ def _neighbours(quad_qn: Integers) -> Integers:
 
 # Where VTK's nodes of a hexahedron lie in its radial column: (layer: 0 inner, 1 middle, 2 outer; node of the quad).
 COLUMN_NODES = (
-    *((0, k) for k in range(4)),
-    *((2, k) for k in range(4)),
-    *((0, k) for k in range(4, 8)),
-    *((2, k) for k in range(4, 8)),
-    *((1, k) for k in range(4)),
+    *((0, k) for k in range(4)), *((2, k) for k in range(4)),
+    *((0, k) for k in range(4, 8)), *((2, k) for k in range(4, 8)), *((1, k) for k in range(4)),
     *((1, 7), (1, 5), (1, 4), (1, 6), (0, 8), (2, 8), (1, 8)),
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -339,14 +339,12 @@ def given_eye(given: Mapping[str, Any]) -> Known:
         raise InputError(f"stiffening: {stiffening:g}; give at least 0")
     check_rigidity(globe, given["rigidity_pa13_per_m3"])
     return Known(
-        modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
-        polar_rad=given["polar_angle_rad"],
+        modulus=None if modulus_pa is None else Modulus.stated(modulus_pa), polar_rad=given["polar_angle_rad"],
         direction_rad=given["plane_direction_rad"],
         lean_rad=None if lean_rad is None else (0.0, MOST_LEAN_RAD) if lean_rad == "unknown" else (lean_rad, lean_rad),
-        globe=None if globe is None else known_globe(globe, given["rigidity_pa13_per_m3"]),
-        stiffening=stiffening,
+        globe=None if globe is None else known_globe(globe, given["rigidity_pa13_per_m3"]), stiffening=stiffening,
         **{key: given[key] for key in ("iop_pa", "thickness_m", "gap_m")},
-    )
+    )  # fmt: skip
 
 
 def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:

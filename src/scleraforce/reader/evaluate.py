@@ -195,23 +195,15 @@ class Evaluation:
     def as_json(self) -> dict[str, Any]:
         """Return the result of `evaluate --json`; undefined figures are NaN (printed as null)."""
         return {
-            "model": self.model,
-            "kind": self.kind,
-            **self._metrics(),
-            "mae_mn": from_si(self.mae_n, "mn"),
-            "coverage": self.coverage.value,
-            "coverage_interval": self.coverage.interval,
+            "model": self.model, "kind": self.kind, **self._metrics(), "mae_mn": from_si(self.mae_n, "mn"),
+            "coverage": self.coverage.value, "coverage_interval": self.coverage.interval,
             "coverage_by_eye": {eye: one.value for eye, one in metrics.coverage_by_eye(self.forces).items()},
-            "label_sd_mn": from_si(self.label_sd_n, "mn"),
-            "truth": "truth.json" if self.true_forces else None,
+            "label_sd_mn": from_si(self.label_sd_n, "mn"), "truth": "truth.json" if self.true_forces else None,
             "true_mae_mn": from_si(metrics.mean_absolute_error(self.true_forces), "mn"),
-            "true_coverage": self.true_coverage.value,
-            "true_coverage_interval": self.true_coverage.interval,
+            "true_coverage": self.true_coverage.value, "true_coverage_interval": self.true_coverage.interval,
             "true_coverage_by_eye": {eye: one.value for eye, one in metrics.coverage_by_eye(self.true_forces).items()},
-            "usable": self.usable._metrics(),
-            "notes": self.notes,
-            "frames": [frame.as_json() for frame in self.frames],
-        }
+            "usable": self.usable._metrics(), "notes": self.notes, "frames": [frame.as_json() for frame in self.frames],
+        }  # fmt: skip
 
     def _metrics(self) -> dict[str, Any]:
         return {

@@ -63,11 +63,9 @@ def histogram_reading(
     asked_n = unstretched(median_n, bounds_n, factor)
     below = [0.0, *(_sum_below(sums, edges_m2, force_n / modulus_pa) / total for force_n in asked_n), 1.0]
     return Reading(
-        probabilities=tuple(after - before for before, after in pairwise(below)),
-        force_n=median_n,
-        interval_n=stretched_interval(median_n, (low_n, high_n), factor),
-        contact_m=contact_m,
-    )
+        probabilities=tuple(after - before for before, after in pairwise(below)), force_n=median_n,
+        interval_n=stretched_interval(median_n, (low_n, high_n), factor), contact_m=contact_m,
+    )  # fmt: skip
 
 
 def _crossing(sums: Sequence[float], edges_m2: Sequence[float], wanted: float) -> float:
@@ -143,24 +141,15 @@ def given_inputs(eyes: GivenEyes, study: ReaderStudy) -> NDArray[np.float32]:
     pole = pole_directions(np.where(np.isnan(polar), 0.5 * (a[0] + a[1]), polar), eyes.direction_rad)
     pole /= max(np.sin(a[1]), 1e-12)
     columns = (
-        ~np.isnan(eyes.modulus_pa),
-        _scaled(modulus, *e),
-        _scaled(np.log(sd), np.log(s[0]), np.log(s[1])),
-        ~np.isnan(eyes.iop_pa),
-        _scaled(np.log(eyes.iop_pa), np.log(p[0]), np.log(p[1])),
+        ~np.isnan(eyes.modulus_pa), _scaled(modulus, *e), _scaled(np.log(sd), np.log(s[0]), np.log(s[1])),
+        ~np.isnan(eyes.iop_pa), _scaled(np.log(eyes.iop_pa), np.log(p[0]), np.log(p[1])),
         _scaled(np.log(eyes.iop_pa / modulus), *iop_ratio),
-        ~np.isnan(eyes.thickness_m),
-        _scaled(eyes.thickness_m, *study.thickness_m.bounds),
-        ~np.isnan(eyes.gap_m),
-        _scaled(eyes.gap_m, *study.gap_m.bounds),
+        ~np.isnan(eyes.thickness_m), _scaled(eyes.thickness_m, *study.thickness_m.bounds),
+        ~np.isnan(eyes.gap_m), _scaled(eyes.gap_m, *study.gap_m.bounds),
         _scaled(eyes.rigidity_low, UNKNOWN.lowest, UNKNOWN.highest),
         _scaled(eyes.rigidity_high, UNKNOWN.lowest, UNKNOWN.highest),
-        ~np.isnan(polar),
-        _scaled(polar, *a),
-        ~np.isnan(eyes.direction_rad),
-        *pole.T,
-        np.log1p(eyes.stiffening) / STIFF,
-    )
+        ~np.isnan(polar), _scaled(polar, *a), ~np.isnan(eyes.direction_rad), *pole.T, np.log1p(eyes.stiffening) / STIFF,
+    )  # fmt: skip
     inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
     return inputs
 

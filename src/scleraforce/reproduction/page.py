@@ -64,16 +64,11 @@ def _bent(run: Run, paper: Evaluation, reader: Evaluation) -> html.Html:
     return html.section(
         "Walls that bend: the paper's method and the force reader",
         html.paragraph(said("bent", calibrated=CALIBRATED_EYES, forces=forces, reader=trained)),
-        _comparison(paper, reader),
-        *_coverage_words(reader),
-        _moduli(run),
-        html.read_forces_figure(reader),
+        _comparison(paper, reader), *_coverage_words(reader), _moduli(run), html.read_forces_figure(reader),
         html.confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
         html.confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
-        _misread(paper, "the paper's method"),
-        _misread(reader, "the force reader"),
-        _walls_figure(run, reader),
-    )
+        _misread(paper, "the paper's method"), _misread(reader, "the force reader"), _walls_figure(run, reader),
+    )  # fmt: skip
 
 
 def _comparison(paper: Evaluation, reader: Evaluation) -> html.Html:
@@ -194,15 +189,13 @@ def eye_of(recording: Recording, study: Study) -> PhantomEye:
     info = recording.info
     low, high = study.needle.polar_angle_rad.bounds
     return PhantomEye(
-        id=info.eye.id,
-        thickness_m=info.eye.thickness_m or study.dataset.group[0].thickness_m,
+        id=info.eye.id, thickness_m=info.eye.thickness_m or study.dataset.group[0].thickness_m,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
         iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
         gap_m=study.needle.gap_m if info.needle.slice_gap_m is None else info.needle.slice_gap_m,
         polar_rad=0.5 * (low + high) if info.needle.polar_angle_rad is None else info.needle.polar_angle_rad,
-        direction_rad=info.oct.plane_direction_rad or 0.0,
-        tilt_rad=info.oct.plane_tilt_rad,
-    )
+        direction_rad=info.oct.plane_direction_rad or 0.0, tilt_rad=info.oct.plane_tilt_rad,
+    )  # fmt: skip
 
 
 PAPER_TITLE = "Mendizabal, Sznitman, Cotin: Force classification during robotic interventions (2020)"

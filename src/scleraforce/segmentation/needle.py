@@ -113,11 +113,9 @@ def find_needle(
     return SeenNeedle(
         angle_rad=-atan(slope * lateral_m / depth_m),
         tip_m=((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m) if ends else None,
-        tip=tip,
-        top=(tip[0] - slope * (tip[1] + 0.5), -0.5),
-        hidden=(left + first, left + after),
+        tip=tip, top=(tip[0] - slope * (tip[1] + 0.5), -0.5), hidden=(left + first, left + after),
         axis_rad=None if axis is None else -atan(axis / size.step_rows * lateral_m / depth_m),
-    )
+    )  # fmt: skip
 
 
 def _axis_slope(edges: list[ShaftEdge], size: GridSize) -> float | None:

@@ -437,19 +437,15 @@ LIBRARY = (*SHARED_WALL, "eye.density_kg_m3")  # walls of revolution about the n
 # Command, and mechanics where it has a choice: the keys that it does not use. Relaxation is
 # `phantom`'s: elsewhere a force makes its dent at once, or the log shows how it falls; only `reproduce` refuses it.
 UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
-    ("simulate", "linear"): FINITE_STRAIN_ONLY,
-    ("simulate", "finite-strain"): LEAK,
-    ("phantom", "linear"): FINITE_STRAIN_ONLY,
-    ("phantom", "finite-strain"): (),
-    ("generate", "linear"): SHARED_WALL,
-    ("generate", "finite-strain"): LIBRARY,
+    ("simulate", "linear"): FINITE_STRAIN_ONLY, ("simulate", "finite-strain"): LEAK,
+    ("phantom", "linear"): FINITE_STRAIN_ONLY, ("phantom", "finite-strain"): (),
+    ("generate", "linear"): SHARED_WALL, ("generate", "finite-strain"): LIBRARY,
     ("calibrate", "linear"): SHARED_WALL,
     ("calibrate", "finite-strain"): tuple(key for key in LIBRARY if key != "tissue.stiffening"),
-    ("library", None): LIBRARY,
-    ("train --kind reader", None): LIBRARY,
+    ("library", None): LIBRARY, ("train --kind reader", None): LIBRARY,
     ("train --kind raw-reader", None): (*LIBRARY, *EYE_MOVEMENT, "phantom.needle_count"),
     ("reproduce", None): (*SHARED_WALL, "tissue.relaxation", *EYE_MOVEMENT),
-}
+}  # fmt: skip
 
 # Why a key is not used, where its name does not tell.
 REASONS = {

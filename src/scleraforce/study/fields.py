@@ -85,18 +85,12 @@ NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
 # Quantities of an eye, its needle and its pictures, with their possible values, ex vivo and in life.
 # Options, keys of files and arguments of these names, in any unit, are checked against them (`allowed`).
 QUANTITIES: Mapping[str, Unit] = {
-    "thickness": Unit("um", low=100.0, high=3000.0),
-    "youngs_modulus": Unit("mpa", low=0.001, high=50.0),
-    "iop": Unit("mmhg", low=0.0, high=110.0),
-    "gap": Unit("mm", low=0.0, high=10.0),
-    "rigidity": Unit("mmhg13_per_ul", low=1e-4, high=1.0),
-    "polar_angle": Unit("deg", low=0.0, high=90.0),
-    "lean": Unit("deg", low=0.0, high=75.0),
-    "width": Unit("mm", low=0.01, high=100.0),
-    "depth": Unit("mm", low=0.01, high=100.0),
-    "force": NEEDLE_FORCE,
-    "displacement": Unit("mm", low=0.0, high=10.0),
-}
+    "thickness": Unit("um", low=100.0, high=3000.0), "youngs_modulus": Unit("mpa", low=0.001, high=50.0),
+    "iop": Unit("mmhg", low=0.0, high=110.0), "gap": Unit("mm", low=0.0, high=10.0),
+    "rigidity": Unit("mmhg13_per_ul", low=1e-4, high=1.0), "polar_angle": Unit("deg", low=0.0, high=90.0),
+    "lean": Unit("deg", low=0.0, high=75.0), "width": Unit("mm", low=0.01, high=100.0),
+    "depth": Unit("mm", low=0.01, high=100.0), "force": NEEDLE_FORCE, "displacement": Unit("mm", low=0.0, high=10.0),
+}  # fmt: skip
 WIDEST = 1e-4  # of the largest value: the smallest plausible value where 0 is allowed
 # Units that are taken for one another, by the suffix of a key: each with its name and its size in SI.
 _METRES = {"um": ("µm", 1e-6), "mm": ("mm", 1e-3), "m": ("m", 1.0)}
