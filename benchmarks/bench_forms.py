@@ -21,7 +21,8 @@ from scleraforce.mechanics.finite_strain import LoadPath, bend_eye
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.mesh import HexMesh
-from scleraforce.study import EyeStudy, FormStudy, MechanicsStudy, MeshStudy, NeedleStudy, RegionStudy, Study, WaveStudy
+from scleraforce.study import EyeStudy, FormStudy, MechanicsStudy, MeshStudy, NeedleStudy, Study
+from scleraforce.study.eye import RegionStudy, WaveStudy
 
 RADIUS_M, NEEDLE_RADIUS_M, IOP_PA = 12e-3, 0.35e-3, 266.0
 CONTACT = Contact(polar_rad=radians(35))

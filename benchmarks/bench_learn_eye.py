@@ -38,10 +38,10 @@ from monitor_sessions.watch import WITHDRAW, Watch
 from scleraforce.calibration.eye_model import known_of_constants
 from scleraforce.calibration.eye_posterior import EyePosterior
 from scleraforce.known import OPEN, Known, Modulus
-from scleraforce.monitor import MonitorLimits
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.processes import work_units
-from scleraforce.reader import load_force_reader
 from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing

@@ -31,7 +31,7 @@ from monitor_sessions.play import Outcome, Plan, prepare
 from monitor_sessions.table import ramp_table, session_table
 from provenance.stamps import new_stamp
 from scleraforce.processes import work_units
-from scleraforce.reader import load_force_reader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.units import from_si, to_si
 
 RATES_MN_S = (5.0, 10.0, 20.0, 50.0, 100.0)

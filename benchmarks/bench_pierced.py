@@ -21,9 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.library.responses import Library
-from scleraforce.monitor import MonitorLimits, MonitorState, decide
+from scleraforce.monitor.decision import decide
 from scleraforce.monitor.events import FrameRead, Verdict
-from scleraforce.reader import load_force_reader
+from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.state import MonitorState
+from scleraforce.reader.model import load_force_reader
 from scleraforce.study import ReaderStudy
 
 STEP_S, FOUND_S, EYE_M, EYE_M_S = 2.5e-4, 0.05, 0.2e-3, 2e-3

@@ -25,7 +25,7 @@ from scleraforce.laboratory.light import NeedleShaft
 from scleraforce.laboratory.phantom import in_planes, plan_phantom, plan_sections, render_frame, write_phantom
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.library.unknowns import GAP
-from scleraforce.reader import Reader
+from scleraforce.reader.kinds import Reader
 from scleraforce.recording.folder import Plane, Recording, read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import MechanicsStudy, Range, Study, fixed

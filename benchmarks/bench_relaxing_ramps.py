@@ -25,8 +25,10 @@ from scleraforce.known import NINETY_PERCENT, Known
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
 from scleraforce.mechanics.relaxation import PronySeries
-from scleraforce.monitor import MonitorLimits, MonitorState, decide
+from scleraforce.monitor.decision import decide
 from scleraforce.monitor.events import FrameRead, MonitorEvent, SecondOpinion
+from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.state import MonitorState
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
 from scleraforce.recording.folder import ForceInfo

@@ -26,8 +26,8 @@ from monitor_sessions.frames import largest_force_n, stream
 from scleraforce.monitor.limits import MonitorLimits, upper_end
 from scleraforce.monitor.state import NOISE_WINDOWS
 from scleraforce.monitor.trend import HORIZON_S, LEAST_SHARE, Rise, rise_of, time_to_bound
-from scleraforce.reader import load_force_reader
 from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.units import to_si
 

@@ -23,7 +23,7 @@ from figures.sections import compute_eye
 from scleraforce.known import Known, Modulus, known_globe
 from scleraforce.laboratory.phantom import plan_phantom, plan_sections, render_frame
 from scleraforce.mechanics.loads import tip_at
-from scleraforce.reader import Reader
+from scleraforce.reader.kinds import Reader
 from scleraforce.reader.where import Place
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import Range, Study, fixed

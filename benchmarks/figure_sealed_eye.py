@@ -23,9 +23,9 @@ from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import Pose, sample_optics
 from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.reader import load_force_reader
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled, write_figure
 from scleraforce.study import GlobeStudy, Study, draw

@@ -21,7 +21,7 @@ from scleraforce.known.calibration_file import open_calibration, read_calibratio
 from scleraforce.learning.dataset import open_dataset
 from scleraforce.library.files import load_library
 from scleraforce.library.store import open_library
-from scleraforce.reader import load_classifier, load_force_reader, load_model
+from scleraforce.reader.model import load_classifier, load_force_reader, load_model
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.study import parse_study, read_study
@@ -54,8 +54,8 @@ BIG = {
 }  # fmt: skip
 # Modules of the control loop: they need NumPy, OpenCV and ONNX Runtime alone.
 RUNTIME = [
-    "segmentation.wall", "library", "known.calibration_file", "reader", "reader.answer", "service.monitor_service",
-    "service.second_opinion", "service.black_box", "service.reset", "replay.player",
+    "segmentation.wall", "library", "known.calibration_file", "reader.model", "reader.answer",
+    "service.monitor_service", "service.second_opinion", "service.black_box", "service.reset", "replay.player",
 ]  # fmt: skip
 # Factors between units, other than powers of ten, and their inverses.
 FACTORS = {

@@ -15,20 +15,18 @@ from numpy.random import Generator
 from figures.eyes import FigureEye, Lean
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.study import (
-    CorneaStudy,
     FormStudy,
     GlobeStudy,
     MechanicsStudy,
     MeshStudy,
     Range,
-    RegionStudy,
     Sampled,
     Study,
     SupportsStudy,
     TissueStudy,
-    WaveStudy,
     fixed,
 )
+from scleraforce.study.eye import CorneaStudy, RegionStudy, WaveStudy
 from scleraforce.units import to_si
 
 SEED = 20_261_126  # of this benchmark alone: earlier draws were in view while the reader was made

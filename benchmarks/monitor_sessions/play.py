@@ -15,9 +15,9 @@ from monitor_sessions.forces import FRAME_S, Trajectory, moving_forces, ramp_for
 from monitor_sessions.frames import largest_force_n, stream
 from monitor_sessions.watch import Watch, Withdrawal
 from scleraforce.known import Known
-from scleraforce.monitor import MonitorLimits
-from scleraforce.reader import load_force_reader
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.reader.answer import Answer
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si

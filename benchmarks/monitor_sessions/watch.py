@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 from monitor_sessions.forces import FRAME_S
 from monitor_sessions.frames import Frame
 from scleraforce.known import Known
-from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
+from scleraforce.monitor.decision import Decision, decide
 from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, QueueLoss, Reset, SecondOpinion, State
+from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.state import MonitorState
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import LiveReader

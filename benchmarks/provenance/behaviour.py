@@ -22,8 +22,8 @@ from provenance.stamps import Stamp
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.library import load_library
 from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, SHIPPED, SHIPPED_READER, read_folder
-from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import read_recording
 from scleraforce.study import Study, study_hash
 from scleraforce.whole_files import write_whole

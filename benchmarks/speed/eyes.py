@@ -15,7 +15,8 @@ from scleraforce.library import Library
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.mechanics.contact import Section
 from scleraforce.models import SHIPPED_READER
-from scleraforce.reader import ForceReader, load_force_reader
+from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import Study
 

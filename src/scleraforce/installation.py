@@ -30,7 +30,8 @@ from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.models import SHIPPED_READER
 from scleraforce.processes import available_cores
-from scleraforce.reader import ForceReader, load_force_reader
+from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Plane
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.shown_pictures import ShownPictures

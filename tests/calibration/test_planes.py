@@ -23,8 +23,8 @@ from scleraforce.errors import CalibrationError
 from scleraforce.known import Modulus
 from scleraforce.known.calibration_file import parse_calibration_file, summary_of
 from scleraforce.library.joint_fit import ShownFrame
-from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import Plane, Recording, read_recording
 from scleraforce.study import Study
 

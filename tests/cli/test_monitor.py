@@ -32,10 +32,10 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.known import NOTHING_KNOWN
 from scleraforce.models import SHIPPED_READER
-from scleraforce.monitor import MonitorLimits
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.openigtlink import Image, Sensor, Status
-from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import Plane, read_recording, true_forces
 from scleraforce.service.decision_log import read_log
 from scleraforce.units import to_si

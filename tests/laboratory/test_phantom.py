@@ -101,8 +101,8 @@ def test_truth_has_every_parameter(written):
     truth = json.loads((written / "truth.json").read_text())
     assert truth["simulated"] is True
     assert "cornea" not in truth["form"]
-    study = replace(STUDY, form=st.FormStudy(cornea=st.CorneaStudy(radius_m=8e-3)))
-    assert phantom_truth(plan, study, [0.0] * 3)["form"]["cornea"] == asdict(st.CorneaStudy(radius_m=8e-3))
+    study = replace(STUDY, form=st.FormStudy(cornea=st.eye.CorneaStudy(radius_m=8e-3)))
+    assert phantom_truth(plan, study, [0.0] * 3)["form"]["cornea"] == asdict(st.eye.CorneaStudy(radius_m=8e-3))
     assert truth["eye"] == asdict(EYE)
     assert truth["globe"]["kind"] == "open"
     assert truth["tissue"] == json.loads(json.dumps(asdict(STUDY.tissue)))

@@ -25,7 +25,7 @@ STUDY = st.Study(
     oct=st.OctStudy(columns=128, rows=96),
     mesh=st.MeshStudy(kind="graded", core=2, rings=4),
     mechanics=st.MechanicsStudy("finite-strain"),
-    form=st.FormStudy(semi_axes=(1.04, 1.0, 0.96), wave=(st.WaveStudy(amplitude_fraction=0.1, degree=2),)),
+    form=st.FormStudy(semi_axes=(1.04, 1.0, 0.96), wave=(st.eye.WaveStudy(amplitude_fraction=0.1, degree=2),)),
 )
 EYE = PhantomEye(
     id="eye-x", thickness_m=800e-6, youngs_modulus_pa=0.3e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6,
@@ -128,7 +128,7 @@ def test_a_leaking_eye_is_one_that_does_not_leak_of_the_pressure_that_is_left() 
 
 
 MOVING = st.PhantomStudy(eye_drift_rad=st.fixed(radians(3.0)), eye_saccade_rad=st.Range(min=0.0, max=radians(1.0)))
-UNEVEN = st.FormStudy(wave=(st.WaveStudy(amplitude_fraction=0.12, degree=3),))
+UNEVEN = st.FormStudy(wave=(st.eye.WaveStudy(amplitude_fraction=0.12, degree=3),))
 SMALL, GRADED = st.OctStudy(columns=64, rows=48), st.MeshStudy(kind="graded", core=4, rings=6)
 TURNED_STUDY = st.Study(oct=SMALL, mesh=GRADED, mechanics=STUDY.mechanics, form=UNEVEN, phantom=MOVING)
 TURNED_EYE = replace(EYE, thickness_m=600e-6)

@@ -18,7 +18,7 @@ from scleraforce.learning import classifier
 from scleraforce.learning.dataset import SLICES, create_dataset, open_dataset, plan_dataset, unit_samples
 from scleraforce.learning.descent import descend, learning_rate
 from scleraforce.learning.train import split_samples, train_classifier
-from scleraforce.reader import load_model
+from scleraforce.reader.model import load_model
 from scleraforce.study import DatasetGroup, DatasetStudy, NetworkStudy, SliceStudy, Study, study_hash
 
 SIZE = SliceStudy(columns=10, rows=12)

@@ -12,8 +12,7 @@ from provenance import fingerprint
 from provenance.fingerprint import Fingerprint, moved
 from scleraforce.library.files import load_library
 from scleraforce.models import SHIPPED_LIVING, SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
-from scleraforce.reader import load_force_reader, load_model
-from scleraforce.reader.model import load_wall_finder
+from scleraforce.reader.model import load_force_reader, load_model, load_wall_finder
 from scleraforce.study import MeshStudy, Study, parse_study, preset_toml
 
 INTERVALS = {"calibrated tissue", "scores", "traits", "factors"}

@@ -15,7 +15,7 @@ from scleraforce.learning.reader import ReaderNetwork, force_bytes, histogram
 from scleraforce.learning.train import train_raw_reader
 from scleraforce.library import Library
 from scleraforce.models import network_session
-from scleraforce.reader import load_model
+from scleraforce.reader.model import load_model
 from scleraforce.reader.networks import GIVEN
 from scleraforce.segmentation.wall_finder import FrameWindow
 from scleraforce.study import RawReaderStudy, ReaderStudy, Study, fixed, parse_study, study_hash

@@ -18,7 +18,7 @@ from scleraforce.learning.descent import chosen_device
 from scleraforce.learning.samples import Source
 from scleraforce.learning.train import train_reader
 from scleraforce.library.store import build_library
-from scleraforce.reader import load_model
+from scleraforce.reader.model import load_model
 from scleraforce.reader.networks import ratio_edges
 from scleraforce.study import Choice, EyeStudy, LibraryStudy, Range, ReaderStudy, Study, format_study
 

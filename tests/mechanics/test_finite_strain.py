@@ -337,7 +337,7 @@ def with_form(form: st.FormStudy, study: st.Study = WEIGHTLESS) -> st.Study:
 
 
 def test_small_forces_on_an_odd_eye_bend_it_as_linear_mechanics_does() -> None:
-    form = st.FormStudy((1.06, 1.0, 0.95), (st.WaveStudy(amplitude_fraction=0.1, degree=2, polar_rad=0.5),))
+    form = st.FormStudy((1.06, 1.0, 0.95), (st.eye.WaveStudy(amplitude_fraction=0.1, degree=2, polar_rad=0.5),))
     eye = bent(with_form(form), iop_pa=0.0, max_force_n=1e-4)
     wall = LinearWall(eye.mesh, 0.45)
     needle_nc = wall.needle_cnc([OBLIQUE], 0.35e-3)[0]
@@ -354,7 +354,7 @@ def test_a_wall_that_bursts_says_at_what_pressure_one_like_it_does() -> None:
 
 @pytest.mark.slow
 def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
-    whole = st.RegionStudy(modulus_ratio=2.0, half_angle_rad=pi, edge_rad=radians(0.1))
+    whole = st.eye.RegionStudy(modulus_ratio=2.0, half_angle_rad=pi, edge_rad=radians(0.1))
     everywhere = with_form(st.FormStudy(region=(whole,)))
     np.testing.assert_allclose(
         bent(everywhere, youngs_modulus_pa=0.2e6).displacement_nc(FORCE_N),
@@ -366,7 +366,7 @@ def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
 @pytest.mark.slow
 def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> None:
     cap, away = (
-        st.RegionStudy(modulus_ratio=1.4),
+        st.eye.RegionStudy(modulus_ratio=1.4),
         Contact(polar_rad=radians(80), azimuth_rad=OBLIQUE.azimuth_rad + pi),
     )
     plain, near, far = (
@@ -383,7 +383,7 @@ def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> 
 @pytest.mark.slow
 def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
     """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about (1.1)^2 as stiff."""
-    wave = st.WaveStudy(amplitude_fraction=0.1, degree=1, **asdict(OBLIQUE))
+    wave = st.eye.WaveStudy(amplitude_fraction=0.1, degree=1, **asdict(OBLIQUE))
     uneven = with_form(st.FormStudy(wave=(wave,)))
     even, thick = bent(WEIGHTLESS).tip_m(FORCE_N), bent(WEIGHTLESS, thickness_m=0.88e-3).tip_m(FORCE_N)
     assert bent(uneven).tip_m(FORCE_N) == pytest.approx(thick, rel=0.02)

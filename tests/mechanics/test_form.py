@@ -12,7 +12,8 @@ from scleraforce.mechanics.elements import volume_points
 from scleraforce.mechanics.form import corneal_surface, element_modulus, form_mesh, modulus_factor, thickness_factor
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
-from scleraforce.study import CorneaStudy, FormStudy, RegionStudy, WaveStudy, parse_study
+from scleraforce.study import FormStudy, parse_study
+from scleraforce.study.eye import CorneaStudy, RegionStudy, WaveStudy
 
 R, T = 12e-3, 0.6e-3
 CONTACT = Contact(polar_rad=radians(35), azimuth_rad=0.7)

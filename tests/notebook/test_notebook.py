@@ -25,8 +25,8 @@ from scleraforce.notebook.calibrating import calibrate, library_for
 from scleraforce.notebook.frames import evaluate, read, segment
 from scleraforce.notebook.importing import SI_NAMES
 from scleraforce.notebook.training import train
-from scleraforce.reader import load_force_reader
 from scleraforce.reader.answer import Reading
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.sources import ImportOptions
 from scleraforce.study import Study
 

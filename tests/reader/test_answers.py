@@ -30,9 +30,10 @@ from scleraforce.laboratory.bscan import draw_shaft, render_bscan
 from scleraforce.laboratory.light import sample_optics
 from scleraforce.library.unknowns import GAP
 from scleraforce.mechanics.contact import Section
-from scleraforce.reader import intervals, load_model
+from scleraforce.reader import intervals
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.kinds import SHIFTS, ForceReader
+from scleraforce.reader.model import load_model
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.segmentation.wall import find_wall

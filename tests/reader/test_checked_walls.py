@@ -34,10 +34,10 @@ from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_conjunctiva, sample_optics
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.mechanics.contact import Section
-from scleraforce.reader import load_classifier, load_force_reader
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
 from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.model import load_classifier, load_force_reader
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study.fields import fixed

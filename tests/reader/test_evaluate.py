@@ -14,10 +14,10 @@ from small_recordings import LOGGED_INFO, calibration_text
 from scleraforce.errors import RecordingError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.models import SHIPPED_WALL_FINDER
-from scleraforce.reader import Classifier, load_classifier
 from scleraforce.reader.answer import unusable
 from scleraforce.reader.evaluate import FrameAnswer, _Session, evaluate_recordings
-from scleraforce.reader.model import load_wall_finder
+from scleraforce.reader.kinds import Classifier
+from scleraforce.reader.model import load_classifier, load_wall_finder
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, RecordingInfo, frame_digest, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale

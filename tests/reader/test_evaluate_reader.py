@@ -17,9 +17,10 @@ from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import NO_DISCREPANCY, OPEN, Known, Modulus
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.reader import Reader, load_model
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer, evaluate_recordings
+from scleraforce.reader.kinds import Reader
+from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale

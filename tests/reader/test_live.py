@@ -13,10 +13,9 @@ from small_models import FIVE_MN, force_reader
 
 from scleraforce.known import NOTHING_KNOWN, OPEN, SEALED, Known, Modulus
 from scleraforce.models import SHIPPED_READER
-from scleraforce.reader import load_classifier, load_force_reader
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.model import LiveReader, warming_frame
+from scleraforce.reader.model import LiveReader, load_classifier, load_force_reader, warming_frame
 from scleraforce.reader.where import NOWHERE
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import SliceStudy, Study

@@ -8,7 +8,7 @@ from small_models import force_reader, rehash_model
 
 from scleraforce.errors import ModelError
 from scleraforce.known import OPEN, SEALED, Known, Modulus
-from scleraforce.reader import load_classifier, load_model
+from scleraforce.reader.model import load_classifier, load_model
 from scleraforce.recording.folder import OctInfo
 from scleraforce.study import Study
 

@@ -14,7 +14,8 @@ from scleraforce.errors import ModelError
 from scleraforce.known import OPEN, UNKNOWN, ForceDiscrepancy, Known, Modulus, known_globe
 from scleraforce.library.base import pole_directions
 from scleraforce.models import sha256
-from scleraforce.reader import load_classifier, load_model, networks
+from scleraforce.reader import networks
+from scleraforce.reader.model import load_classifier, load_model
 from scleraforce.study import ReaderStudy
 from scleraforce.units import to_si
 

@@ -15,8 +15,9 @@ import scleraforce as sf
 from scleraforce.errors import InputError, ModelError
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan
 from scleraforce.laboratory.light import sample_optics
-from scleraforce.reader import Reader, load_model
 from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.kinds import Reader
+from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import read_recording
 
 pytest.importorskip("onnx")

@@ -17,9 +17,10 @@ from scleraforce.cli.main import run
 from scleraforce.errors import ModelError
 from scleraforce.known import NO_DISCREPANCY, Modulus
 from scleraforce.models import network_session
-from scleraforce.reader import RawReader, load_force_reader, load_model
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.intervals import IntervalFactors
+from scleraforce.reader.kinds import RawReader
+from scleraforce.reader.model import load_force_reader, load_model
 from scleraforce.reader.networks import GIVEN, ForceNetwork
 from scleraforce.reader.verdicts import WIDEST_N, judged_answer
 from scleraforce.segmentation.wall_finder import FrameWindow

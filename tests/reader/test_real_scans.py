@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from scleraforce.known import Known, Modulus, known_globe
-from scleraforce.reader import ForceReader, load_force_reader
+from scleraforce.reader.kinds import ForceReader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
 

@@ -13,8 +13,8 @@ from waiting import FUSE_S
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
-from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import Cause
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import Recording, read_recording

@@ -34,9 +34,9 @@ from scleraforce.errors import InputError
 from scleraforce.mechanics.contact import Section
 from scleraforce.models import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.notebook.frames import finder_of, segmented
-from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer, evaluate_recordings
 from scleraforce.reader.metrics import dice
+from scleraforce.reader.model import load_model
 from scleraforce.reader.verdicts import look
 from scleraforce.recording.folder import Recording, Scanner, read_recording
 from scleraforce.recording.labels import Trial

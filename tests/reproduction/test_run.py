@@ -23,9 +23,9 @@ from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.section import cut_sections
 from scleraforce.models import SHIPPED_READER
-from scleraforce.reader import load_force_reader
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import ForceTrial
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import read_recording
 from scleraforce.reproduction import demo, run as reproduction, stages
 from scleraforce.reproduction.page import _comparison, _coverage_words, _held

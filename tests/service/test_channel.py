@@ -20,7 +20,7 @@ from waiting import FUSE_S, wait_until
 
 from scleraforce.errors import MessageError
 from scleraforce.known import NOTHING_KNOWN, Known, Modulus, known_globe
-from scleraforce.monitor import MonitorLimits
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service import channel, messages
 from scleraforce.service.companions import Guard

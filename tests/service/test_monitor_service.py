@@ -15,7 +15,7 @@ from scleraforce import known as declared
 from scleraforce.errors import InputError
 from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, known_globe
 from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.monitor import MonitorLimits
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.recording.folder import ForceInfo, OctInfo
 from scleraforce.service import monitor_service
 from scleraforce.service.companions import OPINION, Companions

@@ -30,7 +30,7 @@ from scleraforce.known import Known
 from scleraforce.known.calibration_file import open_calibration, read_calibration
 from scleraforce.learning.dataset import DTYPES, SLICES, create_dataset, open_dataset, plan_dataset, unit_samples
 from scleraforce.library.store import build_library, open_library
-from scleraforce.reader import load_force_reader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.labels import label_frames

@@ -12,7 +12,7 @@ import numpy as np
 from scleraforce.known import OPEN, UNKNOWN, KnownGlobe, Modulus, known_of_recording
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.prior import prior_of
-from scleraforce.reader import ForceReader
+from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale

@@ -22,8 +22,8 @@ from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.known import Known
-    from scleraforce.monitor import MonitorLimits
-    from scleraforce.reader import Reader
+    from scleraforce.monitor.limits import MonitorLimits
+    from scleraforce.reader.kinds import Reader
     from scleraforce.recording.folder import OctInfo, Plane
     from scleraforce.service.monitor_service import Address, MonitorSettings
 
@@ -105,7 +105,7 @@ def monitor(
     with one_thread():  # the second core is for the other processes
         from platformdirs import user_state_path
 
-        from scleraforce.reader import load_model, suited
+        from scleraforce.reader.model import load_model, suited
         from scleraforce.recording.folder import name_fault
         from scleraforce.service.monitor_service import Address, MonitorSettings, Notes, monitor_service
 
@@ -216,7 +216,7 @@ def _scan(reader: "Reader", known: "Known", planes: "tuple[Plane, ...]", given: 
 
 
 def _limits(reader: "Reader", known: "Known", scan: "OctInfo", given: dict[str, Any]) -> "MonitorLimits":
-    from scleraforce.monitor import MonitorLimits
+    from scleraforce.monitor.limits import MonitorLimits
 
     return MonitorLimits(
         withdraw_class=given["withdraw_class"] or reader.classes - 1,

@@ -15,18 +15,17 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 import scleraforce.known.calibration_file as calibration_file
-from scleraforce import reader
 from scleraforce.arrays import Flags
 from scleraforce.errors import FrameError, InputError, StudyError
 from scleraforce.known import NOTHING_KNOWN, Known, Modulus, completed, known_globe, known_of_recording
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
 from scleraforce.models import SHIPPED_WALL_FINDER, model_name
 from scleraforce.notebook import Counting, check_rigidity, counting_for
-from scleraforce.reader import Reader
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.felt import MOST_LEAN_RAD, History
-from scleraforce.reader.model import load_wall_finder
+from scleraforce.reader.kinds import Reader
+from scleraforce.reader.model import load_model as load_reader, load_wall_finder, suited
 from scleraforce.recording import folder
 from scleraforce.recording.folder import Plane, Recording, ScaledFrame, Scanner, read_recording
 from scleraforce.recording.pixels import Pixels, Sourced
@@ -125,7 +124,7 @@ def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | 
     >>> sf.load_model("reader").kind, sf.load_model("default").kind
     ('reader', 'reader')
     """
-    return reader.load_model(path, finder=wall_finder)
+    return load_reader(path, finder=wall_finder)
 
 
 def read(
@@ -283,7 +282,7 @@ def readings(
         notes += (f"{place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
     if known.leak_time_s is not None:
         notes.append("leak_time_s: a single frame is read as if nothing had leaked; evaluate follows the leak")
-    asked, model = model, reader.suited(model, known)
+    asked, model = model, suited(model, known)
     if model.path != asked.path:
         notes.append(f"read with the bundled reader {model_name(model.path)}, which was trained for such eyes")
     if held_s is not None and known.relaxation is None:

@@ -11,7 +11,7 @@ from scleraforce.library.store import build_library, cached_library, open_librar
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.notebook.calibrating import library_for
 from scleraforce.notebook.frames import load_model
-from scleraforce.reader import Reader
+from scleraforce.reader.kinds import Reader
 from scleraforce.study import Study, refuse_unused
 
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, LinkError
-from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import Cause
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.openigtlink import HEADER_BYTES, pack_header, unpack_header
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.pixels import Pixels

@@ -19,8 +19,8 @@ from scleraforce import __version__
 from scleraforce.arrays import Integers
 from scleraforce.errors import InputError
 from scleraforce.known import MODULUS_SOURCES
-from scleraforce.reader import Reader
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.kinds import Reader
 from scleraforce.reader.metrics import SHARED_ERROR, Proportion, mean_absolute_error, precision, recall
 from scleraforce.report.files import data_uri, evenly
 from scleraforce.report.frame_figures import WIDTH, AnsweredFrame, draw_read_forces, draw_trial_forces

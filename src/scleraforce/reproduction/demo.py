@@ -14,9 +14,8 @@ from scleraforce.known.calibration_file import read_calibration, write_calibrati
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 from scleraforce.models import SHIPPED_READER, SHIPPED_WALL_FINDER
-from scleraforce.reader import load_force_reader
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
-from scleraforce.reader.model import load_wall_finder
+from scleraforce.reader.model import load_force_reader, load_wall_finder
 from scleraforce.recording.folder import read_recording
 from scleraforce.report.frame_figures import look_at_all
 from scleraforce.report.html import shown_frames, write_evaluation_html

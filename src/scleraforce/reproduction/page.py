@@ -25,9 +25,10 @@ from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.contact import Contact, Section
 from scleraforce.mechanics.section import fill_section, slice_window
 from scleraforce.models import SHIPPED_WALL_FINDER, model_name
-from scleraforce.reader import Classifier, load_classifier, load_model, metrics
+from scleraforce.reader import metrics
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.reader.model import load_wall_finder
+from scleraforce.reader.kinds import Classifier
+from scleraforce.reader.model import load_classifier, load_model, load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.report import frame_figures, html

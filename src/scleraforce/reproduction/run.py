@@ -22,7 +22,7 @@ from scleraforce.laboratory.virtual_eye import PhantomEye, paper_eyes
 from scleraforce.library import Library
 from scleraforce.library.store import cached_library
 from scleraforce.models import SHIPPED_READER, folder_study, read_folder, sha256
-from scleraforce.reader import load_force_reader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.study import Range, Study, format_study, study_hash
 from scleraforce.study.fields import field_key
 from scleraforce.whole_files import KINDS, hash_sources, read_text, write_whole

@@ -17,9 +17,8 @@ from scleraforce.library import Library
 from scleraforce.library.plan import plan_library
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.processes import work_units
-from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
-from scleraforce.reader.model import load_wall_finder
+from scleraforce.reader.model import load_model, load_wall_finder
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.reproduction import run as runs
 from scleraforce.reproduction.page import SECTIONS, write_reproduction_html

@@ -19,7 +19,7 @@ from struct import pack
 from time import sleep
 
 from scleraforce.errors import ProtocolError
-from scleraforce.monitor import Decision
+from scleraforce.monitor.decision import Decision
 from scleraforce.monitor.events import Verdict
 from scleraforce.openigtlink import Decoder, Message, PeerEvent, Sensor, Status, Text, encode
 from scleraforce.service.companions import Guard

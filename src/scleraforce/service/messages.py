@@ -15,8 +15,8 @@ from msgspec import Struct, ValidationError, convert
 from scleraforce import __version__
 from scleraforce.errors import MessageError
 from scleraforce.known import Known
-from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import State, Verdict
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.plain_json import finite
 from scleraforce.recording.folder import ForceInfo, Plane, RecordingInfo
 from scleraforce.recording.pixels import PixelScale

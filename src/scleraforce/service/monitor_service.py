@@ -20,9 +20,9 @@ import cv2
 
 from scleraforce.errors import InputError
 from scleraforce.known import Known, one_lean, stated_eye
-from scleraforce.monitor import MonitorLimits
-from scleraforce.reader import Reader
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.reader.felt import History
+from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import LiveReader
 from scleraforce.recording.folder import ForceInfo, NeedleInfo, OctInfo, Plane, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale

@@ -18,11 +18,10 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
 from scleraforce.errors import MessageError
-from scleraforce.reader import Reader, load_model
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.reader.felt import History
-from scleraforce.reader.kinds import LEFT_OUT
-from scleraforce.reader.model import warming_frame
+from scleraforce.reader.kinds import LEFT_OUT, Reader
+from scleraforce.reader.model import load_model, warming_frame
 from scleraforce.recording.folder import Plane
 from scleraforce.service.channel import Channel, run_companion
 from scleraforce.service.frame_ring import FrameRing

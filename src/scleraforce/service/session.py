@@ -9,9 +9,11 @@ from time import monotonic, time
 from typing import Any
 
 from scleraforce.known import Known
-from scleraforce.monitor import MonitorLimits, MonitorState, PlanesState, decide, decide_planes, events
+from scleraforce.monitor import events
+from scleraforce.monitor.decision import PlanesState, decide, decide_planes
 from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, State
-from scleraforce.monitor.limits import of_scale
+from scleraforce.monitor.limits import MonitorLimits, of_scale
+from scleraforce.monitor.state import MonitorState
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.reader.felt import ELASTIC, History
 from scleraforce.recording.pixels import Pixels, PixelScale

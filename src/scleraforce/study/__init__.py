@@ -20,17 +20,14 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from scleraforce.errors import StudyError
 from scleraforce.study.eye import (
-    CorneaStudy as CorneaStudy,
     EyeStudy as EyeStudy,
     FormStudy as FormStudy,
     GlobeStudy as GlobeStudy,
     MechanicsStudy as MechanicsStudy,
     MeshStudy as MeshStudy,
     NeedleStudy as NeedleStudy,
-    RegionStudy as RegionStudy,
     SupportsStudy as SupportsStudy,
     TissueStudy as TissueStudy,
-    WaveStudy as WaveStudy,
 )
 from scleraforce.study.fields import (
     Choice as Choice,
