@@ -66,10 +66,8 @@ def test_an_unpacked_wheel_reads_a_frame_and_writes_a_study(wheel: Path, tmp_pat
     ZipFile(wheel).extractall(tmp_path / "site")
     cv2.imwrite(str(tmp_path / "1.png"), image(wall_section(tip_of(0.020))))
     environment = fresh_home(tmp_path) | {"PYTHONPATH": str(tmp_path / "site")}
-    script = (
-        "import sys, scleraforce; from scleraforce.cli.main import run; "
-        f"assert scleraforce.__file__.startswith({str(tmp_path)!r}); sys.exit(run(sys.argv[1:]))"
-    )
+    script = ("import sys, scleraforce; from scleraforce.cli.main import run; assert "
+              f"scleraforce.__file__.startswith({str(tmp_path)!r}); sys.exit(run(sys.argv[1:]))")  # fmt: skip
     for line in ("read default 1.png --width-mm 15 --depth-mm 4", "init study"):
         subprocess.run([sys.executable, "-c", script, *line.split()], env=environment, cwd=tmp_path, check=True)
     assert (tmp_path / "study" / "study.toml").exists()

@@ -137,10 +137,8 @@ def test_onnx_runtime_keeps_no_device_id_and_no_events_here_or_in_processes_that
 ) -> None:
     """In a notebook, too, which makes a session of its own, and in processes that it starts: our import is enough."""
     environment = fresh_home(tmp_path) | {"ORT_DISABLE_TELEMETRY": "0"}
-    script = (
-        "import os, sys, scleraforce, onnxruntime; onnxruntime.InferenceSession(sys.argv[1] + '/model.onnx'); "
-        "assert os.environ['ORT_DISABLE_TELEMETRY'] == '1'"
-    )
+    script = ("import os, sys, scleraforce, onnxruntime; onnxruntime.InferenceSession(sys.argv[1] + '/model.onnx'); "
+              "assert os.environ['ORT_DISABLE_TELEMETRY'] == '1'")  # fmt: skip
     subprocess.run([sys.executable, "-c", script, reader], env=environment, check=True)
     assert [file for file in tmp_path.rglob("*") if file.is_file()] == []
 

@@ -87,10 +87,8 @@ def _fault(requirement: Requirement) -> str:
 
 GIB = 2**30
 LEAST_CORES, LEAST_MEMORY_GIB, LEAST_DISK_GIB = 2, 4, 1
-REAL_TIME = (
-    "import sys; from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time; "
-    "sys.exit(not run_in_real_time(MONITOR_PRIORITY))"
-)
+REAL_TIME = ("import sys; from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time; sys.exit(not "
+             "run_in_real_time(MONITOR_PRIORITY))")  # fmt: skip
 
 
 def machine() -> Iterator[Finding]:

@@ -33,9 +33,8 @@ class FileKind:
     error: type[InputError]
 
 
-MODEL_HINT = (
-    "a model folder has model.onnx, study.toml, card.md and model.json, and a reader's folder has library.npz as well"
-)
+MODEL_HINT = ("a model folder has model.onnx, study.toml, card.md and model.json, and a reader's folder has "
+              "library.npz as well")  # fmt: skip
 KINDS = {
     "study": FileKind("study file", MIB, "`scleraforce init DIR` writes a study file", StudyError),
     "recording": FileKind("recording.toml", MIB, "a recording folder has a recording.toml", RecordingError),

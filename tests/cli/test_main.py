@@ -120,20 +120,11 @@ def test_json_has_no_number_that_json_does_not_know(capsys) -> None:
 def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
     # A command that blocks: the test's own `wait`, installed in the child before the entry point runs. As zarr does, it
     # leaves a task in a loop of asyncio, which says so when it is destroyed.
-    code = (
-        "import asyncio, sys, time, click\n"
-        "from scleraforce.cli import main as entry\n"
-        "@click.command()\n"
-        "def wait():\n"
-        "    loop = asyncio.new_event_loop()\n"
-        "    loop.create_task(asyncio.sleep(60))\n"
-        "    loop.run_until_complete(asyncio.sleep(0))\n"
-        "    print('ready', flush=True)\n"
-        "    time.sleep(300)\n"
-        "entry.cli.get_command = lambda ctx, name: wait\n"
-        "sys.argv = ['scleraforce', 'wait']\n"
-        "entry.main()\n"
-    )
+    code = ("import asyncio, sys, time, click\nfrom scleraforce.cli import main as entry\n@click.command()\ndef "
+            "wait():\n    loop = asyncio.new_event_loop()\n    loop.create_task(asyncio.sleep(60))\n    "
+            "loop.run_until_complete(asyncio.sleep(0))\n    print('ready', flush=True)\n    "
+            "time.sleep(300)\nentry.cli.get_command = lambda ctx, name: wait\nsys.argv = "
+            "['scleraforce', 'wait']\nentry.main()\n")  # fmt: skip
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stdout is not None
     with ends(child.stdout, FUSE_S):

@@ -75,10 +75,8 @@ def test_a_wrong_name_is_an_error_that_lists_the_bundled_ones(frame: Path, shell
 
 def test_reading_a_frame_imports_nothing_that_it_does_not_need(frame: Path) -> None:
     words = ["classify", "default", str(frame), "--youngs-modulus-mpa", "0.25"]
-    script = (
-        f"import sys; from scleraforce.cli.main import run; code = run({words!r})\n"
-        f"print(*[name for name in {NOT_FOR_A_FRAME!r} if name in sys.modules], file=sys.stderr); sys.exit(code)"
-    )
+    script = (f"import sys; from scleraforce.cli.main import run; code = run({words!r})\nprint(*[name for name in "
+              f"{NOT_FOR_A_FRAME!r} if name in sys.modules], file=sys.stderr); sys.exit(code)")  # fmt: skip
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=FUSE_S)
     assert "mN (90 %:" in done.stdout
     assert done.stderr.split() == []

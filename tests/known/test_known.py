@@ -82,10 +82,9 @@ def test_an_eye_whose_calibration_diverged_is_read_as_one_of_unknown_modulus_or_
     assert known_of_eye(given, summary, "lost") == given
     assert known_of_eye(given, summary, "contradicted") == replace(given, globe=None)
     assert str(foreign_modulus(summary, "contradicted")).endswith("unknown modulus in an unknown globe")
-    assert foreign_modulus(summary, "lost") == (
-        f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has 4 eyes "
-        "(mine, lost, contradicted, undeclared): read as one of unknown modulus"
-    )
+    assert foreign_modulus(summary, "lost") == (f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has "
+                                                "4 eyes (mine, lost, contradicted, undeclared): read "
+                                                "as one of unknown modulus")  # fmt: skip
 
 
 def test_an_eye_takes_the_globe_that_its_calibration_found_unless_another_kind_is_declared(

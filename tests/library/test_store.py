@@ -65,12 +65,9 @@ def interrupting(count, done):
 def script(folder, body):
     """A program of its own, and the environment in which it finds the analytic solver."""
     path = folder / "program.py"
-    path.write_text(
-        "import sys; from pathlib import Path; from analytic_library import solve_slowly\n"
-        "from scleraforce.library.store import build_library, cached_library\n"
-        "from scleraforce.study import LibraryStudy, Study\n"
-        f"if __name__ == '__main__':\n    {body}\n"
-    )
+    path.write_text("import sys; from pathlib import Path; from analytic_library import solve_slowly\nfrom "
+                    "scleraforce.library.store import build_library, cached_library\nfrom scleraforce.study import "
+                    f"LibraryStudy, Study\nif __name__ == '__main__':\n    {body}\n")  # fmt: skip
     return path, os.environ | {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
 
 

@@ -210,12 +210,11 @@ def test_a_resolution_without_resolution_unit_is_per_inch_and_that_is_noted(tmp_
 
 
 def ome(unit: str, size_t: int = COUNT) -> dict[str, object]:
-    text = (
-        '<?xml version="1.0" encoding="UTF-8"?><o:OME xmlns:o="http://www.openmicroscopy.org/Schemas/OME/2016-06">'
-        '<o:Image ID="Image:0"><o:Pixels ID="Pixels:0" DimensionOrder="XYZCT" Type="uint16" SizeX="40" SizeY="24" '
-        f'SizeZ="1" SizeC="1" SizeT="{size_t}" PhysicalSizeX="15" PhysicalSizeXUnit=\'{unit}\' PhysicalSizeY="4" '
-        f'PhysicalSizeYUnit="{unit}"><o:TiffData/></o:Pixels></o:Image></o:OME>'
-    )
+    text = ('<?xml version="1.0" encoding="UTF-8"?><o:OME '
+            'xmlns:o="http://www.openmicroscopy.org/Schemas/OME/2016-06"><o:Image ID="Image:0"><o:Pixels ID="Pixels:0" '
+            f'DimensionOrder="XYZCT" Type="uint16" SizeX="40" SizeY="24" SizeZ="1" SizeC="1" SizeT="{size_t}" '
+            f'PhysicalSizeX="15" PhysicalSizeXUnit=\'{unit}\' PhysicalSizeY="4" '
+            f'PhysicalSizeYUnit="{unit}"><o:TiffData/></o:Pixels></o:Image></o:OME>')  # fmt: skip
     return {"description": text.encode(), "metadata": None, "photometric": "minisblack"}
 
 

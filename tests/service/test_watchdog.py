@@ -63,10 +63,8 @@ def test_other_bytes_are_refused() -> None:
 
 
 def test_the_watchdog_needs_the_standard_library_alone() -> None:
-    program = (
-        "import sys; import scleraforce.service.watchdog;"
-        "sys.exit(str([name for name in ('numpy', 'cv2', 'json') if name in sys.modules] or ''))"
-    )
+    program = ("import sys; import scleraforce.service.watchdog;sys.exit(str([name for name in ('numpy', 'cv2', "
+               "'json') if name in sys.modules] or ''))")  # fmt: skip
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=FUSE_S)
     assert done.stderr.strip() == ""
 

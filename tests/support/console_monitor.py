@@ -72,9 +72,8 @@ class ConsoleMonitor:
     def hear(self, kind: type[Kind], within_s: float = FUSE_S) -> Kind:
         """Wait for a message of the console."""
         if not select.select([self.child.channel], [], [], within_s)[0]:
-            raise AssertionError(
-                f"the console said nothing, {kind.__name__} was awaited; exit code {self.child.process.poll()}"
-            )
+            raise AssertionError(f"the console said nothing, {kind.__name__} was awaited; exit code "
+                                 f"{self.child.process.poll()}")  # fmt: skip
         (message,) = self.child.channel.receive(1)
         assert isinstance(message, kind), message
         return message

@@ -50,11 +50,10 @@ def write_small_recording(
     rows, columns = pictures[0].shape
     (folder / "frames").mkdir(parents=True)
     force = "[force]\naxis = 'fz'\ncontact_sign = -1\naverage_s = 0.1\n" if log else ""
-    (folder / "recording.toml").write_text(
-        "[eye]\nid = 'small'\n"
-        f"[oct]\ncolumns = {columns}\nrows = {rows}\nbits = {bits}\nwidth_m = {columns * pixel_m[0]}\n"
-        f"depth_m = {rows * pixel_m[1]}\n[needle]\ngauge = 22\nslice_gap_m = 0.0005\n{force}"
-    )
+    (folder / "recording.toml").write_text(f"[eye]\nid = 'small'\n[oct]\ncolumns = {columns}\nrows = {rows}\nbits = "
+                                           f"{bits}\nwidth_m = {columns * pixel_m[0]}\ndepth_m = "
+                                           f"{rows * pixel_m[1]}\n[needle]\ngauge = "
+                                           f"22\nslice_gap_m = 0.0005\n{force}")  # fmt: skip
     lines = ["file,time_s"]
     for index, pixels in enumerate(pictures):
         assert cv2.imwrite(str(folder / "frames" / f"{index:04d}.png"), pixels)

@@ -117,10 +117,8 @@ def _of_eye(recording: Recording, settings: Settings, before: EyeCalibration | N
             f"eye.globe is stated as open, and the model does not know its walls: they are read as with "
             f"{rigidity_words(other)}, less than that of closed eyes; is its limbus in view, or its wall uneven?",
         )
-    doubt = (
-        f"eye.globe is stated as {stated}, and the frames contradict that; for a globe that may be open or sealed "
-        f"they show {rigidity_words(other)} and do not: state what it is, or leave eye.globe out"
-    )
+    doubt = (f"eye.globe is stated as {stated}, and the frames contradict that; for a globe that may be open or sealed "
+             f"they show {rigidity_words(other)} and do not: state what it is, or leave eye.globe out")  # fmt: skip
     return _doubted(replace(found, globe=UNKNOWN), doubt)
 
 
@@ -307,9 +305,8 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     """Return a recording's statements on its eye, by default the study's values; raises `CalibrationError`."""
     info = recording.info
     if info.eye.thickness_m is None:
-        raise CalibrationError(
-            f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs the wall's thickness"
-        )
+        raise CalibrationError(f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs "
+                               "the wall's thickness")  # fmt: skip
     low, high = study.needle.polar_angle_rad.bounds
     stated = info.needle.polar_angle_rad
     return EyeConstants(
@@ -359,24 +356,18 @@ def _begin(
         return session
     names = session.filter.space.names
     if earlier.names != names:
-        raise CalibrationError(
-            f"{earlier.id}: the earlier calibration has {', '.join(earlier.names)} for parameters, not "
-            f"{', '.join(names)}; begin anew or name the same"
-        )
+        raise CalibrationError(f"{earlier.id}: the earlier calibration has {', '.join(earlier.names)} for parameters, "
+                               f"not {', '.join(names)}; begin anew or name the same")  # fmt: skip
     if (earlier.lean_rad is None) != (recording.info.needle.lean_rad is None):
-        raise CalibrationError(
-            f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of {earlier.id} state it and some "
-            "do not; state it in all of them, or in none"
-        )
+        raise CalibrationError(f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of {earlier.id} "
+                               "state it and some do not; state it in all of them, or in none")  # fmt: skip
     assert earlier.state is not None  # `_of_eye`
     with np.errstate(over="ignore", invalid="ignore"):
         means, sds = assimilation.moments(session.filter, earlier.state)
     same = abs(means[names.index(assimilation.PARAMETERS["e"])] / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS
     if not (same and np.isfinite((means, sds)).all()):
-        raise CalibrationError(
-            f"{earlier.id}: the state of the earlier calibration is not that of its parameters under this study; begin "
-            "anew, or give the study that it was made with"
-        )
+        raise CalibrationError(f"{earlier.id}: the state of the earlier calibration is not that of its parameters "
+                               "under this study; begin anew, or give the study that it was made with")  # fmt: skip
     if tables_digest(recording) in {entry.sha256 for entry in earlier.recordings}:
         return replace(session, state=earlier.state)
     return replace(session, state=replace(earlier.state, belief=first_belief(session.filter.model)))

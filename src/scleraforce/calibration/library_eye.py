@@ -207,15 +207,12 @@ def library_eye(study: Study, constants: eye_model.EyeConstants, library: Librar
     """Return the model of an eye; raises `CalibrationError`."""
     mine = (study.eye.radius_m, study.eye.poisson_ratio, study.needle.outer_diameter_m / 2)
     if not np.allclose(mine, (library.radius_m, library.poisson_ratio, library.needle_radius_m), rtol=1e-6):
-        raise CalibrationError(
-            "library: made for another radius of the eye, Poisson's ratio or needle than the study's; make it anew"
-        )
+        raise CalibrationError("library: made for another radius of the eye, Poisson's ratio or needle than the "
+                               "study's; make it anew")  # fmt: skip
     thinnest, thickest = float(library.thickness_m[0]), float(library.thickness_m[-1])
     if not thinnest <= constants.thickness_m <= thickest:
-        raise CalibrationError(
-            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has walls of "
-            f"{from_si(thinnest, 'um'):.0f} to {from_si(thickest, 'um'):.0f} µm"
-        )
+        raise CalibrationError(f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has walls of "
+                               f"{from_si(thinnest, 'um'):.0f} to {from_si(thickest, 'um'):.0f} µm")  # fmt: skip
     side = np.arange(0.0, REACH * library.radius_m, eye_model.SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])
     polars = eye_model.polar_nodes(constants)

@@ -152,9 +152,8 @@ class LinearEye:
 def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool = False) -> LinearEye:
     """Solve the walls for an eye, three if the thickness is uncertain; raises `CalibrationError`."""
     if not 0.1e-3 <= constants.thickness_m <= 0.4 * study.eye.radius_m:
-        raise CalibrationError(
-            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm cannot be meshed; state the wall's"
-        )
+        raise CalibrationError(f"thickness: {from_si(constants.thickness_m, 'um'):g} µm cannot be "
+                               "meshed; state the wall's")  # fmt: skip
     shares = THICKNESS_NODES if thickness_uncertain else (1.0,)
     thicknesses = tuple(share * constants.thickness_m for share in shares)
     polars = polar_nodes(constants)

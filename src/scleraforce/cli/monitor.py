@@ -111,10 +111,8 @@ def monitor(
 
     reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
     if not reader.serves_loop:  # it would be its own second opinion
-        raise InputError(
-            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model could check "
-            "what its network reads in the loop"
-        )
+        raise InputError(f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model "
+                         "could check what its network reads in the loop")  # fmt: skip
     known, doubt = _known(calibration, eye, {name: given[name] for name in EYE})
     if resume is not None and not learn_eye:
         raise InputError("--resume: needs --learn-eye")

@@ -157,10 +157,8 @@ ACCURACY = ("validation_accuracy", "validation_interval")
 
 def _finder_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
     yield f"wrote {out}: {result['scenes']} scenes in {result['batches']} batches, {took}"
-    yield (
-        f"scenes that it never saw: Dice {result['dice_mean']:.3f} in the mean, {result['dice_median']:.3f} in the "
-        f"median; {result['coverage']:.1%} of the boundaries within 1.645 standard deviations"
-    )
+    yield (f"scenes that it never saw: Dice {result['dice_mean']:.3f} in the mean, {result['dice_median']:.3f} in the "
+           f"median; {result['coverage']:.1%} of the boundaries within 1.645 standard deviations")  # fmt: skip
 
 
 def _reader_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:

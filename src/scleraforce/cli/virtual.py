@@ -86,10 +86,8 @@ def _lines(eye: "SimulatedEye", study: Study, resting_pa: float) -> Iterator[str
     yield f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):.4g} mN"
     if study.globe.kind == "sealed":
         resting, loaded = (from_si(pressure_pa, "mmhg") for pressure_pa in (resting_pa, eye.pressure_pa))
-        yield (
-            f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
-            f"{from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that pressure"
-        )
+        yield (f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
+               f"{from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that pressure")  # fmt: skip
     if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
         ratio = eye.tip_m / eye.mesh.thickness_m
         yield f"that is {ratio:.1f} times the wall's thickness: more than linear mechanics describes"
@@ -309,16 +307,12 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
     if not isinstance(slope, MeasuredRange):
         yield f"the display is taken to be {kind} from its noise: {slope.reason}"
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
-        yield (
-            f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "
-            "surface in the frame (roll-off, focus, or the angle); a study draws no roll-off"
-        )
+        yield (f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "
+               "surface in the frame (roll-off, focus, or the angle); a study draws no roll-off")  # fmt: skip
     for name, (most, words) in NOTED.items():
         found = ranges[name]
         if isinstance(found, MeasuredRange) and found.median > most:
             yield words.format(median=found.median, kind=kind)
     if overlap < DRAWN_OVERLAP:
-        yield (
-            f"the histograms of the real frame and the drawn one have {overlap:.0%} in common: look at the picture "
-            "before you train on this study"
-        )
+        yield (f"the histograms of the real frame and the drawn one have {overlap:.0%} in common: look at the picture "
+               "before you train on this study")  # fmt: skip

@@ -197,9 +197,8 @@ def plan_moving_phantom(
     """
     _check_forces(eye, [*forces_n, *([] if puncture_n is None else [puncture_n])])
     if puncture_n is not None and not puncture_n > max(forces_n, default=0.0):
-        raise RecordingError(
-            f"eye {eye.id}: puncture: {from_si(puncture_n, 'mn'):g} mN; must be above 0 and above the forces before it"
-        )
+        raise RecordingError(f"eye {eye.id}: puncture: {from_si(puncture_n, 'mn'):g} mN; must be above 0 and above the "
+                             "forces before it")  # fmt: skip
     given = {"rate": (rate_hz, 0.1, 1000.0), "ramp": (ramp_n_per_s, 1e-5, 100.0), "hold": (hold_s, 0.0, 3600.0)}
     for name, (value, low, high) in given.items():
         if not low <= value <= high:
@@ -227,9 +226,8 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
     The side is drawn; the eye shifts and tilts in two directions.
     """
     if plan.turns or plan.path.puncture or study.mechanics.kind == "linear" or study.globe.leak_time_s:
-        raise RecordingError(
-            "planes: of an eye that keeps still, does not leak and is not pierced, with --mechanics finite-strain"
-        )
+        raise RecordingError("planes: of an eye that keeps still, does not leak and is not pierced, with "
+                             "--mechanics finite-strain")  # fmt: skip
     eye, rng, frames = plan.eye, stream(plan.eye, plan.seed, PLANES), list[PhantomFrame]()
     side_rad, tilt_rad = rng.uniform(-np.pi, np.pi), draw(study.phantom.eye_tilt_rad, rng)
     aside_m = eye.gap_m * np.array([np.cos(side_rad), np.sin(side_rad)])
@@ -259,10 +257,8 @@ def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
         raise RecordingError(f"eye {eye.id}: forces: {list(forces_n)}; give at least one, none negative")
     largest_mn = NEEDLE_FORCE.from_si(max(forces_n))
     if largest_mn > (NEEDLE_FORCE.high or 0.0):
-        raise RecordingError(
-            f"eye {eye.id}: forces: {largest_mn:g} mN; up to {NEEDLE_FORCE.high:g} mN can be simulated, "
-            "more than a wall bears"
-        )
+        raise RecordingError(f"eye {eye.id}: forces: {largest_mn:g} mN; up to {NEEDLE_FORCE.high:g} mN can be "
+                             "simulated, more than a wall bears")  # fmt: skip
 
 
 def _with_turns(

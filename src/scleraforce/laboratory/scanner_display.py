@@ -278,10 +278,8 @@ def air_counts(eye: ImagedEye) -> Floats:
     )
     inside = air.all(axis=(2, 3)) & ((blocks == 0).mean(axis=(2, 3)) <= BLACK_SHARE)
     if np.count_nonzero(inside) * rows * columns < LEAST_PIXELS:
-        raise FrameError(
-            f"{eye.name}: too little noise is seen above the tissue to know the display's scale; give frames with more "
-            "room there, or with a lower display floor"
-        )
+        raise FrameError(f"{eye.name}: too little noise is seen above the tissue to know the display's scale; give "
+                         "frames with more room there, or with a lower display floor")  # fmt: skip
     middle = blocks.mean(axis=(2, 3))
     _, least, most = sigmaclip(middle[inside], *CLIPS)
     inside &= (middle >= least) & (middle <= most)
@@ -299,10 +297,9 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
     groups = [_scale(part, eye, kind) for part in parts]
     per_unit, zero, misfit = _scale(lit, eye, kind)
     if kind is not LOGARITHMIC and zero > MOST_OFFSET * per_unit:
-        raise FrameError(
-            f"{eye.name}: the wall's speckle spreads as on a {kind.name} display, and its noise lies above count 0, as "
-            "if it were averaged: such frames cannot be measured, nor frames with an offset (subtract it)"
-        )
+        raise FrameError(f"{eye.name}: the wall's speckle spreads as on a {kind.name} display, and its noise lies "
+                         "above count 0, as if it were averaged: such frames cannot be measured, nor frames with an "
+                         "offset (subtract it)")  # fmt: skip
     scatter = np.array([_ends_db(kind, group[0], group[1], eye.top) for group in groups])
     errors = scatter.std(axis=0, ddof=1) / np.sqrt(len(scatter)) if len(scatter) > 1 else np.array([1.0, 1.0])
     ends = zip(_ends_db(kind, per_unit, zero, eye.top), errors.tolist(), strict=True)
@@ -338,10 +335,8 @@ def _scale(noise: Floats, eye: ImagedEye, kind: DisplayKind) -> tuple[float, flo
     counts = noise[np.isfinite(noise)]
     cut = float(np.mean(counts <= 0))
     if cut > MOST_CUT:
-        raise FrameError(
-            f"{eye.name}: {cut:.0%} of the noise above the tissue is black: the display's floor hides it; show the "
-            "frames with a lower floor"
-        )
+        raise FrameError(f"{eye.name}: {cut:.0%} of the noise above the tissue is black: the display's floor hides it; "
+                         "show the frames with a lower floor")  # fmt: skip
     share = np.linspace(max(LOWEST, cut + 0.02), HIGHEST, SHARES)
     expected = kind.shown(-np.log1p(-share))
     found = np.quantile(dithered(counts), share)

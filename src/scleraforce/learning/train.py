@@ -90,10 +90,8 @@ def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[classifie
     """Return the training and the validation samples of a data set, labelled for walls of a modulus."""
     parts = dataset.split()
     if not all(len(part) for part in parts):
-        raise DatasetError(
-            f"{dataset.path}: validation: {len(parts[1])} of {dataset.images} samples; training and validation need "
-            "some each"
-        )
+        raise DatasetError(f"{dataset.path}: validation: {len(parts[1])} of {dataset.images} samples; training and "
+                           "validation need some each")  # fmt: skip
     ratio = youngs_modulus_pa / dataset.youngs_modulus_pa
     target = classifier.classes_at_modulus(dataset.force_n, ratio, dataset.study.classes)
     training, validation = (classifier.Samples(dataset.slices[part], target[part]) for part in parts)

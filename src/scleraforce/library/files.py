@@ -117,10 +117,8 @@ def _check_size(values: int) -> None:
     """Check that this many values of float32 fit into a file of a model folder."""
     found, most = 4 * values, KINDS["model file"].max_bytes
     if found > most:
-        raise InputError(
-            f"library: its curves have {found // MIB} MiB, a model folder may have {most // MIB} MiB of them; "
-            "make one of fewer thicknesses, tensions, tips or elements"
-        )
+        raise InputError(f"library: its curves have {found // MIB} MiB, a model folder may have {most // MIB} MiB of "
+                         "them; make one of fewer thicknesses, tensions, tips or elements")  # fmt: skip
 
 
 def _reduced(stored: _ReducedArray, values: Reals) -> tuple[dict[str, NDArray[Any]], float]:

@@ -42,10 +42,8 @@ def check_inside(
     outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
     if outside.any():
         found = from_si(float(values[outside].flat[0]), unit)
-        raise InputError(
-            f"{name}: {found:.4g} {printed or unit} is outside {whose} range, "
-            f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed or unit}"
-        )
+        raise InputError(f"{name}: {found:.4g} {printed or unit} is outside {whose} range, {from_si(low, unit):.4g} to "
+                         f"{from_si(high, unit):.4g} {printed or unit}")  # fmt: skip
 
 
 def inside_ends(values: Floats, axis: Floats) -> Floats:
@@ -213,11 +211,9 @@ class Library:
         tips = splines.first_crossing(self.tip_m, paths, np.array(force_ratio, dtype=np.float64))
         if np.isnan(tips).any():
             sample = int(np.argmax(np.isnan(tips)))
-            raise InputError(
-                f"F/E: {from_si(force_ratio[sample], 'mm2'):.4g} mm^2 dents a wall of "
-                f"{from_si(thickness_m[sample], 'um'):.0f} µm with "
-                f"IOP/E {iop_ratio[sample]:.3g} by more than the library's {from_si(self.tip_m[-1], 'mm'):g} mm"
-            )
+            raise InputError(f"F/E: {from_si(force_ratio[sample], 'mm2'):.4g} mm^2 dents a wall of "
+                             f"{from_si(thickness_m[sample], 'um'):.0f} µm with IOP/E {iop_ratio[sample]:.3g} by more "
+                             f"than the library's {from_si(self.tip_m[-1], 'mm'):g} mm")  # fmt: skip
         return tips
 
     def covers(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Flags:
@@ -377,10 +373,9 @@ class Library:
         thickness = float(np.broadcast_to(thickness_m, tension.shape)[worst])
         per_tension = thickness / self.radius_m
         low, high, burst = (value * per_tension for value in (*ends, burst_tension(self.poisson_ratio)))
-        raise InputError(
-            f"IOP/E: {tension[worst] * per_tension:.4g} is outside the library's range for a wall of "
-            f"{from_si(thickness, 'um'):.0f} µm, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
-        )
+        raise InputError(f"IOP/E: {tension[worst] * per_tension:.4g} is outside the library's range for a wall of "
+                         f"{from_si(thickness, 'um'):.0f} µm, {low:.3g} to {high:.3g}; "
+                         f"it bursts at {burst:.3g}")  # fmt: skip
 
     def _tension(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         return np.asarray(iop_ratio) * (self.radius_m / np.asarray(thickness_m))

@@ -68,20 +68,17 @@ class LoadPath:
     def tip_m(self, force_n: float) -> float:
         """Return the dent in m at a force; the smallest one if several states carry the force."""
         if not 0.0 <= force_n <= self.max_force_n:
-            raise InputError(
-                f"force: {from_si(force_n, 'mn'):g} mN; this load path carries 0 to "
-                f"{from_si(self.max_force_n, 'mn'):g} mN, up to a dent of {from_si(self.tips_m[-1], 'mm'):.3g} mm"
-            )
+            raise InputError(f"force: {from_si(force_n, 'mn'):g} mN; this load path carries 0 to "
+                             f"{from_si(self.max_force_n, 'mn'):g} mN, up to a dent of "
+                             f"{from_si(self.tips_m[-1], 'mm'):.3g} mm")  # fmt: skip
         return self._first_tip(self.forces_n, force_n)
 
     def tip_of_travel_m(self, travel_m: float) -> float:
         """Return the dent in m where the tip is `travel_m` from rest; the smallest one if there are several."""
         farthest_m = float((self.tips_m - self.rises_m).max())
         if not 0.0 <= travel_m <= farthest_m * (1.0 + ROUNDING):
-            raise InputError(
-                f"displacement: {from_si(travel_m, 'mm'):g} mm; this load path goes from 0 to "
-                f"{from_si(farthest_m, 'mm'):g} mm"
-            )
+            raise InputError(f"displacement: {from_si(travel_m, 'mm'):g} mm; this load path goes from 0 to "
+                             f"{from_si(farthest_m, 'mm'):g} mm")  # fmt: skip
         return self._first_tip(self.tips_m - self.rises_m, travel_m)
 
     def at_tip(self, tip_m: float) -> tuple[float, float, float]:
@@ -121,9 +118,8 @@ class LoadPath:
 
     def _weights(self, tip_m: float) -> Floats:
         if not 0.0 <= tip_m <= self.tips_m[-1]:
-            raise InputError(
-                f"tip: {from_si(tip_m, 'mm'):g} mm; this load path goes from 0 to {from_si(self.tips_m[-1], 'mm'):g} mm"
-            )
+            raise InputError(f"tip: {from_si(tip_m, 'mm'):g} mm; this load path goes from 0 to "
+                             f"{from_si(self.tips_m[-1], 'mm'):g} mm")  # fmt: skip
         return self._basis(tip_m)
 
 

@@ -52,10 +52,8 @@ def graded_surface(contact: Contact, core: int, rings: int, core_ratio: float) -
     `core_ratio`: half the side of the square under the needle over the sphere's radius.
     """
     if not 0.0 <= contact.polar_rad <= LARGEST_POLAR_RAD:
-        raise InputError(
-            f"polar angle: {np.degrees(contact.polar_rad):g} deg; a graded mesh reaches to "
-            f"{np.degrees(LARGEST_POLAR_RAD):g} deg"
-        )
+        raise InputError(f"polar angle: {np.degrees(contact.polar_rad):g} deg; a graded mesh reaches to "
+                         f"{np.degrees(LARGEST_POLAR_RAD):g} deg")  # fmt: skip
     if core < 2 or core % 2 or rings < 1:
         raise InputError(f"mesh: core {core}, rings {rings}; must be an even core of at least 2 and at least 1 ring")
     # A length at the contact is 2 cos(polar angle) times its image in the disc (derivatives of both maps there).

@@ -239,9 +239,8 @@ def build_mesh(
     (9600, 14643)
     """
     if level < 0 or divisions < 2 or divisions % 2:
-        raise InputError(
-            f"mesh: level {level}, divisions {divisions}; the level must be 0 or more, divisions even and at least 2"
-        )
+        raise InputError(f"mesh: level {level}, divisions {divisions}; the level must be 0 or more, divisions even and "
+                         "at least 2")  # fmt: skip
     surface = half_cube(divisions)
     for _ in range(level):
         surface = catmull_clark(surface)

@@ -47,11 +47,9 @@ class PlaneFrames:
         """Latitude of the circle that each plane cuts out of an undeformed sphere, shape (plane,)."""
         sine = np.sum(self.axes_pac[:, 2] * self.origins_pc, axis=1) / radius_m
         if np.any(np.abs(sine) > 0.98):
-            raise InputError(
-                f"B-scan plane: it passes {from_si(np.abs(sine).max() * radius_m, 'mm'):.2f} mm from the eye's centre "
-                f"and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or only grazes it; "
-                "use a smaller gap or tilt"
-            )
+            raise InputError(f"B-scan plane: it passes {from_si(np.abs(sine).max() * radius_m, 'mm'):.2f} mm from the "
+                             f"eye's centre and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or only grazes "
+                             "it; use a smaller gap or tilt")  # fmt: skip
         return np.arcsin(sine)
 
     def directions(self, longitudes: Floats, latitudes: Floats) -> Floats:
@@ -133,9 +131,8 @@ def cut_sections(
         if outer is not None and inner is not None:
             return [[Section(*both) for both in zip(*pair, strict=True)] for pair in zip(outer, inner, strict=True)]
         bracket_m *= 2.0
-    raise SolverError(
-        f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g} mm across the B-scan plane"
-    )
+    raise SolverError(f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g} mm across the "
+                      "B-scan plane")  # fmt: skip
 
 
 class _Grid(NamedTuple):

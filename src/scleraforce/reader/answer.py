@@ -84,10 +84,8 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
     together = hypot(low.interval_n[1] - low.force_n, high.force_n - high.interval_n[0])
     if high.force_n - low.force_n <= together:
         return None
-    return (
-        f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, "
-        f"the {names[1]} {from_si(check.force_n, 'mn'):.1f} mN: they differ by more than their intervals allow"
-    )
+    return (f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, the {names[1]} "
+            f"{from_si(check.force_n, 'mn'):.1f} mN: they differ by more than their intervals allow")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -238,18 +238,15 @@ def evaluate_recordings(
         if path.resolve() in {before.resolve() for before in paths[:number]}:
             raise RecordingError(f"{path}: given twice; give each recording once")
     if calibration is not None and reader.fixed_modulus_pa is None and calibration.mechanics == "linear":
-        raise CalibrationError(
-            f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: calibrate with "
-            "--mechanics finite-strain"
-        )
+        raise CalibrationError(f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: "
+                               "calibrate with --mechanics finite-strain")  # fmt: skip
     opened = [entry if isinstance(entry, Recording) else read_recording(entry) for entry in recordings]
     frames, notes, later = list[FrameAnswer](), list[str](), list[str]()
     study = reader.study
     if calibration is not None and reader.fixed_modulus_pa is not None:
-        notes.append(
-            f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
-            f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; {calibration.path} only marks frames"
-        )
+        notes.append(f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
+                     f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; "
+                     f"{calibration.path} only marks frames")  # fmt: skip
     for recording in opened:
         session = _Session.of(reader, recording, calibration)
         answers = session.without_pierced(tuple(session.answers(progress)))

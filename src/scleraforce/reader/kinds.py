@@ -161,10 +161,8 @@ class Classifier(Reader):
         """
         expected = (self.study.slice.rows, self.study.slice.columns)
         if slices.dtype != np.uint8 or slices.ndim != 3 or slices.shape[1:] != expected:
-            raise ModelError(
-                f"{self.path}: slices: found {slices.dtype} of shape {slices.shape}, this model reads uint8 of shape "
-                f"(n, {expected[0]}, {expected[1]})"
-            )
+            raise ModelError(f"{self.path}: slices: found {slices.dtype} of shape {slices.shape}, this model reads "
+                             f"uint8 of shape (n, {expected[0]}, {expected[1]})")  # fmt: skip
         if np.any((slices != 0) & (slices != 255)):
             raise ModelError(f"{self.path}: slices: a value other than 0 (no wall) and 255 (wall)")
         if not len(slices):

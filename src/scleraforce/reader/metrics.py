@@ -15,10 +15,8 @@ import numpy as np
 from scleraforce.arrays import Bytes, Flags, Integers
 
 SDS_OF_INTERVAL = NormalDist().inv_cdf(0.95)  # of a normal distribution, to either end of its 90 % interval
-SHARED_ERROR = (
-    "Frames of one eye share the error of its calibration, so they hold or miss together: 90 % is the mean of many "
-    "eyes; of single ones, from less than half to all hold."
-)
+SHARED_ERROR = ("Frames of one eye share the error of its calibration, so they hold or miss together: 90 % is the mean "
+                "of many eyes; of single ones, from less than half to all hold.")  # fmt: skip
 RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
 
 

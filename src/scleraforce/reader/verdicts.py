@@ -107,9 +107,8 @@ def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
     if low_m - slack_m <= reading.contact_m <= high_m + slack_m:
         return None
     covered = f"{from_si(low_m, 'mm'):.4g} to {from_si(high_m, 'mm'):.4g} mm"
-    return (
-        f"contact {from_si(reading.contact_m, 'mm'):.1f} mm from the frame's middle, the model was trained on {covered}"
-    )
+    return (f"contact {from_si(reading.contact_m, 'mm'):.1f} mm from the frame's middle, the model "
+            f"was trained on {covered}")  # fmt: skip
 
 
 NO_EYE = "does not look like the wall of an eye"
@@ -134,9 +133,8 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     shown_m, stated_m = float(fit.unknown[at.THICKNESS] + fit.unknown[at.INNER_OFFSET]), float(prior.mean[at.THICKNESS])
     slack_m = DEVIATION_SD * float(prior.sd[at.THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:
-        return (
-            f"the wall looks {from_si(shown_m, 'um'):.0f} µm thick, not {from_si(stated_m, 'um'):.0f} µm as it should"
-        )
+        return (f"the wall looks {from_si(shown_m, 'um'):.0f} µm thick, not "
+                f"{from_si(stated_m, 'um'):.0f} µm as it should")  # fmt: skip
     return None
 
 
@@ -161,10 +159,8 @@ def needle_elsewhere(needle: SeenNeedle | None, known: Known, radius_m: float) -
     """
     if needle is None or known.gap_m is None or known.gap_m <= radius_m + SLACK_M:
         return None
-    return (
-        f"a needle is seen, although the B-scan is said to pass {from_si(known.gap_m, 'mm'):.4g} mm from its axis: "
-        f"its radius is {from_si(radius_m, 'mm'):.4g} mm"
-    )
+    return (f"a needle is seen, although the B-scan is said to pass {from_si(known.gap_m, 'mm'):.4g} mm from its axis: "
+            f"its radius is {from_si(radius_m, 'mm'):.4g} mm")  # fmt: skip
 
 
 NEEDLE_SEEN = "a needle hides a part of the wall, and the network was not trained on such slices"

@@ -95,9 +95,8 @@ def _of_frames(scan: Scan, fields: Mapping[str, str], name: str) -> dict[int, st
     found = {int(match[1]): value for field, value in fields.items()
              if (match := re.fullmatch(SEQUENCE.format(name), field, re.IGNORECASE))}  # fmt: skip
     if found and sorted(found) != list(range(len(scan.names))):
-        stated = (
-            f"Seq_FrameNNNN_{name} of {len(found)} frames, {min(found)} to {max(found)}, where the axis named frame"
-        )
+        stated = (f"Seq_FrameNNNN_{name} of {len(found)} frames, {min(found)} to {max(found)}, "
+                  "where the axis named frame")  # fmt: skip
         raise FrameError(f"{stated} has {len(scan.names)}; write it again, or correct --axes")
     return found
 

@@ -238,11 +238,9 @@ def provenance_table(study: Study, reader: Reader) -> Html:
     return table(["", "value"], rows, caption, prose=True)
 
 
-NAMES_REMARK = (
-    "Rows are targets, columns predictions; in brackets the 95 % Wilson interval. Recall is row-wise (of the trials of "
-    "a class, how many were recognised), precision column-wise (of the answers of a class, how many were right); the "
-    "paper's Table 3 has the two names the other way round."
-)
+NAMES_REMARK = ("Rows are targets, columns predictions; in brackets the 95 % Wilson interval. Recall is row-wise (of "
+                "the trials of a class, how many were recognised), precision column-wise (of the answers of a class, "
+                "how many were right); the paper's Table 3 has the two names the other way round.")  # fmt: skip
 
 
 def write_evaluation_html(
@@ -305,19 +303,16 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
 
 def read_forces_figure(evaluation: Evaluation) -> Html:
     """Return the read forces with their intervals over the measured ones."""
-    caption = (
-        "Read force with its 90 % interval over the measured force. Dashed: class bounds. Misread trials are ringed "
-        "and named; unusable trials are at the upper edge and count as class 2."
-    )
+    caption = ("Read force with its 90 % interval over the measured force. Dashed: class bounds. Misread trials are "
+               "ringed and named; unusable trials are at the upper edge and count as class 2.")  # fmt: skip
     return figure(draw_read_forces(evaluation), "read force of each trial over its measured force", caption)
 
 
 def forces_figure(evaluation: Evaluation) -> Html:
     """Return the measured forces with the class bounds and the misread trials (Fig. 10)."""
-    caption = (
-        "Measured forces of the trials that count, and the class bounds (Fig. 10). Colour and marker say what was "
-        "read; misread trials are ringed. Each trial has the name of its frame where there is room."
-    )
+    caption = ("Measured forces of the trials that count, and the class bounds (Fig. 10). Colour and marker say what "
+               "was read; misread trials are ringed. Each trial has the name of its "
+               "frame where there is room.")  # fmt: skip
     return figure(draw_trial_forces(evaluation), "measured force of each trial against the class bounds", caption)
 
 
@@ -342,10 +337,8 @@ MOST_PICTURES = 48  # of 20 KB each: a page of 1 MB, which a mail carries
 QUALITY = 75
 DEEPEST = 2.0  # times as deep as wide, at most
 
-WALL_COLOURS = (
-    "Red: the tissue's surface. Green: the wall's inner boundary; blue where it is not seen, 1 mm below the surface. "
-    "Depth and width are to scale."
-)
+WALL_COLOURS = ("Red: the tissue's surface. Green: the wall's inner boundary; blue where it is not seen, 1 mm below "
+                "the surface. Depth and width are to scale.")  # fmt: skip
 
 
 def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:

@@ -17,10 +17,8 @@ from scleraforce.study import Study, format_study, read_study, study_hash
 from scleraforce.units import HumanUnit, from_si
 from scleraforce.whole_files import KINDS, read_bytes
 
-KNOWN = (
-    f"give a study, library, data set, model (or a bundled one: {', '.join(SHIPPED)}), recording, calibration or "
-    "decision log"
-)
+KNOWN = (f"give a study, library, data set, model (or a bundled one: {', '.join(SHIPPED)}), recording, calibration or "
+         "decision log")  # fmt: skip
 RECORDING_FILE = "recording.toml"
 LOG_FILES = "decisions-*.jsonl"
 STORE_FILE = "zarr.json"

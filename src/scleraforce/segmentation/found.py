@@ -67,10 +67,8 @@ def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
     if not seen:
         return "no wall was found"
     if contrast < LEAST_CONTRAST * noise:
-        return (
-            f"the signal is too weak: the surface stands out by {contrast / noise:.1f} times the noise, "
-            f"not {LEAST_CONTRAST}"
-        )
+        return (f"the signal is too weak: the surface stands out by {contrast / noise:.1f} times the "
+                f"noise, not {LEAST_CONTRAST}")  # fmt: skip
     cover = seen / points
     if cover < LEAST_COVER:
         return f"the wall covers {cover:.0%} of the imaged width, not {LEAST_COVER:.0%}"

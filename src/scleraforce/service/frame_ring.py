@@ -80,11 +80,10 @@ class FrameRing:
         """Return a new ring, for `FrameRing(ring.place)` in another process; raise InputError if memory is short."""
         size, available = frames * (8 + 2 * rows * columns), available_bytes()
         if available is not None and size > available - SPARED_BYTES:
-            raise InputError(
-                f"memory: the last {frames} frames of {rows} x {columns} pixels take {from_si(size, 'mb'):,.0f} MB "
-                f"and other processes {from_si(SPARED_BYTES, 'mb'):.0f} MB; {from_si(available, 'mb'):,.0f} MB are "
-                "there; give the scanner's own --rows and --columns, or end other programs"
-            )
+            raise InputError(f"memory: the last {frames} frames of {rows} x {columns} pixels take "
+                             f"{from_si(size, 'mb'):,.0f} MB and other processes {from_si(SPARED_BYTES, 'mb'):.0f} MB; "
+                             f"{from_si(available, 'mb'):,.0f} MB are there; give the scanner's own --rows and "
+                             "--columns, or end other programs")  # fmt: skip
         descriptor = os.memfd_create("scleraforce-frames")
         try:
             os.posix_fallocate(descriptor, 0, size)

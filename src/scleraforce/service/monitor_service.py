@@ -237,10 +237,9 @@ def allow_files(needed: int) -> None:
     if soft == resource.RLIM_INFINITY or soft >= needed:
         return
     if hard != resource.RLIM_INFINITY and hard < needed:
-        raise InputError(
-            f"open files: at most {hard} are allowed (ulimit -Hn), the monitor needs {needed} so that neither the "
-            "scanner nor the operator is locked out; raise the limit `nofile` in /etc/security/limits.conf"
-        )
+        raise InputError(f"open files: at most {hard} are allowed (ulimit -Hn), the monitor needs {needed} so that "
+                         "neither the scanner nor the operator is locked out; raise the limit `nofile` in "
+                         "/etc/security/limits.conf")  # fmt: skip
     resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 

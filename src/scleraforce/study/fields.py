@@ -187,13 +187,11 @@ def check_number(key: str, number: float, unit: Unit) -> None:
     if not isfinite(number):
         raise StudyError(f"{key}: {number} is not a finite number")
     if unit.low is not None and number < unit.low - slack:
-        raise StudyError(
-            f"{key}: {number:g} is below the smallest allowed value {unit.low:g}{meant(key, number, unit)}"
-        )
+        raise StudyError(f"{key}: {number:g} is below the smallest allowed value "
+                         f"{unit.low:g}{meant(key, number, unit)}")  # fmt: skip
     if unit.high is not None and number > unit.high + slack:
-        raise StudyError(
-            f"{key}: {number:g} is above the largest allowed value {unit.high:g}{meant(key, number, unit)}"
-        )
+        raise StudyError(f"{key}: {number:g} is above the largest allowed value "
+                         f"{unit.high:g}{meant(key, number, unit)}")  # fmt: skip
 
 
 def check_quantity(key: str, number: float) -> None:

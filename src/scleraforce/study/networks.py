@@ -53,9 +53,8 @@ class WallFinderStudy(Section):
         least = 2 ** len(self.channels)
         for key in ("rows", "columns"):
             if getattr(self, key) % least:
-                raise StudyError(
-                    f"{key}: {getattr(self, key)} is not a multiple of {least}, as {len(self.channels)} levels need"
-                )
+                raise StudyError(f"{key}: {getattr(self, key)} is not a multiple of {least}, as {len(self.channels)} "
+                                 "levels need")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -277,10 +277,9 @@ def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(monito
 @pytest.mark.slow
 def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
     """The monitor here is a process of its own, which is killed."""
-    program = (
-        "import time; from console_monitor import ConsoleMonitor; started = ConsoleMonitor();"
-        "started.entry('WATCHING'); print(started.port, started.child.process.pid, flush=True); time.sleep(60)"
-    )
+    program = ("import time; from console_monitor import ConsoleMonitor; started = "
+               "ConsoleMonitor();started.entry('WATCHING'); print(started.port, started.child.process.pid, "
+               "flush=True); time.sleep(60)")  # fmt: skip
     support = Path(__file__).parents[2] / "support"
     killed = subprocess.Popen(
         [sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": str(support)}, stdout=subprocess.PIPE,

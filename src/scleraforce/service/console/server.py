@@ -22,10 +22,8 @@ from scleraforce.service.messages import ConsoleSettings, ListensAt
 from scleraforce.service.reset import ResetToken
 
 MOST_BODY_BYTES = 4096
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'"
-)
+POLICY = ("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri "
+          "'none'; form-action 'none'; frame-ancestors 'none'")  # fmt: skip
 HEADERS = {
     "content-security-policy": POLICY, "x-frame-options": "DENY", "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer", "cross-origin-opener-policy": "same-origin",
