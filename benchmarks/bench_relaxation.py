@@ -5,7 +5,7 @@
 3-D walls of 0.6 mm, radius 12 mm, needle at 35 deg. Their stress relaxes, the pressure does not: with Se(C) the elastic
 second Piola-Kirchhoff stress, S = Se - sum g_i M_i and dM_i/dt = (Se - M_i)/tau_i at every Gauss point. Before the push
 the wall has rested under its pressure. The needle moves to a dent in 0.3 s and holds it. The Fe that is read is the
-force at which an elastic wall of the instantaneous modulus has the nearest section. `mechanics.relaxation` then turns
+force at which an elastic wall of the instantaneous modulus has the nearest section. `mechanics.material` then turns
 Fe into the felt force, with the tissue's own g, or with the g that fits the felt force of a hold at 20 mN best. No
 light, no noise. `--rows` keeps the first N eyes, tissues and forces. A minute and a half on one core.
 """
@@ -25,9 +25,8 @@ from scleraforce.mechanics.finite_strain import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.frontal import FrontalFactor, one_blas_thread
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import Needle, needle_at
-from scleraforce.mechanics.material import lame_constants
+from scleraforce.mechanics.material import PronySeries, lame_constants, line_weights
 from scleraforce.mechanics.mesh import sum_at
-from scleraforce.mechanics.relaxation import PronySeries, line_weights
 from scleraforce.units import to_si
 
 Floats = NDArray[np.float64]
@@ -112,7 +111,7 @@ class Hold:
     read_n: Floats
 
     def felt_by(self, series: PronySeries) -> Floats:
-        """Return the felt force by the model of `mechanics.relaxation`, from the forces that are read, N."""
+        """Return the felt force by the model of `mechanics.material`, from the forces that are read, N."""
         return series.felt_along(self.time_s.tolist(), self.read_n.tolist(), self.time_s)
 
     def shown(self, forces_n: Floats, how: str = ".1f") -> str:

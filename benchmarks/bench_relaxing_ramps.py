@@ -24,7 +24,7 @@ from scleraforce.calibration.relaxation import with_elastic_forces
 from scleraforce.known import NINETY_PERCENT, Known
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
-from scleraforce.mechanics.relaxation import PronySeries
+from scleraforce.mechanics.material import PronySeries
 from scleraforce.monitor.decision import decide
 from scleraforce.monitor.events import FrameRead, MonitorEvent, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits

@@ -8,7 +8,7 @@ from elastic_sections import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import needle_at
-from scleraforce.mechanics.relaxation import PronySeries
+from scleraforce.mechanics.material import PronySeries
 
 MODULUS_PA, TIP_M = 0.4e6, 0.4e-3
 MESH = graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, core=2, rings=3)

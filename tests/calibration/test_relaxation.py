@@ -11,7 +11,7 @@ from scleraforce.calibration.relaxation import TIMES_S, not_negative
 from scleraforce.errors import CalibrationError
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath
-from scleraforce.mechanics.relaxation import PronySeries
+from scleraforce.mechanics.material import PronySeries
 
 SEEDS = range(4)
 

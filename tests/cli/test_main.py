@@ -27,7 +27,7 @@ from scleraforce.cli.main import COMMANDS, cli, run
 from scleraforce.cli.output import print_json
 from scleraforce.errors import SolverError, StudyError
 from scleraforce.installation import Finding
-from scleraforce.mechanics.relaxation import PronySeries
+from scleraforce.mechanics.material import PronySeries
 from scleraforce.study import Study, read_study, refuse_unused
 
 

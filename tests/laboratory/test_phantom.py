@@ -27,7 +27,7 @@ from scleraforce.laboratory.phantom import (
 from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
 from scleraforce.laboratory.virtual_eye import LinearSections, PhantomEye, paper_eyes, study_sections
 from scleraforce.mechanics.contact import Section
-from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
+from scleraforce.mechanics.material import ELASTIC, PronySeries
 from scleraforce.recording.folder import Plane, read_recording, true_forces
 from scleraforce.recording.labels import label_frames
 

@@ -20,7 +20,7 @@ from scleraforce.learning.walls import CORNEA_RADIUS_M, BoundaryErrors, Forms, a
 from scleraforce.library import INNER, OUTER
 from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.prior import prior_of
-from scleraforce.mechanics.relaxation import ELASTIC
+from scleraforce.mechanics.material import ELASTIC
 from scleraforce.reader.answer import Reading
 from scleraforce.reader.intervals import Score
 from scleraforce.recording.folder import Recording

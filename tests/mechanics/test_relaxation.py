@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import quad, solve_ivp
 
 from scleraforce.errors import InputError
-from scleraforce.mechanics.relaxation import PronySeries, driven_back, line_weights
+from scleraforce.mechanics.material import PronySeries, driven_back, line_weights
 
 TISSUE = PronySeries((0.12, 0.15), (1.2, 12.0))
 TURNS_S, TURNS_N = np.array([0.0, 2.0, 3.0, 9.0, 9.5, 14.0, 20.0]), np.array([0.0, 0.0, 0.03, 0.03, 0.05, 0.02, 0.04])

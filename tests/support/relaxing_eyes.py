@@ -9,7 +9,7 @@ from scleraforce.calibration.forces import ZERO_PRIOR, FrameForces
 from scleraforce.calibration.relaxation import with_elastic_forces
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath, Push, path_of_pushes, plan_pushes, sample_sensor, sense
-from scleraforce.mechanics.relaxation import PronySeries
+from scleraforce.mechanics.material import PronySeries
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import ForceInfo
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog

@@ -1,7 +1,7 @@
 """The relaxation of an eye's tissue, from the holds of its force log, and the elastic force at each frame.
 
 A needle that holds still keeps the dent and so the elastic force Fe, while the force F falls. Holds are parts of the
-log between fast changes of the force. F is turned into Fe by the series of `mechanics.relaxation`, and the shares g
+log between fast changes of the force. F is turned into Fe by the series of `mechanics.material`, and the shares g
 keep Fe constant in all holds (least squares, Gauss-Newton with g >= 0). Between pushes nothing pulls:
 Fe is 0 there. A robot that holds the force instead of the place shows no relaxation; nor does a log without holds.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from scleraforce.arrays import Flags, Floats
 from scleraforce.calibration.forces import FrameForces
 from scleraforce.known.relaxation import MOST_BEFORE_N, KnownRelaxation, Matrix, rows
-from scleraforce.mechanics.relaxation import driven_back
+from scleraforce.mechanics.material import driven_back
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import contact_force
 

@@ -27,7 +27,7 @@ SPREAD = 1.0 / 3.0  # standard deviation of such a memory over its largest value
 
 @dataclass(frozen=True, kw_only=True)
 class KnownRelaxation:
-    """The shares g_i of a Prony series (`mechanics.relaxation`), (term,), with their covariance, (term, term).
+    """The shares g_i of a Prony series (`mechanics.material`), (term,), with their covariance, (term, term).
 
     `source`: declared, found from the holds of a force log, or of other tissue where the log shows no hold. The m_i of
     a frame are held_i Fe + (1 - held_i) before_i: what its push has left, and what was there when it began. Means and

@@ -32,7 +32,7 @@ from scleraforce.laboratory.virtual_eye import (
 )
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section
 from scleraforce.mechanics.form import thickness_factor
-from scleraforce.mechanics.relaxation import PronySeries
+from scleraforce.mechanics.material import PronySeries
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, Plane, RecordingInfo, nearest_gauge
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.study import Study, draw, study_hash

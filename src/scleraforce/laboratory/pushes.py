@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scleraforce.arrays import Flags, Floats
-from scleraforce.mechanics.relaxation import ELASTIC, PronySeries
+from scleraforce.mechanics.material import ELASTIC, PronySeries
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.study import PhantomStudy, draw
 

@@ -1,6 +1,6 @@
 """The force on the needle, F, from readings of the elastic force, Fe, that the dent shows, in tissue that relaxes.
 
-F = Fe - sum g_i m_i (`mechanics.relaxation`). The m_i are normal, given the frames so far: between two frames of a
+F = Fe - sum g_i m_i (`mechanics.material`). The m_i are normal, given the frames so far: between two frames of a
 dense sequence Fe is nearly straight; in a longer gap of such a sequence it may have been anything that an eye bears,
 which bounds the m_i. A monitor knows nothing of the time before its first frame; its median then is that of rest. Of
 single frames, m_i is as in the frames that calibrated the eye, which have a mean and a spread (see
@@ -27,7 +27,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.known import NINETY_PERCENT, NOTHING_KNOWN, Known
 from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.mechanics.relaxation import line_weights
+from scleraforce.mechanics.material import line_weights
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.where import shaft_lean
 

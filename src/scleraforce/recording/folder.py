@@ -42,7 +42,7 @@ class EyeInfo:
 
     `globe`: "open" (infused or vented: the needle leaves the pressure unchanged) or "sealed"; a sealed one may have a
     measured rigidity and its law, and a time constant in which it leaks (`mechanics.globe`). `relaxation`: terms of a
-    share and a time constant, s (`mechanics.relaxation`); none: the tissue is elastic.
+    share and a time constant, s (`mechanics.material`); none: the tissue is elastic.
     """
 
     id: str

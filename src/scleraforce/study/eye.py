@@ -81,7 +81,7 @@ class TissueStudy(Section):
     `stiffer_around`: E around the eye's axis over E along the meridian, whose geometric mean is E (`neo_hookean`).
 
     `relaxation` (term, 2): the share of a held force that is lost in the end, and its time constant in s, drawn for
-    each eye (`mechanics.relaxation`); no terms: the tissue is elastic.
+    each eye (`mechanics.material`); no terms: the tissue is elastic.
     """
 
     stiffening: float = quantity(0.0, None, 0.0, 200.0)
