@@ -134,22 +134,24 @@ def filtered(live: Sequence[NDArray[np.uint16]], kept: float) -> list[NDArray[np
 
 Live = Sequence[NDArray[np.uint16]]
 OLD: dict[str, Callable[[Live, np.random.Generator], Sequence[Pixels]]] = {
-    "the dark level moves": lambda live, _: [live[0] + np.uint16(n) for n in range(20)], "the gain grows": lambda live,
-    _: [as_counts(live[0] * (1 + 0.005 * n)) for n in range(20)], "the contrast changes": lambda live,
-    _: [as_counts(4095 * (live[0] / 4095) ** (1 + n / 100)) for n in range(20)], "16 and 8 bits in turns": lambda live,
-    _: [live[0] if n % 2 else (live[0] >> 4).astype(np.uint8) for n in range(20)], "it moves by a row": lambda live,
-    _: [np.roll(live[0], n, axis=0) for n in range(20)], "it moves by a column": lambda live,
-    _: [np.roll(live[0], -n, axis=1) for n in range(20)], "it jitters": lambda live,
-    rng: [np.roll(live[0], tuple(rng.integers(-1, 2, 2)), (0, 1)) for _ in range(20)],
+    "the dark level moves": lambda live, _: [live[0] + np.uint16(n) for n in range(20)],
+    "the gain grows": lambda live, _: [as_counts(live[0] * (1 + 0.005 * n)) for n in range(20)],
+    "the contrast changes": lambda live, _: [as_counts(4095 * (live[0] / 4095) ** (1 + n / 100)) for n in range(20)],
+    "16 and 8 bits in turns": lambda live, _: [
+        live[0] if n % 2 else (live[0] >> 4).astype(np.uint8) for n in range(20)
+    ],
+    "it moves by a row": lambda live, _: [np.roll(live[0], n, axis=0) for n in range(20)],
+    "it moves by a column": lambda live, _: [np.roll(live[0], -n, axis=1) for n in range(20)],
+    "it jitters": lambda live, rng: [np.roll(live[0], tuple(rng.integers(-1, 2, 2)), (0, 1)) for _ in range(20)],
     "three in turns, the dark level moves": lambda live, _: [live[n % 3] + np.uint16(n) for n in range(20)],
     "fresh noise on it": lambda live, rng: [as_counts(live[0] + rng.normal(0, 50, SIZE)) for _ in range(20)],
-    "its left half": lambda live, _: part_of_the_first(live, (slice(None), slice(256))), "its middle half": lambda live,
-    _: part_of_the_first(live, (slice(None), slice(128, 384))), "its lower half": lambda live,
-    _: part_of_the_first(live, (slice(256, None), slice(None))), "80 % of it": lambda live,
-    _: [as_counts(0.8 * live[0] + 0.2 * seen) for seen in live], "60 % of it": lambda live,
-    _: [as_counts(0.6 * live[0] + 0.4 * seen) for seen in live], "a filter that keeps 80 %": lambda live,
-    _: filtered(live, 0.8),
-}  # fmt: skip
+    "its left half": lambda live, _: part_of_the_first(live, (slice(None), slice(256))),
+    "its middle half": lambda live, _: part_of_the_first(live, (slice(None), slice(128, 384))),
+    "its lower half": lambda live, _: part_of_the_first(live, (slice(256, None), slice(None))),
+    "80 % of it": lambda live, _: [as_counts(0.8 * live[0] + 0.2 * seen) for seen in live],
+    "60 % of it": lambda live, _: [as_counts(0.6 * live[0] + 0.4 * seen) for seen in live],
+    "a filter that keeps 80 %": lambda live, _: filtered(live, 0.8),
+}
 
 
 def test_an_old_picture_is_known_whatever_is_done_to_it() -> None:
