@@ -10,17 +10,10 @@ from hypothesis import given, strategies as st
 from calibration_eyes import drawn_eye
 from scleraforce.calibration.assimilation import begin_with, eye_filter, moments, step
 from scleraforce.calibration.eye_model import ParameterSpace, stated_wall
-from scleraforce.calibration.registration import (
-    BY_DEPTH,
-    BY_LATERAL,
-    BY_POLAR,
-    BY_ROTATION,
-    first_belief,
-    frame_prior,
-    predict_frame,
-    register,
-    updated_belief,
-)
+
+from scleraforce.calibration.registration import (  # isort: skip
+    BY_DEPTH, BY_LATERAL, BY_POLAR, BY_ROTATION, first_belief, frame_prior, predict_frame, register, updated_belief,
+)  # fmt: skip
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library.placement import Places
 

@@ -19,18 +19,10 @@ from small_recordings import calibration_of_a_sealed_eye
 from predicted_walls import Walls, force_n as wall_force_n, predict_wall
 from scleraforce.calibration.calibrate import SOUGHT_ON, calibrate_recordings, calibration_passes
 from scleraforce.calibration.forces import LABEL_SD_N
-from scleraforce.calibration.known_forces import (
-    KnownForce,
-    Settled,
-    TissueTrial,
-    most_trials,
-    own,
-    place_of,
-    read_again,
-    regression,
-    search,
-    settled,
-)
+
+from scleraforce.calibration.known_forces import (  # isort: skip
+    KnownForce, Settled, TissueTrial, most_trials, own, place_of, read_again, regression, search, settled,
+)  # fmt: skip
 from scleraforce.calibration.result import Calibration
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, Known, KnownGlobe, Modulus

@@ -7,15 +7,10 @@ import pytest
 from filterpy.kalman import UnscentedKalmanFilter
 
 from scleraforce.arrays import Floats
-from scleraforce.calibration.roukf import (
-    RULES,
-    FilterParams,
-    Posterior,
-    SigmaPoints,
-    filter_step,
-    initial_posterior,
-    sigma_points,
-)
+
+from scleraforce.calibration.roukf import (  # isort: skip
+    RULES, FilterParams, Posterior, SigmaPoints, filter_step, initial_posterior, sigma_points,
+)  # fmt: skip
 
 
 def random_covariance(rng: np.random.Generator, size: int, scale: float = 1.0) -> Floats:

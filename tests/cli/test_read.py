@@ -8,16 +8,10 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from analytic_frames import (
-    MODULUS_PA,
-    SCALE,
-    SMALL_LIBRARY,
-    image,
-    recording_toml,
-    tip_of,
-    wall_section,
-    write_one_frame,
-)
+
+from analytic_frames import (  # isort: skip
+    MODULUS_PA, SCALE, SMALL_LIBRARY, image, recording_toml, tip_of, wall_section, write_one_frame,
+)  # fmt: skip
 from small_models import write_fixed_reader
 from small_recordings import calibration_text
 

@@ -7,28 +7,13 @@ import numpy as np
 import pytest
 from small_recordings import calibration_text
 
-from scleraforce.known import (
-    MOST_CORRELATED,
-    NO_DISCREPANCY,
-    OPEN,
-    SEALED,
-    UNKNOWN,
-    ForceDiscrepancy,
-    Known,
-    Modulus,
-    completed,
-    known_globe,
-    known_of_recording,
-    stated_globe,
-)
-from scleraforce.known.calibration_file import (
-    CalibrationSummary,
-    calibrated_modulus,
-    foreign_modulus,
-    globe_entry,
-    known_of_eye,
-    read_calibration,
-)
+from scleraforce.known import (  # isort: skip
+    MOST_CORRELATED, NO_DISCREPANCY, OPEN, SEALED, UNKNOWN, ForceDiscrepancy, Known, Modulus, completed, known_globe,
+    known_of_recording, stated_globe,
+)  # fmt: skip
+from scleraforce.known.calibration_file import (  # isort: skip
+    CalibrationSummary, calibrated_modulus, foreign_modulus, globe_entry, known_of_eye, read_calibration,
+)  # fmt: skip
 from scleraforce.library.prior import prior_of
 from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.study import ReaderStudy

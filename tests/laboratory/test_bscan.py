@@ -11,17 +11,10 @@ from poses import sample_pose
 from scipy import stats
 
 from scleraforce.laboratory.bscan import column_crossings, draw_shaft, render_bscan
-from scleraforce.laboratory.light import (
-    BscanOptics,
-    Conjunctiva,
-    Cover,
-    Line,
-    Pose,
-    Press,
-    Shadow,
-    sample_conjunctiva,
-    sample_optics,
-)
+
+from scleraforce.laboratory.light import (  # isort: skip
+    BscanOptics, Conjunctiva, Cover, Line, Pose, Press, Shadow, sample_conjunctiva, sample_optics,
+)  # fmt: skip
 from scleraforce.laboratory.phantom import needle_tip, plan_phantom, render_frame
 from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.laboratory.virtual_eye import PhantomEye
@@ -377,17 +370,14 @@ REDUCED_LAYER = sample_conjunctiva(
 )
 VARYING = ("plain", "coarse speckle", "noise")  # cases whose spread is compared, too
 CASES = {
-    "plain": optics(),
-    "conjunctiva": optics(conjunctiva=REDUCED_LAYER),
-    "needle": optics(needle=NEEDLE),
-    "coarse speckle": optics(axial_resolution_m=18e-6, lateral_resolution_m=75e-6),
-    "noise": optics(snr_db=10.0),
+    "plain": optics(), "conjunctiva": optics(conjunctiva=REDUCED_LAYER), "needle": optics(needle=NEEDLE),
+    "coarse speckle": optics(axial_resolution_m=18e-6, lateral_resolution_m=75e-6), "noise": optics(snr_db=10.0),
     "linear display": optics(display="linear", snr_db=26.0),
     "cover": optics(
         lines=(Line(depth_m=0.2e-3, level_db=12.0, thickness_m=24e-6),),
         covers=(Cover(height_m=0.2e-3, level_db=18.0, thickness_m=24e-6, tilt_rad=0.01),),
     ),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CASES)

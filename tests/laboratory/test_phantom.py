@@ -12,18 +12,11 @@ from effects import contents
 from scleraforce import study as st
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.laboratory.phantom import (
-    PhantomPlan,
-    in_planes,
-    needle_tip,
-    phantom_truth,
-    plan_moving_phantom,
-    plan_phantom,
-    plan_sections,
-    render_frame,
-    with_travel,
-    write_phantom,
-)
+
+from scleraforce.laboratory.phantom import (  # isort: skip
+    PhantomPlan, in_planes, needle_tip, phantom_truth, plan_moving_phantom, plan_phantom, plan_sections, render_frame,
+    with_travel, write_phantom,
+)  # fmt: skip
 from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
 from scleraforce.laboratory.virtual_eye import LinearSections, PhantomEye, paper_eyes, study_sections
 from scleraforce.mechanics.contact import Section

@@ -22,18 +22,11 @@ from reference_walls import cut_section
 from scleraforce import study as st
 from scleraforce.errors import DatasetError, InputError, StudyError
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.learning.dataset import (
-    DTYPES,
-    SLICES,
-    create_dataset,
-    draft_plan,
-    generate_dataset,
-    library_slices,
-    near_library,
-    open_dataset,
-    plan_dataset,
-    unit_samples,
-)
+
+from scleraforce.learning.dataset import (  # isort: skip
+    DTYPES, SLICES, create_dataset, draft_plan, generate_dataset, library_slices, near_library, open_dataset,
+    plan_dataset, unit_samples,
+)  # fmt: skip
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.linear import LinearWall
@@ -112,17 +105,13 @@ MODULUS_PA = 0.3e6
 def small_study(seed=0):
     """Two thicknesses, 5 contacts each, every range open, units that split contacts and thicknesses."""
     study = with_dataset(
-        Study(mesh=st.MeshStudy(divisions=4, level=1)),
-        seed=seed,
-        contacts=5,
-        direction_rad=Range(min=-1.0, max=1.0),
-        framing_lateral_m=Range(min=-5e-4, max=5e-4),
+        Study(mesh=st.MeshStudy(divisions=4, level=1)), seed=seed, contacts=5,
+        direction_rad=Range(min=-1.0, max=1.0), framing_lateral_m=Range(min=-5e-4, max=5e-4),
         group=(
             st.DatasetGroup(thickness_m=5e-4, images=253, max_force_n=45e-3),
             st.DatasetGroup(thickness_m=8e-4, images=212, max_force_n=60e-3),
-        ),
-        **OPEN,
-    )
+        ), **OPEN,
+    )  # fmt: skip
     return parse_study(format_study(study))
 
 

@@ -9,16 +9,10 @@ from scipy.optimize import brentq
 
 from reference_walls import cut_section
 from scleraforce.errors import InputError
-from scleraforce.library.sections import (
-    Framing,
-    column_laterals,
-    cut_rings,
-    cut_surfaces,
-    draw_slices,
-    fill_boundaries,
-    highest_depths,
-    wall_boundaries,
-)
+
+from scleraforce.library.sections import (  # isort: skip
+    Framing, column_laterals, cut_rings, cut_surfaces, draw_slices, fill_boundaries, highest_depths, wall_boundaries,
+)  # fmt: skip
 from scleraforce.mechanics.contact import Contact, ScanPlane, Section, SliceWindow
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.section import fill_section

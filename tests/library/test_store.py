@@ -20,15 +20,10 @@ from workers import Cluster
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.plan import LibraryPlan, plan_library
-from scleraforce.library.store import (
-    build_library,
-    cached_library,
-    create_library,
-    library_store,
-    open_library,
-    solve_path,
-    write_library_unit,
-)
+
+from scleraforce.library.store import (  # isort: skip
+    build_library, cached_library, create_library, library_store, open_library, solve_path, write_library_unit,
+)  # fmt: skip
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import cluster_workers

@@ -15,20 +15,11 @@ from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import (
-    INSERTIONS,
-    InnerSurface,
-    Springs,
-    clamped_base,
-    elastic_bed,
-    gravity_load,
-    needle_at,
-    needle_loads,
-    pressure_load,
-    rectus_straps,
-    study_springs,
-    tip_at,
-)
+
+from scleraforce.mechanics.loads import (  # isort: skip
+    INSERTIONS, InnerSurface, Springs, clamped_base, elastic_bed, gravity_load, needle_at, needle_loads, pressure_load,
+    rectus_straps, study_springs, tip_at,
+)  # fmt: skip
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.study import SupportsStudy
 

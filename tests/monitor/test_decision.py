@@ -14,23 +14,11 @@ from hypothesis import given, settings, strategies as st
 from scleraforce.errors import InputError
 from scleraforce.monitor import trend
 from scleraforce.monitor.decision import Decision, PlanesState, decide, decide_planes
-from scleraforce.monitor.events import (
-    LATCHED,
-    MOVES,
-    TRANSITIONS,
-    Cause,
-    Fault,
-    FrameRead,
-    MonitorEvent,
-    OvertakenRead,
-    QueueLoss,
-    Reset,
-    SecondOpinion,
-    Signal,
-    State,
-    Tick,
-    Verdict,
-)
+
+from scleraforce.monitor.events import (  # isort: skip
+    LATCHED, MOVES, TRANSITIONS, Cause, Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Reset, SecondOpinion,
+    Signal, State, Tick, Verdict,
+)  # fmt: skip
 from scleraforce.monitor.limits import MonitorLimits, of_scale
 from scleraforce.monitor.state import MonitorState
 

@@ -127,26 +127,17 @@ def patched(place: int, value: bytes) -> bytes:
 
 def test_a_body_that_is_not_what_its_type_says_is_an_event() -> None:
     for name, body in (
-        ("STATUS", b"\0" * 29),
-        ("STATUS", b"\0" * 30 + b"x" * 65_537),
-        ("STRING", b"\0"),
-        ("STRING", struct.pack(">HH", 3, 9) + b"12345678"),
-        ("SENSOR", b"\2\0" + b"\0" * 16),
-        ("SENSOR", b""),
-        ("TRANSFORM", b"\0" * 47),
-        ("TRANSFORM", struct.pack(">12f", *[float("nan")] * 12)),
-        ("IMAGE", b"\0" * 71),
-        ("IMAGE", IMAGE_BODY[:-1]),
-        ("IMAGE", IMAGE_BODY + b"\0"),
-        ("IMAGE", patched(0, b"\0\7")),
-        ("IMAGE", patched(2, b"\0")),
+        ("STATUS", b"\0" * 29), ("STATUS", b"\0" * 30 + b"x" * 65_537),
+        ("STRING", b"\0"), ("STRING", struct.pack(">HH", 3, 9) + b"12345678"),
+        ("SENSOR", b"\2\0" + b"\0" * 16), ("SENSOR", b""),
+        ("TRANSFORM", b"\0" * 47), ("TRANSFORM", struct.pack(">12f", *[float("nan")] * 12)),
+        ("IMAGE", b"\0" * 71), ("IMAGE", IMAGE_BODY[:-1]), ("IMAGE", IMAGE_BODY + b"\0"),
+        ("IMAGE", patched(0, b"\0\7")), ("IMAGE", patched(2, b"\0")),
         ("IMAGE", patched(3, b"\x0a")),  # float32
-        ("IMAGE", patched(4, b"\3")),
-        ("IMAGE", patched(12, struct.pack(">f", float("inf")))),
+        ("IMAGE", patched(4, b"\3")), ("IMAGE", patched(12, struct.pack(">f", float("inf")))),
         ("IMAGE", patched(60, b"\0\1")),  # a part that reaches out of the whole
-        ("IMAGE", patched(66, b"\0\0")),
-        ("IMAGE", patched(66, b"\xff\xff" * 3)),
-    ):
+        ("IMAGE", patched(66, b"\0\0")), ("IMAGE", patched(66, b"\xff\xff" * 3)),
+    ):  # fmt: skip
         first, second = igtl.Decoder().feed(raw(name, body) + igtl.encode(igtl.Text("next"), "peer"))
         assert isinstance(first, igtl.Malformed)
         assert isinstance(second, igtl.Received)

@@ -6,20 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_frames import (
-    CLEAN,
-    GAP_M,
-    IOP_PA,
-    KNOWN,
-    LIBRARY,
-    MODULUS_PA,
-    SCALE,
-    STEEL,
-    STUDY,
-    THICKNESS_M,
-    image,
-    tip_of,
-    wall_section,
+
+from analytic_frames import (  # isort: skip
+    CLEAN, GAP_M, IOP_PA, KNOWN, LIBRARY, MODULUS_PA, SCALE, STEEL, STUDY, THICKNESS_M, image, tip_of, wall_section,
 )  # fmt: skip
 from analytic_library import made_up_library
 from small_models import FIVE_MN, FixedNetwork, force_reader

@@ -8,21 +8,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from analytic_frames import (
-    CLEAN,
-    GAP_M,
-    IOP_PA,
-    KNOWN,
-    LIBRARY,
-    MODULUS_PA,
-    SCALE,
-    STUDY,
-    THICKNESS_M,
-    image,
-    recording_toml,
-    tip_of,
+
+from analytic_frames import (  # isort: skip
+    CLEAN, GAP_M, IOP_PA, KNOWN, LIBRARY, MODULUS_PA, SCALE, STUDY, THICKNESS_M, image, recording_toml, tip_of,
     wall_section,
-)
+)  # fmt: skip
 from commands import said
 from small_models import FINDER_STUDY, FIVE_MN, FixedNetwork, fixed_finder, write_blind_finder
 from small_recordings import FORCE_TOML, write_places

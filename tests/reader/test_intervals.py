@@ -15,17 +15,10 @@ from scleraforce.library.fit import BoundaryFit, fit_boundaries
 from scleraforce.library.prior import prior_of
 from scleraforce.library.unknowns import FORM, FORMS, NAMES
 from scleraforce.reader.answer import fit_reading
-from scleraforce.reader.intervals import (
-    FIT_TRAITS,
-    NETWORK_TRAITS,
-    NO_FACTORS,
-    Score,
-    conformal_quantile,
-    parse_factors,
-    score,
-    stretches,
-    traits_of,
-)
+
+from scleraforce.reader.intervals import (  # isort: skip
+    FIT_TRAITS, NETWORK_TRAITS, NO_FACTORS, Score, conformal_quantile, parse_factors, score, stretches, traits_of,
+)  # fmt: skip
 from scleraforce.reader.model import load_force_reader
 from scleraforce.reader.networks import histogram_reading, ratio_edges
 from scleraforce.reader.verdicts import no_wall_of_an_eye

@@ -16,15 +16,10 @@ from foreign_files import with_log
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from playwright.sync_api import Browser, Page
-from small_recordings import (
-    changed,
-    evaluation_of,
-    frame_answer,
-    looked_at_frames,
-    read_frames,
-    refused_frame,
-    write_small_recording,
-)
+
+from small_recordings import (  # isort: skip
+    changed, evaluation_of, frame_answer, looked_at_frames, read_frames, refused_frame, write_small_recording,
+)  # fmt: skip
 
 import scleraforce
 from bench_conjunctiva import SCALE, STUDY, drawn
@@ -41,17 +36,10 @@ from scleraforce.reader.verdicts import look
 from scleraforce.recording.folder import Recording, Scanner, read_recording
 from scleraforce.recording.labels import Trial
 from scleraforce.report.files import write_figure
-from scleraforce.report.frame_figures import (
-    MOST,
-    WALLS,
-    WORST,
-    draw_read_forces,
-    draw_sheet,
-    laid_on_surface,
-    look_at_all,
-    sheet_frame,
-    shown_on_sheet,
-)
+
+from scleraforce.report.frame_figures import (  # isort: skip
+    MOST, WALLS, WORST, draw_read_forces, draw_sheet, laid_on_surface, look_at_all, sheet_frame, shown_on_sheet,
+)  # fmt: skip
 from scleraforce.report.html import MOST_PICTURES, Html, frame_pictures, shown_frames, write_evaluation_html, write_page
 from scleraforce.report.recording_figures import draw_log
 

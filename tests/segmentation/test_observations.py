@@ -10,14 +10,10 @@ from scleraforce.mechanics.contact import Section, SliceWindow
 from scleraforce.mechanics.section import fill_section
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.observations import (
-    Boundaries,
-    boundary_slice,
-    boundary_slices,
-    observe_points,
-    roughness,
-    segmented_boundaries,
-)
+
+from scleraforce.segmentation.observations import (  # isort: skip
+    Boundaries, boundary_slice, boundary_slices, observe_points, roughness, segmented_boundaries,
+)  # fmt: skip
 from scleraforce.study import SliceStudy
 
 LATERAL = (np.arange(500) - 249.5) * 30e-6

@@ -14,19 +14,11 @@ import scleraforce as sf
 from scleraforce.cli.main import COMMANDS, cli
 from scleraforce.cli.options import Quantity
 from scleraforce.errors import InputError, StudyError
-from scleraforce.study import (
-    Choice,
-    LibraryStudy,
-    NetworkStudy,
-    Range,
-    Study,
-    fixed,
-    format_study,
-    parse_study,
-    preset_toml,
-    refuse_unused,
+
+from scleraforce.study import (  # isort: skip
+    Choice, LibraryStudy, NetworkStudy, Range, Study, fixed, format_study, parse_study, preset_toml, refuse_unused,
     study_hash,
-)
+)  # fmt: skip
 from scleraforce.study.fields import QUANTITIES, Unit, allowed, check_quantity, field_key, field_unit
 from scleraforce.units import SI_PER_UNIT
 
