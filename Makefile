@@ -51,6 +51,9 @@ gallery: .venv/installed  ## the pictures of docs/gallery.md anew, from the scri
 figures: .venv/installed  ## forces read on virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
 
+screenshots: .venv/installed  ## the pictures of the console anew (Chromium; a machine without other work)
+	PYTHONPATH=benchmarks .venv/bin/python -m screenshots.console
+
 stale: .venv/installed  ## which figures of the pages today's code would no longer make, in a minute
 	PYTHONPATH=benchmarks .venv/bin/python -m provenance
 
@@ -114,4 +117,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 	@$(PIP) install --no-deps --no-build-isolation -e .
 	@.venv/bin/python -c "from scleraforce.installation import compile_loops; compile_loops()" && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale trace ranges wall-finder model living paper dist sbom size wheels lock clean docs gallery
+.PHONY: help install reproduce test slow lint bench figures screenshots stale trace ranges wall-finder model living paper dist sbom size wheels lock clean docs gallery

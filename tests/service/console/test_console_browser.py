@@ -206,6 +206,9 @@ def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(opened:
         with repeating(lambda: monitor.frame(pixels, "WITHDRAW", "no frame", **held, **harmless, **reading(4.0))):
             found.shows(sentence="Now: the frames are harmless. The withdrawal is held until a reset.", force="4.0")
             found.shows(held="Held since 08:00:00: No frame came from the scanner for too long.", detail="")
+        pierced = {"cause": "PIERCED", "withdrawn_s": 1.8e9, "present_cause": "PIERCED", "present": "it fell"}
+        with repeating(lambda: monitor.frame(pixels, "WITHDRAW", "it fell", **pierced, **reading(4.0))):
+            found.shows(force=NOTHING, interval="not judged: the dent no longer tells the force", until_text=NOTHING)
 
 
 def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(shown: Any) -> None:

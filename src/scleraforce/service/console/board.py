@@ -168,6 +168,7 @@ class Board:
             "sentence": sentence_of(entry.cause) if entry.cause else "",
             "present": sentence_of(entry.present_cause) if entry.present_cause else "",
             "withdrawn_s": entry.withdrawn_s,
+            "pierced": "PIERCED" in (entry.cause, entry.present_cause),
         }  # fmt: skip
 
     def picture(self) -> tuple[int, Outline | None] | None:

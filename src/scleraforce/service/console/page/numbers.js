@@ -44,7 +44,8 @@ export function showState(message, settings) {
   const held = isHeld(state);
   const now = held ? presentText(message) : RESTS[state];
   showVerdict(state, WORDS[state], now, message.detail, held ? heldText(message) : "");
-  showReading(message.reading, settings);
+  const pierced = { usable: false, reason: "the dent no longer tells the force" };
+  showReading(message.pierced && message.reading ? { ...message.reading, ...pierced } : message.reading, settings);
   showRates(message);
 }
 
@@ -57,7 +58,7 @@ function presentText(message) {
 
 function heldText(message) {
   const since = message.withdrawn_s === null ? "" : ` since ${new Date(1e3 * message.withdrawn_s).toLocaleTimeString("en-GB")}`;
-  return `Held${since}: ${message.sentence}`;
+  return message.sentence === message.present ? `Held${since}.` : `Held${since}: ${message.sentence}`;
 }
 
 function showReading(reading, settings) {

@@ -1,0 +1,1 @@
+"""Pictures of the pages in headless Chromium (`make screenshots`)."""
