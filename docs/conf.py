@@ -25,7 +25,7 @@ nitpick_ignore_regex = [
     ("py:class", r"scleraforce\.(monitor\.events\.Verdict|segmentation\.wall_finder\.WallFinder)"),
     (
         "py:class",
-        r"scleraforce\.(monitor\.rise\.TimeToBound|mechanics\.globe\.Globe|reader\.where\.Places)|GivenCalibration|Mask",
+        r"scleraforce\.(monitor\.trend\.TimeToBound|mechanics\.globe\.Globe|reader\.where\.Places)|GivenCalibration|Mask",
     ),
     ("py:class", r"scleraforce\.known\.relaxation\.KnownRelaxation"),
     ("py:class", r"scleraforce\.recording\.walls\.RecordedWalls"),

@@ -33,8 +33,7 @@ def draw() -> Figure:
         # The library knows forces and pressures over E only: so does the globe.
         globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(MODULUS_PA)
         ratio, rates = np.full_like(dent_m, IOP_PA / MODULUS_PA), np.full_like(dent_m, globe.rate)
-        paths = sealed.volume_paths(library)
-        sealed.pressures_at_dents(library.tables, paths, thickness_m, dent_m, rates, False, ratio)
+        sealed.pressures_at_dents(library.tables, thickness_m, dent_m, rates, False, ratio)
         force_n = library.forces(thickness_m, ratio, dent_m) * MODULUS_PA
         left.plot(dent_m * 1e3, force_n * 1e3, color=colour, label=name)
         right.plot(dent_m * 1e3, from_si(ratio * MODULUS_PA, "mmhg"), color=colour, label=name)
