@@ -99,7 +99,7 @@ def _of_eye(recording: Recording, settings: Settings, before: EyeCalibration | N
     stated = recording.info.eye.globe
     if before is not None and before.state is None:
         raise CalibrationError(f"{before.id}: the earlier calibration was made without forces; begin anew")
-    used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
+    used = frozenset() if before is None else frozenset(sha256 for record in before.frames for _, sha256 in record.seen)
     check_planes(recording, settings)
     frames = EyeFrames(recording, settings, used, _known_relaxation(recording, before))
     recording = frames.recording
@@ -252,7 +252,7 @@ def _calibrate_eye(
                     left -= 1
             assert found is not None  # after a step
             mean_pa, sd_pa = session.modulus.mean_pa, session.modulus.sd_pa
-            of_frame = partial(FrameRecord, recording=path, file=seen.file, sha256=seen.sha256)
+            of_frame = partial(FrameRecord, recording=path, file=seen.file, sha256=seen.sha256, planes=seen.files)
             frame = of_frame(force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa)
             records.append(_recorded(frame, found))
         settings.count(1)

@@ -61,7 +61,8 @@ class Settings:
 class SeenFrame:
     """A frame's wall, or why it has none; of several planes, that of the followed one, and the fit to all.
 
-    `sha256`: digest of its pixels. `place`: gap, m, direction from the scanner's x axis and tilt, rad, of that plane.
+    `sha256`: digest of its pixels. `files`: name and digest of each plane's frame. `place`: gap, m, direction from the
+    scanner's x axis and tilt, rad, of that plane.
     """
 
     file: str
@@ -69,6 +70,7 @@ class SeenFrame:
     wall: Boundaries | assimilation.Skipped
     planes: PlanesFit | None = None
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    files: tuple[tuple[str, str], ...] = ()
 
     def beside(self, constants: EyeConstants) -> EyeConstants:
         """Return an eye's constants at the place of the plane; `constants` are of the scanner's x axis."""
@@ -111,7 +113,8 @@ class EyeFrames:
             return replace(seen, wall=found)
         turn_rad, (x_rad, y_rad) = plane.direction_rad, found.place.tilt_rad
         place = gap_of(found, plane), turn_rad, cos(turn_rad) * y_rad - sin(turn_rad) * x_rad
-        return replace(seen, planes=found, place=place)
+        files = tuple((entry.file, self._look(entry)[0]) for entry in moment)
+        return replace(seen, planes=found, place=place, files=files)
 
     @cached_property
     def followed(self) -> Plane | None:

@@ -146,7 +146,8 @@ def _of_eye(
             raise CalibrationError(f"{before.id}: the earlier calibration knows its forces; leave out without_force")
         prior = Modulus(mean_pa=before.mean_pa, sd_pa=before.sd_pa, source="population")
     relaxation = None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation)
-    used = frozenset[str]() if before is None else frozenset(frame.sha256 for frame in before.frames)
+    earlier = () if before is None else before.frames
+    used = frozenset(sha256 for frame in earlier for _, sha256 in frame.seen)
     frames = EyeFrames(recording, settings, used, relaxation)
     shown, records = _shown(frames, _known_forces(frames, settings), progress)
     if frames.followed is not None:
@@ -195,7 +196,7 @@ def _shown(
         if seen is None:
             continue
         wall, path, force_n = seen.wall, str(frames.recording.path), forces_n.get(number, 0.0)
-        of_frame = partial(FrameRecord, recording=path, file=seen.file, sha256=seen.sha256)
+        of_frame = partial(FrameRecord, recording=path, file=seen.file, sha256=seen.sha256, planes=seen.files)
         record = of_frame(force_n=force_n, mean_pa=0.0, sd_pa=0.0)
         if isinstance(wall, Skipped):
             record = replace(record, skipped=wall.reason)

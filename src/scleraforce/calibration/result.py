@@ -29,6 +29,7 @@ class FrameRecord:
     """The result of a frame: estimate of E after it, or the reason why it was not used.
 
     `sha256` is the digest of the frame's pixels (`recording.folder.frame_digest`), which identifies it under any name.
+    `planes`: files and digests of the frames of all planes of its moment, if there are several.
     `force_n` is the label without offset and drift, 0 if none was used. `own_modulus_pa`: the modulus from the frame
     alone; `again`: the frame read again in the end.
     """
@@ -47,6 +48,12 @@ class FrameRecord:
     inflation: NotNegative = 1.0
     status: Line = "ok"
     skipped: Line | None = None
+    planes: tuple[tuple[Line, Line], ...] = ()
+
+    @property
+    def seen(self) -> tuple[tuple[str, str], ...]:
+        """Files and digests of the frames that it rests on."""
+        return self.planes or ((self.file, self.sha256),)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,7 +255,10 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "updates": eye.updates, "without_force": eye.state is None, "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
         "recording": eye.recordings[0].path,
-        "frames": [{"file": frame.file, "sha256": frame.sha256} for frame in eye.used if eye.state or frame.force_n],
+        "frames": [
+            {"file": file, "sha256": sha256}
+            for frame in eye.used if eye.state or frame.force_n for file, sha256 in frame.seen
+        ],
         "parameters": {name: {"mean": mean, "sd": sd} for name, mean, sd in moments},
         "recordings": [vars(entry) for entry in eye.recordings], "steps": [_frame_entry(frame) for frame in eye.frames],
         "state": eye.state and _state_entry(eye.state),

@@ -100,6 +100,8 @@ def _exported(thing: Path, out: Path, answers: Path | None) -> int:
             raise InputError(f"--out: {out}: answers alone become .csv or .json; {way}")
         return _write_table({}, rows, out)
     recording = read_recording(thing)
+    if recording.info.oct.plane and kind not in TABLES:
+        raise InputError(f"--out: {out}: has room for frames of one plane; give a .csv or .json")
     if kind == ".nrrd":
         if answers is not None:
             raise InputError(f"--answers: {out} has room for frames only; give a .csv, .json or .mcap")

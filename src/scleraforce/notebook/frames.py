@@ -194,7 +194,7 @@ def read(
     frames: Any = frame
     if not isinstance(frame, list | tuple) or not all(isinstance(one, str | PathLike | np.ndarray) for one in frame):
         frames = [frame]
-    masks: list[Any] = list(mask) if isinstance(mask, list | tuple) else [mask] * len(frames)
+    masks: list[Any] = list(mask) if isinstance(mask, list | tuple) else [] if mask is None else [mask]
     planes = planes or stated_planes(frames)
     one = readings(model, frames, given, size, calibration, eye, transpose, held_s, planes, masks, mask_sd_rows)[0]
     return replace(one.answer, warnings=(*one.answer.warnings, *one.notes))
@@ -248,10 +248,17 @@ def readings(
 ) -> list[Reading]:  # fmt: skip
     """Read one frame, or one of each plane together, as `read` does; return each answer with its inputs."""
     check_model(model)
+    if not frames:
+        raise InputError("frame: none; give one, or one of each plane")
     if len(planes) != len(frames) and (planes or len(frames) != 1):
         raise InputError(f"planes: {len(planes)} of {len(frames)} frames; give one for each")
     if len({plane.name for plane in planes}) < len(planes):
         raise InputError("planes: two frames of one; give one frame of each")
+    if len(planes) > 1:
+        try:
+            folder.check_planes(tuple(planes))
+        except StudyError as fault:
+            raise InputError(f"planes: {str(fault).removeprefix('plane: ')}") from None
     if planes and given.gap_m is not None:
         raise InputError("gap_m: several planes show their gaps; leave it out")
     if masks and len(masks) != len(frames):
@@ -266,6 +273,8 @@ def readings(
     seen, frame = each[0], frames[0]
     if any((one.scale, one.pixels.shape) != (seen.scale, seen.pixels.shape) for one in each):
         raise InputError("frame: of several sizes or scales; planes that are read together have one")
+    if len({folder.frame_digest(one.pixels) for one in each}) < len(each):
+        raise InputError("frame: one picture for two planes; give the frame of each")
     stated = NOTHING_KNOWN if seen.info is None else known_of_recording(seen.info)
     known, notes = completed(given, stated), list(seen.notes)
     if calibration is not None:

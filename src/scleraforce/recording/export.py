@@ -27,11 +27,13 @@ FORMULA_BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")  # of cells that spreads
 
 
 def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
-    """Return file, time, piercing and label of each frame; no label without a force log."""
+    """Return file, time, plane if there are several, piercing and label of each frame; no label without a force log."""
+    planes = bool(recording.info.oct.plane)
     each = zip(recording.frames, label_frames(recording, classes), strict=True)
     return [
-        {"file": frame.file, "time_s": frame.time_s, "pierced": bool(frame.pierced),
-         "measured_force_mn": from_si(trial.measured_force_n, "mn"), "target": trial.target}
+        {"file": frame.file, "time_s": frame.time_s, **({"plane": frame.plane} if planes else {}),
+         "pierced": bool(frame.pierced), "measured_force_mn": from_si(trial.measured_force_n, "mn"),
+         "target": trial.target}
         for frame, trial in each
     ]  # fmt: skip
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from itertools import groupby
+from math import cos, sin
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ GAUGE_DIAMETER_M = {
     27: 0.4e-3, 28: 0.36e-3, 29: 0.33e-3, 30: 0.3e-3, 31: 0.25e-3, 32: 0.23e-3, 33: 0.2e-3, 34: 0.18e-3,
 }  # fmt: skip
 LONGEST_ID = 200
+UNTABLED = ',;"'  # letters that separate and quote cells
+LEAST_TURN_RAD, LEAST_OFFSET_M = 1e-3, 1e-6  # between two planes: a degree is 1.7e-2
 
 
 def _possible(key: str, unit: HumanUnit | None = None) -> Any:
@@ -88,6 +91,14 @@ class Plane:
         check_fields(self)
         if fault := name_fault(self.name, "plane"):
             raise StudyError(f"name: {fault}")
+        if self.name != self.name.strip() or any(letter in self.name for letter in UNTABLED):
+            raise StudyError(f"name: {self.name!r}; a table cannot hold {UNTABLED}, or a space at an end")
+
+    def lies_at(self, other: "Plane") -> bool:
+        """Return whether another plane is the same one, as well where its columns run the other way."""
+        turn_rad = self.direction_rad - other.direction_rad
+        same_m = self.offset_m - cos(turn_rad) * other.offset_m
+        return abs(sin(turn_rad)) < LEAST_TURN_RAD and abs(same_m) < LEAST_OFFSET_M
 
 
 def check_planes(planes: tuple[Plane, ...]) -> None:
@@ -98,7 +109,7 @@ def check_planes(planes: tuple[Plane, ...]) -> None:
         for before in planes[:number]:
             if before.name == plane.name:
                 raise StudyError(f"plane: name: {plane.name!r} is there twice")
-            if (before.offset_m, before.direction_rad) == (plane.offset_m, plane.direction_rad):
+            if before.lies_at(plane):
                 raise StudyError(f"plane: {before.name!r} and {plane.name!r} are at one place")
 
 

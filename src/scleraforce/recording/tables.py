@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -316,7 +317,19 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
         entries.append(entry)
     if not entries:
         raise RecordingError(f"{path}: no frames; give a line for each frame")
-    return tuple(entries)
+    moments = groupby(entries, lambda entry: entry.time_s)
+    return tuple(entry for _, moment in moments for entry in _of_moment(path, list(moment)))
+
+
+def _of_moment(path: Path, entries: list[FrameEntry]) -> list[FrameEntry]:
+    """Return the frames of one moment: there is one needle, which has pierced if a plane says so, and one pressure."""
+    for name in ("held_s", "iop_pa"):
+        found = sorted({value for entry in entries if (value := getattr(entry, name)) is not None})
+        if len(found) > 1:
+            differ = " and ".join(f"{value:g}" for value in found)
+            raise RecordingError(f"{path}: {name}: {differ} at {entries[0].time_s:g} s; planes of one moment have one")
+    pierced = any(entry.pierced for entry in entries)
+    return [replace(entry, pierced=True) for entry in entries] if pierced else entries
 
 
 def read_force_log(path: Path, axis: str) -> ForceLog:
