@@ -206,9 +206,9 @@ def gather(
     for source, plane in zip_longest(sources, planes):
         sources_of.setdefault(plane, []).append(source)
     files = [(path, source_kind(path), plane) for plane, of_plane in sources_of.items() for path in files_of(of_plane)]
-    place_of = dict[Path, Plane | None]()
+    place_of = dict[Path, Plane]()
     for path, _, plane in files:
-        if place_of.setdefault(path.resolve(), plane) != plane:
+        if plane and place_of.setdefault(path.resolve(), plane) != plane:
             raise InputError(f"--plane: {path} is of two planes; give the frames of each")
     logs: list[tuple[Path, ForceLog]] = []
     columns: tuple[force_log.LogColumn, ...] = ()
