@@ -145,3 +145,5 @@ def test_an_evaluation_leaves_out_the_whole_moment(calibration, cross, tmp_path:
     summary = summary_of(parse_calibration_file(json.dumps(calibration_as_json(calibration)).encode(), "c.json"))
     found = evaluate_recordings(load_model(tmp_path / "reader"), [cross.path], summary)
     assert [frame.calibration for frame in found.frames] == [name in "123" for name in "0011223344"]
+    # A frame of the plane that was not followed is known, too: alone it is not scored either.
+    assert {"1-0.png", "1-1.png"} <= {frame.file for frame in summary.eyes["eye"].frames}

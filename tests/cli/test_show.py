@@ -11,6 +11,7 @@ import pytest
 from analytic_frames import SMALL_LIBRARY
 from effects import contents
 from foreign_files import with_log
+from scanned_planes import write_moments
 from small_models import write_fixed_reader
 from small_monitor import READ_ENTRY, verdict
 from small_recordings import calibration_of_a_sealed_eye, write_notebook_folder, write_small_recording
@@ -225,3 +226,13 @@ def test_an_export_that_is_not_possible_is_refused(recording: Path, monkeypatch:
     ):
         assert message in shell.refused("export", *arguments)
         assert not (recording.parent / arguments[-1]).exists()
+
+
+def test_planes_are_a_column_of_a_table_and_other_exports_of_them_are_refused(tmp_path: Path, shell) -> None:
+    folder = write_moments(tmp_path / "planes", (0.010, 0.020))
+    shell.run("export", folder, "--out", tmp_path / "a.csv")
+    rows = csv.DictReader((tmp_path / "a.csv").read_text().splitlines())
+    assert [row["plane"] for row in rows] == ["along", "across"] * 2
+    for ending in ("mcap", "nrrd"):
+        refused = shell.refused("export", folder, "--out", tmp_path / f"a.{ending}")
+        assert "has room for frames of one plane; give a .csv or .json" in refused

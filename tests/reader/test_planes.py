@@ -101,6 +101,10 @@ def test_inputs_that_do_not_fit_are_refused(model, recording, tiny_model) -> Non
         ({"frame": frames[:2], "planes": CROSS[:1]}, "planes: 1 of 2 frames"),
         ({"frame": frames[:2], "planes": CROSS[:1] * 2}, "planes: two frames of one"),
         ({"frame": frames[:2], "gap_m": 0.5e-3}, "gap_m: several planes show their gaps"),
+        ({"frame": []}, "frame: none"),
+        ({"frame": [frames[0]] * 2, "planes": CROSS}, "frame: one picture for two planes"),
+        ({"frame": frames[:2], "mask": np.zeros((512, 512), bool)}, "mask: 1 for 2 frames"),
+        ({"frame": frames[:2], "planes": (CROSS[0], replace(CROSS[0], name="b"))}, "planes: 'along' and 'b' are at"),
     ):
         with pytest.raises(InputError, match=words):
             sf.read(model, **given)

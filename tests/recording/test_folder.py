@@ -139,12 +139,18 @@ def test_frames_of_several_planes_are_one_moment(folder):
     assert [[entry.file for entry in moment] for moment in recording.moments] == [["a.png", "b.png"]]
     assert [recording.info.oct.named(entry.plane).direction_rad for entry in recording.frames] == [0.0, 1.5708]
     assert parse_record(RecordingInfo, format_record(recording.info), "again") == recording.info
+    (folder / "frames.csv").write_text("file,time_s,plane,pierced\na.png,0.2,a,0\nb.png,0.2,b,1\n")
+    assert [entry.pierced for entry in read_recording(folder).frames] == [True, True]
+    (folder / "frames.csv").write_text(TOGETHER)
     for file, old, new, message in [
         ("recording.toml", "gauge = 22\n", "gauge = 22\nslice_gap_m = 5e-4\n", "needle.slice_gap_m: of a single"),
         ("recording.toml", PLANES, "", "recording.toml:.* needle.slice_gap_m: missing; give it, or"),
         ("recording.toml", PLANES[PLANES.rindex("[[") :], "", r"recording.toml:10: oct.plane: only one"),
         ("recording.toml", '"b"', '"a"', "oct.plane: name: 'a' is there twice"),
         ("recording.toml", "1.5708", "0.0", "oct.plane: 'a' and 'b' are at one place"),
+        ("recording.toml", "1.5708", "3.14159265", "oct.plane: 'a' and 'b' are at one place"),
+        ("recording.toml", '"b"', '"b;c"', "oct.plane.* 'b;c'; a table cannot hold"),
+        ("frames.csv", TOGETHER, "file,time_s,plane,iop_pa\na.png,0.2,a,266\nb.png,0.2,b,800\n", "iop_pa: 266 and 800"),
         ("recording.toml", "offset_m = 0.0", "offset_m = 0.5", r"recording.toml:12: oct.plane.offset_m: 0.5 is above"),
         ("frames.csv", "0.2,b", "0.2,c", "frames.csv: plane: 'c' of b.png is unknown; .* has a, b"),
         ("frames.csv", "0.2,b", "0.2,a", r"frames.csv:3: plane: 'a' has a frame at 0.2 s already"),

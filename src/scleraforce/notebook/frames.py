@@ -273,7 +273,7 @@ def readings(
     seen, frame = each[0], frames[0]
     if any((one.scale, one.pixels.shape) != (seen.scale, seen.pixels.shape) for one in each):
         raise InputError("frame: of several sizes or scales; planes that are read together have one")
-    if len({folder.frame_digest(one.pixels) for one in each}) < len(each):
+    if len(each) > 1 and np.ptp(seen.pixels) and len({folder.frame_digest(one.pixels) for one in each}) < len(each):
         raise InputError("frame: one picture for two planes; give the frame of each")
     stated = NOTHING_KNOWN if seen.info is None else known_of_recording(seen.info)
     known, notes = completed(given, stated), list(seen.notes)
