@@ -245,7 +245,7 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None
         (["--plane", "a:0:0"], "--plane: only one"),
         (["--plane", "a:0:0", "--plane", "a:0:90"], "--plane: name: 'a' is there twice"),
         (["--plane", "a"], "--plane: 'a' is not NAME:OFFSET_MM:DIRECTION_DEG"),
-        (["--plane", "a,b:0:0", "--plane", "b:0:90"], "--plane: 'a,b' cannot name a device"),
+        (["--plane", "\u00e4:0:0", "--plane", "b:0:90"], "--plane: '\u00e4' cannot name a device"),
         ([*CROSS, "--gap-mm", "0.5"], "--gap-mm: several planes show their gaps"),
         ([*CROSS, "--eye", "mine", "--iop-mmhg", "2", "--learn-eye"], "--learn-eye: it learns from a single plane"),
         (["--host", ""], "--host: empty"), (["--host", "no-such-host.invalid"], "--host 'no-such-host.invalid'"),

@@ -522,4 +522,5 @@ def test_frames_of_several_planes_are_recorded_by_moments_and_those_alone_stay(t
         assert recording.info.oct.plane == planes
         moments = [[(entry.plane, bool(entry.pierced)) for entry in moment] for moment in recording.moments]
         together = [("along", False), ("across", False)]
-        assert moments == [together, together, [("along", False), ("across", True)], [("across", False)]]
+        pierced = [("along", True), ("across", True)]  # there is one needle
+        assert moments == [together, together, pierced, [("across", False)]]
