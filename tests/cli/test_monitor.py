@@ -330,7 +330,7 @@ def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypat
     assert (along, across.name) == (Plane("along", 0.0, 0.0), "across")
     assert (across.offset_m, across.direction_rad) == pytest.approx((1e-4, radians(90.0)))
     assert crossed.known.gap_m is None
-    turned = module._seen_in(across, crossed.known)
+    turned = crossed.known.turned(across.direction_rad)  # as the loop and the second opinion see it
     assert turned.direction_rad == pytest.approx(radians(-30.0))
     limits, study = settings.limits, fixed_study(BINS)
     assert (settings.address, settings.console) == (module.Address("127.0.0.2", 1), module.Address("127.0.0.3", 2))

@@ -53,8 +53,8 @@ def test_a_moment_has_one_force_and_one_contact_in_three_dimensions(model, recor
     assert np.ptp(alone.interval_n) > np.ptp(answer.interval_n)
 
 
-@pytest.mark.parametrize(("bevel_deg", "told"), [(90.0, True), (20.0, False)])
-def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(model, bevel_deg, told) -> None:
+@pytest.mark.parametrize(("bevel_deg", "is_known"), [(90.0, True), (20.0, False)])
+def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(model, bevel_deg, is_known) -> None:
     both = replace(STEEL, diameter_m=0.7e-3, far_edge_db=0.0, bevel_rad=np.radians(bevel_deg))
     shaft, tip_m, frames = replace(both, angle_rad=np.radians(8.0), lean_rad=np.radians(6.0)), tip_of(0.008), []
     for number, plane in enumerate(CROSS):
@@ -64,7 +64,7 @@ def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(
         frames.append(render_bscan(section, STUDY.oct, sample_optics(CLEAN, STUDY.oct, rng), rng, drawn).frame)
     answer = sf.read(model, frames, width_m=15e-3, depth_m=4e-3, youngs_modulus_pa=MODULUS_PA, planes=CROSS)
     assert answer.usable
-    if told:
+    if is_known:
         assert answer.places.lean_rad.value == pytest.approx(shaft.from_normal[0], abs=np.radians(2.0))
     else:
         assert answer.places.lean_rad is answer.place.lean_rad is None

@@ -16,7 +16,7 @@ import click
 
 from scleraforce.cli.options import EYE, LEAN_DEFAULT, PATH, PLANE, in_si, options, parse_plane
 from scleraforce.cli.output import Command, Report
-from scleraforce.errors import InputError, StudyError
+from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
 from scleraforce.units import from_si
 
@@ -164,10 +164,7 @@ def _planes(given: tuple[str, ...], reader: "Reader", known: "Known", learn_eye:
     from scleraforce.recording.folder import check_planes
 
     planes = tuple(parse_plane(words) for words in given)
-    try:
-        check_planes(planes)
-    except StudyError as fault:
-        raise InputError(f"--plane: {str(fault).removeprefix('plane: ')}") from None
+    check_planes(planes, "--plane")
     named = next((plane.name for plane in planes if not DEVICE_NAME.fullmatch(plane.name)), None)
     refused = {
         f"--plane: {named!r} cannot name a device; use 1 to 20 of the characters A-Z a-z 0-9 . _ + -": named,

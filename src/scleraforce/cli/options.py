@@ -216,10 +216,7 @@ def planes_of(paths: Sequence[Path], given: Sequence[tuple[int, str]]) -> "list[
     from scleraforce.recording.folder import check_planes
 
     planes = [parse_plane(words) for _, words in given]
-    try:
-        check_planes(tuple(dict.fromkeys(planes)))
-    except InputError as fault:
-        raise InputError(f"--plane: {str(fault).removeprefix('plane: ')}") from None
+    check_planes(tuple(dict.fromkeys(planes)), "--plane")
     found: list[Plane | None] = [None] * len(paths)
     for (before, _), plane in zip(given, planes, strict=True):
         found[before:] = [plane] * (len(paths) - before)

@@ -255,10 +255,7 @@ def readings(
     if len({plane.name for plane in planes}) < len(planes):
         raise InputError("planes: two frames of one; give one frame of each")
     if len(planes) > 1:
-        try:
-            folder.check_planes(tuple(planes))
-        except StudyError as fault:
-            raise InputError(f"planes: {str(fault).removeprefix('plane: ')}") from None
+        folder.check_planes(tuple(planes), "planes")
     if planes and given.gap_m is not None:
         raise InputError("gap_m: several planes show their gaps; leave it out")
     if masks and len(masks) != len(frames):

@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from itertools import groupby
 from math import cos, sin
 from os import PathLike
 from pathlib import Path
@@ -17,7 +16,7 @@ import numpy as np
 from scleraforce.errors import FrameError, InputError, RecordingError, StudyError
 from scleraforce.recording.images import read_frame, read_image
 from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
-from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
+from scleraforce.recording.tables import ForceLog, FrameEntry, moments_of, read_force_log, read_frame_list
 from scleraforce.recording.walls import RecordedWalls
 from scleraforce.study import parse_record
 from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS, check_relaxation
@@ -101,16 +100,16 @@ class Plane:
         return abs(sin(turn_rad)) < LEAST_TURN_RAD and abs(same_m) < LEAST_OFFSET_M
 
 
-def check_planes(planes: tuple[Plane, ...]) -> None:
-    """Raise a `StudyError` unless planes can be read together: at least two, of different names and places."""
+def check_planes(planes: tuple[Plane, ...], given: str = "plane") -> None:
+    """Raise a `StudyError` that names `given` unless planes can be read together: of different names and places."""
     if len(planes) == 1:
-        raise StudyError("plane: only one; give each plane of the scan, or slice_gap_m without any")
+        raise StudyError(f"{given}: only one; give each plane of the scan, or slice_gap_m without any")
     for number, plane in enumerate(planes):
         for before in planes[:number]:
             if before.name == plane.name:
-                raise StudyError(f"plane: name: {plane.name!r} is there twice")
+                raise StudyError(f"{given}: name: {plane.name!r} is there twice")
             if before.lies_at(plane):
-                raise StudyError(f"plane: {before.name!r} and {plane.name!r} are at one place")
+                raise StudyError(f"{given}: {before.name!r} and {plane.name!r} are at one place")
 
 
 def check_counts(counts: Mapping[str, int]) -> None:
@@ -228,7 +227,7 @@ class Recording:
     @property
     def moments(self) -> tuple[tuple[FrameEntry, ...], ...]:
         """The frames in order, grouped by their time: one, or one of each plane that has a frame then."""
-        return tuple(tuple(group) for _, group in groupby(self.frames, lambda entry: entry.time_s))
+        return moments_of(self.frames)
 
     def __repr__(self) -> str:
         forces = "no force log" if self.forces is None else f"{len(self.forces.time_s)} samples of force"

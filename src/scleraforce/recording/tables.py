@@ -317,11 +317,15 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
         entries.append(entry)
     if not entries:
         raise RecordingError(f"{path}: no frames; give a line for each frame")
-    moments = groupby(entries, lambda entry: entry.time_s)
-    return tuple(entry for _, moment in moments for entry in _of_moment(path, list(moment)))
+    return tuple(entry for moment in moments_of(entries) for entry in _of_moment(path, moment))
 
 
-def _of_moment(path: Path, entries: list[FrameEntry]) -> list[FrameEntry]:
+def moments_of(frames: Sequence[FrameEntry]) -> tuple[tuple[FrameEntry, ...], ...]:
+    """Return frames in their order, grouped by their time: one, or one of each plane."""
+    return tuple(tuple(group) for _, group in groupby(frames, lambda entry: entry.time_s))
+
+
+def _of_moment(path: Path, entries: Sequence[FrameEntry]) -> Sequence[FrameEntry]:
     """Return the frames of one moment: there is one needle, which has pierced if a plane says so, and one pressure."""
     for name in ("held_s", "iop_pa"):
         found = sorted({value for entry in entries if (value := getattr(entry, name)) is not None})

@@ -6,7 +6,7 @@ import resource
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from errno import EADDRNOTAVAIL
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,7 +24,7 @@ from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.reader.felt import History
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import LiveReader
-from scleraforce.recording.folder import ForceInfo, NeedleInfo, OctInfo, Plane, RecordingInfo, nearest_gauge
+from scleraforce.recording.folder import ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.clients import ServerSettings
@@ -95,7 +95,7 @@ def monitor_service(
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
         pages = settings.console and stack.enter_context(_listen_for_pages(settings.console))
         live = LiveReader(reader, known, scan.refractive_index)
-        eyes = {plane.name: _seen_in(plane, known) for plane in scan.plane}
+        eyes = {plane.name: known.turned(plane.direction_rad) for plane in scan.plane}
         of_plane = {name: LiveReader(reader, eye, scan.refractive_index).read for name, eye in eyes.items()}
         ring = FrameRing.create(RING_FRAMES * max(len(scan.plane), 1), scan.rows, scan.columns)
         info = _recording_info(settings, reader.study)
@@ -131,12 +131,6 @@ def monitor_service(
         server = Server(session, listener, ServerSettings(settings.token), ring, guard, companions, note)
         stack.callback(server.close)
         yield server, Address(*listener.getsockname()[:2])
-
-
-def _seen_in(plane: Plane, known: Known) -> Known:
-    """Return an eye as one of several planes shows it: what is known of the scanner's x axis, turned."""
-    direction_rad = None if known.direction_rad is None else known.direction_rad + plane.direction_rad
-    return replace(known, gap_m=None, direction_rad=direction_rad, lean_azimuth_rad=None)
 
 
 def _child(module: str, settings: Settings, ring: FrameRing, *descriptors: int) -> Child:
