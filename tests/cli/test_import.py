@@ -167,6 +167,7 @@ def test_planes_that_do_not_fit_together_are_refused_in_one_line(refused, cross,
     log, along, across = cross
     for arguments, words in (
         ((*ALONG, along), "--plane: only one"),
+        ((*ALONG, along, *ACROSS, along), "is of two planes"),
         ((*ALONG, *ACROSS, along), "--plane: 'along': no frames follow it"),
         ((*ALONG, along, *ACROSS, across, "--plane", "b:1:0", log), "'across' has 2, 'b' has 0"),
         ((*ALONG, along, "--plane", "along:0:90", across), "--plane: name: 'along' is there twice"),

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from math import pi
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ import pytest
 import tifffile
 
 from scleraforce.errors import FrameError, RecordingError
-from scleraforce.recording.folder import RecordingInfo, Scanner, read_recording, read_scaled_frame
+from scleraforce.recording.folder import Plane, RecordingInfo, Scanner, read_recording, read_scaled_frame
 from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry, read_force_log, read_frame_list
 from scleraforce.study import format_record, parse_record
 
@@ -129,6 +130,14 @@ offset_m = 0.0
 direction_rad = 1.5708
 """
 TOGETHER = "file,time_s,plane\na.png,0.2,a\nb.png,0.2,b\n"
+
+
+@pytest.mark.parametrize(
+    ("offset_m", "turn_rad", "same"),
+    [(3e-4, 0.0, True), (-3e-4, pi, True), (3e-4, pi, False), (3e-4, 2.0 * pi, True), (3e-4, 0.5, False)],
+)
+def test_a_plane_is_the_same_one_if_its_columns_run_the_other_way(offset_m: float, turn_rad: float, same: bool) -> None:
+    assert Plane("a", 3e-4, -1.0).lies_at(Plane("b", offset_m, turn_rad - 1.0)) == same
 
 
 def test_frames_of_several_planes_are_one_moment(folder):

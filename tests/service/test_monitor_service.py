@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,12 +17,13 @@ from scleraforce.errors import InputError
 from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, known_globe
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.monitor.limits import MonitorLimits
-from scleraforce.recording.folder import ForceInfo, OctInfo
+from scleraforce.recording.folder import ForceInfo, OctInfo, Plane
 from scleraforce.service import monitor_service
 from scleraforce.service.companions import OPINION, Companions
 from scleraforce.service.messages import Alive, SelfReport
 from scleraforce.study import Study
 
+SIZE = {"bits": 16, "width_m": 10e-3, "depth_m": 2e-3}
 CALIBRATED = declared.KnownGlobe(
     kind="sealed", lowest=SEALED.lowest, highest=SEALED.highest, mean=REFERENCE_RIGIDITY, sd=1e6, calibrated=True
 )
@@ -39,9 +41,19 @@ def test_a_recording_states_the_declared_globe() -> None:
         assert declared.stated_globe(declared.stated_eye("mine", Known(globe=known))) == stated
 
 
+def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_declared() -> None:
+    known, scan, seen = Known(gap_m=0.4e-3, direction_rad=0.2), OctInfo(columns=500, rows=400, **SIZE), list[Known]()
+    reader = SimpleNamespace(study=Study(), read_live=lambda _, __, eye: seen.append(eye))
+    cross = replace(scan, plane=(Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5)))
+    for taken, eyes in ((scan, {"": (0.2, 0.4e-3)}), (cross, {"along": (0.2, None), "across": (1.7, None)})):
+        seen.clear()
+        assert list(monitor_service.live_readers(reader, known, taken)) == list(eyes)
+        assert list(dict.fromkeys((eye.direction_rad, eye.gap_m) for eye in seen)) == list(eyes.values())
+
+
 def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     known = Known(globe=OPEN, gap_m=0.4e-3, polar_rad=0.6, direction_rad=1.1)
-    scan = OctInfo(columns=500, rows=400, bits=16, width_m=10e-3, depth_m=2e-3, plane_direction_rad=1.1)
+    scan = OctInfo(columns=500, rows=400, plane_direction_rad=1.1, **SIZE)
     settings = monitor_service.MonitorSettings(
         eye="mine", known=known, limits=MonitorLimits(), scan=scan, address=monitor_service.Address("localhost", 0),
         console=None, black_box=Path("box"), record=None, token="",

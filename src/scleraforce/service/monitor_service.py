@@ -94,9 +94,7 @@ def monitor_service(
     with ExitStack() as stack:
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
         pages = settings.console and stack.enter_context(_listen_for_pages(settings.console))
-        live = LiveReader(reader, known, scan.refractive_index)
-        eyes = {plane.name: known.turned(plane.direction_rad) for plane in scan.plane}
-        of_plane = {name: LiveReader(reader, eye, scan.refractive_index).read for name, eye in eyes.items()}
+        live = live_readers(reader, known, scan)
         ring = FrameRing.create(RING_FRAMES * max(len(scan.plane), 1), scan.rows, scan.columns)
         info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
@@ -120,7 +118,9 @@ def monitor_service(
         stack.callback(companions.end)
         history = History.monitored(known, reader.study.needle.max_force_n)
         bounds_n = reader.study.classes.bounds_n
-        session = Session(of_plane or live.read, limits, history=history, class_bounds_n=bounds_n, adopt=live.adopt)
+        read = {name: one.read for name, one in live.items()}
+        session = Session(read if scan.plane else read[""], limits, history=history, class_bounds_n=bounds_n,
+                          adopt=next(iter(live.values())).adopt)  # fmt: skip
         _wait_for_opinion(companions, note)
         gc.collect()
         gc.freeze()  # the model stays, so the collector need not scan it again and again
@@ -131,6 +131,12 @@ def monitor_service(
         server = Server(session, listener, ServerSettings(settings.token), ring, guard, companions, note)
         stack.callback(server.close)
         yield server, Address(*listener.getsockname()[:2])
+
+
+def live_readers(reader: Reader, known: Known, scan: OctInfo) -> dict[str, LiveReader]:
+    """Return the reader of each plane by name, of the eye as that plane sees it; that of a single plane is named ""."""
+    eyes = {plane.name: known.turned(plane.direction_rad) for plane in scan.plane} or {"": known}
+    return {name: LiveReader(reader, eye, scan.refractive_index) for name, eye in eyes.items()}
 
 
 def _child(module: str, settings: Settings, ring: FrameRing, *descriptors: int) -> Child:
