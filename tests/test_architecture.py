@@ -32,7 +32,7 @@ ORDER = [
     "arrays", "units", "errors", "plain_json", "plain_text", "processes", "whole_files", "compiled",
     "checked_store", "study", "models", "monitor", "openigtlink", "mechanics", "recording",
     "known", "segmentation", "library", "laboratory", "calibration",
-    "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "cli",
+    "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "app", "cli",
 ]  # fmt: skip
 PURE = [
     "segmentation", "mechanics", "library.fit", "library.placement", "library.prior",

@@ -53,6 +53,7 @@ GROUPS = {
         "simulate": ("virtual", "Bend one eye by one force."),
         "reproduce": ("first", "Run the whole pipeline and write an HTML report."),
     },
+    "App": {"app": ("app", "Import, look, correct and read in a browser.")},
 }
 COMMANDS = {name: entry for commands in GROUPS.values() for name, entry in commands.items()}
 ALIASES = {"classify": "read"}

@@ -118,25 +118,8 @@ def complete(
     measured_um: Callable[[OctInfo], float | None],
 ) -> Import:  # fmt: skip
     """Combine options (`origins`), then the sources' values, then another recording's; ask for the rest."""
-    _check_used(gathered, origins)
-    if gathered.planes and origins.get("gap_mm") == OPTION:
-        raise InputError("--gap-mm: several planes show their gaps; leave it out")
     times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
-    needed = _needed(gathered, answers, times)
-    stated = _stated(gathered, greys)
-    known = stated | {
-        name: (value, origins.get(name, ANSWER))
-        for name in needed
-        if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
-    }
-    questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
-    scan = gathered.scan
-    for fault, names in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
-        if fault and questions.keys() & names:
-            raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
-    if "bits" in questions:
-        few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
-        questions["bits"] = replace(questions["bits"], fault=lambda bits: None if greys.fit(bits) else few)
+    known, questions = open_questions(gathered, greys, answers, origins)
     if asker is None and questions:
         listed = "; ".join(f"{question.words} ({question.options})" for question in questions.values())
         raise InputError(f"neither in the sources nor among the options: {listed}")
@@ -160,6 +143,32 @@ def complete(
         return done.with_notes([note])
     info = replace(done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um")))
     return replace(done, info=info, sources=done.sources | {name: source})
+
+
+def open_questions(
+    gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str]
+) -> tuple[Known, dict[str, Question]]:
+    """Return the values that options (`origins`) and sources give, and the questions that they leave open."""
+    _check_used(gathered, origins)
+    if gathered.planes and origins.get("gap_mm") == OPTION:
+        raise InputError("--gap-mm: several planes show their gaps; leave it out")
+    times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
+    needed = _needed(gathered, answers, times)
+    stated = _stated(gathered, greys)
+    known = stated | {
+        name: (value, origins.get(name, ANSWER))
+        for name in needed
+        if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
+    }
+    questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
+    scan = gathered.scan
+    for fault, names in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
+        if fault and questions.keys() & names:
+            raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
+    if "bits" in questions:
+        few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
+        questions["bits"] = replace(questions["bits"], fault=lambda bits: None if greys.fit(bits) else few)
+    return known, questions
 
 
 def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: Times | None, known: Known) -> Import:

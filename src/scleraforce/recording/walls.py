@@ -2,15 +2,18 @@
 
 import csv
 import hashlib
+from collections.abc import Mapping
+from io import StringIO
 from pathlib import Path, PurePath
 from typing import Any
 
+import cv2
 import numpy as np
 
 from scleraforce.arrays import Bytes
 from scleraforce.errors import FrameError, RecordingError
 from scleraforce.recording.images import read_frame
-from scleraforce.whole_files import KINDS, read_bytes, read_text
+from scleraforce.whole_files import KINDS, read_bytes, read_text, write_whole
 
 NO_WALL, NOT_JUDGED, WALL = 0, 128, 255
 COLUMNS = ["file", "author", "time_utc", "source_sha256"]
@@ -50,11 +53,8 @@ class RecordedWalls:
         self._used, self._stale = set[str](), dict[str, str]()
 
     def _read_sources(self) -> dict[str, str]:
-        rows = csv.DictReader(read_text(self._table, KINDS["walls"]).splitlines())
-        if rows.fieldnames != COLUMNS:
-            raise RecordingError(f"{self._table}:1: found {rows.fieldnames}, expected {','.join(COLUMNS)}")
-        sources = {row["file"]: row["source_sha256"] for row in rows}
-        if bad := [file for file, digest in sources.items() if len(digest or "") != 64]:
+        sources = {file: row[-1] for file, row in _rows(self._table).items()}
+        if bad := [file for file, digest in sources.items() if len(digest) != 64]:
             raise RecordingError(f"{self._table}: source_sha256: not a SHA-256 for {bad[0]}")
         return sources
 
@@ -91,3 +91,39 @@ class RecordedWalls:
 def frame_file_digest(path: Path) -> str:
     """Return the SHA-256 of a frame's file, hexadecimal, as `sha256sum` prints it."""
     return hashlib.sha256(read_bytes(path, KINDS["frame"])).hexdigest()
+
+
+def write_wall(recording: Path, file: str, mask: Bytes, author: str, time_utc: str) -> None:
+    """Write a frame's mask (row, column), and in walls.csv who drew it and on which version; earlier ones are replaced.
+
+    Walls without a line in walls.csv get one: they count as drawn on today's frames.
+    """
+    path = RecordedWalls(recording).path(file)
+    path.parent.mkdir(exist_ok=True)
+    drawn = {each.stem for each in path.parent.glob("*.png")} | {path.stem}
+    rows = {} if not (recording / "walls.csv").exists() else _rows(recording / "walls.csv")
+    for frame in (each for each in (recording / "frames").iterdir() if each.stem in drawn and each.name not in rows):
+        rows[frame.name] = [frame.name, "unknown", "", frame_file_digest(frame)]
+    rows[file] = [file, author, time_utc, frame_file_digest(recording / "frames" / file)]
+    _write_rows(recording, rows)  # first: a mask that it does not name is an error
+    write_whole(bytes(cv2.imencode(".png", mask)[1]), path)
+
+
+def remove_wall(recording: Path, file: str) -> None:
+    """Remove a frame's mask and its line in walls.csv."""
+    RecordedWalls(recording).path(file).unlink(missing_ok=True)
+    if (recording / "walls.csv").exists():
+        _write_rows(recording, {name: row for name, row in _rows(recording / "walls.csv").items() if name != file})
+
+
+def _rows(table: Path) -> dict[str, list[str]]:
+    rows = csv.reader(read_text(table, KINDS["walls"]).splitlines())
+    if (names := next(rows, [])) != COLUMNS:
+        raise RecordingError(f"{table}:1: found {names}, expected {','.join(COLUMNS)}")
+    return {row[0]: row for row in rows}
+
+
+def _write_rows(recording: Path, rows: Mapping[str, list[str]]) -> None:
+    text = StringIO()
+    csv.writer(text, lineterminator="\n").writerows([COLUMNS, *rows.values()])
+    write_whole(text.getvalue(), recording / "walls.csv")

@@ -38,7 +38,9 @@ NICENESS = 5  # the monitor comes first
 MOST_MESSAGE_BYTES = 4096
 
 
-def refusal(kind: str, method: str, headers: list[tuple[bytes, bytes]], name: str) -> tuple[int, str] | None:
+def refusal(
+    kind: str, method: str, headers: list[tuple[bytes, bytes]], name: str, most_bytes: int = MOST_BODY_BYTES
+) -> tuple[int, str] | None:
     """Return status and reason of the refusal of a request; None if it is accepted.
 
     A page of another site may point its own name to this address (DNS rebinding); then `Host` has that name. An
@@ -56,8 +58,8 @@ def refusal(kind: str, method: str, headers: list[tuple[bytes, bytes]], name: st
         return 403, "only the console's own page may ask"
     if kind == "http" and writes:
         length = "".join(found.get(b"content-length", []))
-        if not (length.isascii() and length.isdigit() and int(length[:9]) <= MOST_BODY_BYTES):
-            return 413, f"a request needs a Content-Length of at most {MOST_BODY_BYTES} bytes"
+        if not (length.isascii() and length.isdigit() and int(length[:15]) <= most_bytes):
+            return 413, f"a request needs a Content-Length of at most {most_bytes} bytes"
     return None
 
 
@@ -73,8 +75,8 @@ def _own(host: str, name: str) -> bool:
 class OwnPagesOnly:
     """Wraps an ASGI application: refuses what `refusal` refuses, adds `HEADERS` to every answer."""
 
-    def __init__(self, app: ASGIApp, name: str) -> None:
-        self._app, self._name = app, name
+    def __init__(self, app: ASGIApp, name: str, most_bytes: int = MOST_BODY_BYTES) -> None:
+        self._app, self._name, self._most_bytes = app, name, most_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: D102
         if scope["type"] == "lifespan":
@@ -87,7 +89,7 @@ class OwnPagesOnly:
                 message["headers"] = [*message.get("headers", []), *own]
             await send(message)
 
-        refused = refusal(scope["type"], scope.get("method", "GET"), scope["headers"], self._name)
+        refused = refusal(scope["type"], scope.get("method", "GET"), scope["headers"], self._name, self._most_bytes)
         if refused is None:
             await self._app(scope, receive, send_with_headers)
         elif scope["type"] == "websocket":

@@ -1,0 +1,155 @@
+"""What the page shows of a recording: its frames as pictures, its log as a curve, each frame's wall and answer."""
+
+import json
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import cv2
+import numpy as np
+
+from scleraforce.arrays import Bytes, Floats
+from scleraforce.errors import FrameError, InputError
+from scleraforce.notebook.frames import load_model, read
+from scleraforce.plain_json import finite, parse_json
+from scleraforce.reader import Reader
+from scleraforce.reader.limits import limit_notes
+from scleraforce.recording.folder import Recording, read_recording
+from scleraforce.recording.labels import contact_force, label_frames
+from scleraforce.recording.pixels import Pixels
+from scleraforce.recording.tables import FrameEntry
+from scleraforce.recording.walls import NO_WALL, NOT_JUDGED, WALL, frame_file_digest
+from scleraforce.segmentation.found import Segmentation
+from scleraforce.units import from_si
+from scleraforce.whole_files import KINDS, read_text, write_whole
+
+BINS = 800  # of a curve: the least and the largest value of each
+DARK, BRIGHT = 1.0, 99.8  # percentiles of a frame that are shown black and white
+
+
+def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
+    """Return a frame (row, column) as a PNG of 8 bits, its own darkest and brightest parts black and white."""
+    low, high = np.percentile(pixels, [DARK, BRIGHT])
+    grey = np.clip((pixels.astype(np.float32) - low) * (255.0 / max(high - low, 1e-9)), 0.0, 255.0).astype(np.uint8)
+    if height is not None and height < len(grey):
+        width = max(1, round(grey.shape[1] * height / len(grey)))
+        grey = np.asarray(cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    return bytes(cv2.imencode(".png", grey)[1])
+
+
+def curve(time_s: Floats, values: Floats) -> dict[str, Any]:
+    """Return a curve with the least and the largest value of each of `BINS` stretches, null where there is none."""
+    edges = np.linspace(0, len(values), min(BINS, len(values)) + 1).astype(np.intp)
+    parts = [values[start:stop][np.isfinite(values[start:stop])] for start, stop in pairwise(edges)]
+    return {
+        "time_s": time_s[edges[:-1]].tolist(),
+        "low": [float(part.min()) if part.size else None for part in parts],
+        "high": [float(part.max()) if part.size else None for part in parts],
+    }
+
+
+def mask_between(outer: list[float | None], inner: list[float | None], unseen: list[int], rows: int) -> Bytes:
+    """Return the mask (row, column) of boundaries in rows, None: not there (an inner one: below the frame)."""
+    if len(inner) != len(outer) or not all(0 <= column < len(outer) for column in unseen):
+        raise FrameError("wall: boundaries and unseen columns are not of one frame")
+    first = np.array([np.nan if row is None else row for row in outer], np.float64)
+    last = np.array([rows if row is None else row for row in inner], np.float64)
+    row = np.arange(rows)[:, None]
+    mask = np.where((row >= first) & (row < last), np.uint8(WALL), np.uint8(NO_WALL))
+    mask[:, unseen] = NOT_JUDGED
+    return mask
+
+
+class Looks:
+    """Recordings as the page shows them; they are opened when they are first looked at, the model at once."""
+
+    def __init__(self) -> None:
+        self._lock, self._opened = Lock(), dict[Path, tuple[tuple[int, ...], Recording]]()
+
+    @cached_property
+    def model(self) -> Reader:
+        """The bundled reader."""
+        return load_model("default")
+
+    def recording(self, path: Path) -> Recording:
+        """Return a recording, read again where one of its tables has changed."""
+        tables = [path / name for name in ("recording.toml", "frames.csv", "forces.csv", "walls.csv")]
+        stamp = tuple(table.stat().st_mtime_ns for table in tables if table.exists())
+        with self._lock:
+            if path not in self._opened or self._opened[path][0] != stamp:
+                self._opened[path] = stamp, read_recording(path)
+            return self._opened[path][1]
+
+    def entry(self, path: Path, file: str) -> tuple[Recording, FrameEntry]:
+        """Return a recording and its frame of a name."""
+        recording = self.recording(path)
+        for entry in recording.frames:
+            if entry.file == file:
+                return recording, entry
+        raise InputError(f"{path.name}: no frame {file}")
+
+    def summary(self, path: Path) -> dict[str, Any]:
+        """Return size, frames with times and labels, force curve, and the model's limits of a recording."""
+        recording = self.recording(path)
+        info, log = recording.info, recording.forces
+        trials = label_frames(recording, self.model.study.classes) if log is not None else ()
+        force = None
+        if log is not None and info.force is not None:
+            known = log.known(info.force.axis)
+            force = curve(known.time_s, contact_force(known, info.force) * 1e3)
+        return {
+            "eye": info.eye.id, "rows": info.oct.rows, "columns": info.oct.columns,
+            "width_mm": from_si(info.oct.width_m, "mm"), "depth_mm": from_si(info.oct.depth_m, "mm"),
+            "files": [entry.file for entry in recording.frames],
+            "time_s": [entry.time_s for entry in recording.frames],
+            "planes": [entry.plane for entry in recording.frames] if info.oct.plane else None,
+            "force_mn": [from_si(trial.measured_force_n, "mn") for trial in trials] or None,
+            "log": force, "notes": list(limit_notes(self.model.path, info)),
+            "corrected": [entry.file for entry in recording.frames if recording.walls.path(entry.file).exists()],
+        }  # fmt: skip
+
+    def look(self, path: Path, file: str) -> dict[str, Any]:
+        """Return the wall of a frame, and the answer of the bundled reader with what it says against the frame."""
+        recording, entry = self.entry(path, file)
+        moment = next(each for each in recording.moments if entry in each)
+        frames = [entry, *(other for other in moment if other is not entry)]
+        with self._lock:  # the model is not made for several threads
+            answer = read(self.model, [recording.frame_path(each) for each in frames])
+        wall = answer.segmentation
+        found = answer.as_json() | {"warnings": list(answer.warnings)}
+        shown: dict[str, Any] = finite({"answer": found, "wall": None if wall is None else _outline(wall)})
+        return shown | ({} if (draft := read_draft(recording, file)) is None else {"draft": draft})
+
+
+def write_draft(recording: Recording, file: str, drawn: dict[str, Any]) -> None:
+    """Keep a wall that is being drawn, beside the masks, with the frame that it is drawn on."""
+    path = _draft(recording, file)
+    path.parent.mkdir(exist_ok=True)
+    write_whole(json.dumps(drawn | {"source_sha256": frame_file_digest(recording.path / "frames" / file)}), path)
+
+
+def read_draft(recording: Recording, file: str) -> dict[str, Any] | None:
+    """Return the draft of a frame's wall; None without one, or if the frame has changed since."""
+    path = _draft(recording, file)
+    if not path.exists():
+        return None
+    draft: dict[str, Any] = parse_json(read_text(path, KINDS["result"]))
+    return draft if draft.pop("source_sha256", "") == frame_file_digest(recording.path / "frames" / file) else None
+
+
+def remove_draft(recording: Recording, file: str) -> None:
+    """Remove the draft of a frame's wall."""
+    _draft(recording, file).unlink(missing_ok=True)
+
+
+def _draft(recording: Recording, file: str) -> Path:
+    return recording.path / "walls" / f".{Path(file).stem}.draft.json"
+
+
+def _outline(wall: Segmentation) -> dict[str, Any]:
+    inner = wall.inner_row if wall.inner_found else np.full_like(wall.inner_row, np.nan)
+    rows = [[round(row, 2) if np.isfinite(row) else None for row in each.tolist()] for each in (wall.outer_row, inner)]
+    return {"outer": rows[0], "inner": rows[1], "usable": wall.usable, "reason": wall.reason, "source": wall.source,
+            "thickness_um": from_si(wall.thickness_m, "um")}  # fmt: skip

@@ -1,0 +1,317 @@
+// Import: files are dropped, looked at, and what they do not state is asked beside their picture.
+
+import { picture, send, upload } from "./api.js";
+import { Chart } from "./chart.js";
+import { element, fixed, list, made, tell, told, write } from "./dom.js";
+import { await_, go, state } from "./main.js";
+import * as frames from "./frames.js";
+
+// Options of `import` that are asked as a number, a text or a choice; the others are set by the plots.
+const FIELDS = {
+  width_mm: ["Width of the frames, mm", "number"],
+  depth_mm: ["Depth of the frames as stored, mm", "number"],
+  refractive_index: ["Refractive index of the depth (1: corrected)", "number"],
+  bits: ["Bits of a pixel that are used", "number"],
+  rate_hz: ["Frames a second", "number"],
+  axis: ["Axis of the force along the needle", ["", "fx", "fy", "fz"]],
+  contact_sign: ["Sign of that axis in contact", ["", "1", "-1"]],
+  clock_offset_s: ["Force log's clock minus the frames', s", "number"],
+  first_frame: ["First frame", "number"],
+  last_frame: ["Last frame", "number"],
+  eye: ["Name of the eye", "text"],
+  gauge: ["Gauge of the needle", "number"],
+  gap_mm: ["B-scan plane to needle axis, mm", "number"],
+  thickness_um: ["Thickness of the wall, µm", "number"],
+  iop_mmhg: ["Intraocular pressure, mmHg", "number"],
+  globe: ["Globe", ["", "open", "sealed"]],
+  axes: ["Axes of an array, like frame,depth,lateral", "text"],
+};
+const NUMBERS = new Set(Object.keys(FIELDS).filter((name) => FIELDS[name][1] === "number"));
+const WAIT_MS = 500;
+
+const chosen = new Set();
+const given = {}; // answers by the names of options
+const columns = new Map(); // of a force log: short name -> "NAME:UNIT"
+let seen = null; // what the server says of the chosen files
+let image = null;
+let bar = null;
+let clocks = null;
+let clockPlot = null;
+let pull = null;
+
+const asked = () => ({ names: [...chosen], answers: { ...given }, columns: [...columns].filter(([, text]) => text).map(([short, text]) => `${short}=${text}`) });
+const number = () => Math.max(0, Number(element("source-number").value) - 1);
+
+export function fill(sources) {
+  for (const name of [...chosen]) if (!sources.some((source) => source.name === name)) chosen.delete(name);
+  const items = sources.map(({ name, kind, fault }) => {
+    const box = made("input", { type: "checkbox", disabled: Boolean(fault), onchange: () => choose(name, box.checked) });
+    box.checked = chosen.has(name);
+    return made("li", {}, made("label", {}, box, ` ${name} `), made("span", { class: "soft" }, fault ?? kind));
+  });
+  element("sources").replaceChildren(...(items.length ? items : [made("li", { class: "soft" }, "none yet")]));
+}
+
+export const show = () => chosen.size && look();
+
+function choose(name, on) {
+  if (on) chosen.add(name);
+  else chosen.delete(name);
+  seen = null;
+  clocks = null;
+  look();
+}
+
+const look = told(async () => {
+  form();
+  if (!chosen.size) {
+    element("source").hidden = true;
+    element("log").hidden = true;
+    return;
+  }
+  const found = await send("sources", asked());
+  seen = found;
+  form();
+  if (found.question) {
+    list("import-notes", [found.question], "against");
+    return;
+  }
+  list("import-notes", found.notes);
+  element("source").hidden = false;
+  write("source-size", `${found.frames} frames of ${found.rows} × ${found.columns} pixels (depth × lateral)`);
+  element("source-number").max = found.frames;
+  image = await picture("picture", asked(), { number: number() });
+  draw();
+  logs();
+  await words();
+});
+
+function later() {
+  clearTimeout(later.timer);
+  later.timer = setTimeout(look, WAIT_MS);
+}
+
+// ---- what is asked
+
+function form() {
+  const box = element("answers");
+  const needed = new Set(Object.keys(seen?.missing ?? {}));
+  if (!box.children.length) box.append(...Object.entries(FIELDS).map(([name, [label, kind]]) => field(name, label, kind)));
+  for (const entry of box.querySelectorAll("[data-name]")) {
+    const name = entry.dataset.name;
+    entry.classList.toggle("missing", needed.has(name));
+    const stated = seen?.stated?.[name];
+    const input = entry.querySelector("input, select");
+    input.placeholder = stated ? String(stated.value) : "";
+    entry.querySelector(".from").textContent = given[name] === undefined && stated ? `${stated.value} (${stated.source})` : "";
+    if (document.activeElement !== input) input.value = given[name] ?? "";
+  }
+  const shorts = seen?.forms?.length ? seen.forms.map((form) => form.split("=")[0]) : [...columns.keys()];
+  for (const short of shorts) if (!box.querySelector(`[data-column="${short}"]`)) box.append(column(short));
+}
+
+function field(name, label, kind) {
+  const change = (event) => {
+    const text = event.target.value.trim();
+    if (text === "") delete given[name];
+    else given[name] = NUMBERS.has(name) ? Number(text) : text;
+    later();
+  };
+  const input = Array.isArray(kind)
+    ? made("select", { oninput: change }, ...kind.map((value) => made("option", { value }, value || "–")))
+    : made("input", { type: kind, step: "any", oninput: change });
+  return made("label", { "data-name": name }, made("span", { class: "label" }, label), input, made("span", { class: "from" }));
+}
+
+function column(short) {
+  const change = (event) => {
+    columns.set(short, event.target.value.trim());
+    later();
+  };
+  columns.set(short, columns.get(short) ?? "");
+  return made("label", { "data-column": short, class: "missing" }, made("span", { class: "label" }, `Column ${short}, as NAME:UNIT`), made("input", { type: "text", placeholder: "Clock:ms", oninput: change }));
+}
+
+function run() {
+  const { names: operands, answers: options, columns: named } = asked();
+  return { command: "import", operands, out: element("import-out").value.trim(), options, columns: named };
+}
+
+const words = async () => {
+  if (!element("import-out").value) element("import-out").value = `recording-${state.recordings.length + 1}`;
+  write("import-command", (await send("words", run())).command);
+};
+
+element("import-out").oninput = later;
+element("import-run").onclick = told(async () => {
+  const asks = run();
+  await_(await send("run", asks), async (result) => {
+    if (!result) return;
+    go("look");
+    await frames.open(asks.out);
+  });
+});
+
+// ---- the picture, and a bar over a known length
+
+const canvas = element("source-picture");
+
+function draw() {
+  const width = given.width_mm ?? seen.stated.width_mm?.value;
+  const depth = given.depth_mm ?? seen.stated.depth_mm?.value;
+  canvas.width = canvas.clientWidth || 600;
+  canvas.height = Math.round(width && depth ? (canvas.width * depth) / width : (canvas.width * image.height) / image.width);
+  const pen = canvas.getContext("2d");
+  pen.drawImage(image, 0, 0, canvas.width, canvas.height);
+  if (!bar) return;
+  pen.strokeStyle = "#e69f00";
+  pen.lineWidth = 3;
+  pen.beginPath();
+  pen.moveTo(bar.from[0] * canvas.width, bar.from[1] * canvas.height);
+  pen.lineTo(bar.to[0] * canvas.width, bar.to[1] * canvas.height);
+  pen.stroke();
+}
+
+const share = (event) => {
+  const box = canvas.getBoundingClientRect();
+  return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height].map((value) => Math.min(1, Math.max(0, value)));
+};
+
+canvas.onpointerdown = (event) => {
+  canvas.setPointerCapture(event.pointerId);
+  bar = { from: share(event), to: share(event), held: true };
+};
+canvas.onpointermove = (event) => {
+  if (!bar?.held) return;
+  const to = share(event);
+  const flat = Math.abs(to[0] - bar.from[0]) * canvas.width >= Math.abs(to[1] - bar.from[1]) * canvas.height;
+  bar = { ...bar, flat, to: flat ? [to[0], bar.from[1]] : [bar.from[0], to[1]] };
+  element("bar").hidden = false;
+  write("bar-text", flat ? "along the surface: gives the width" : "along the depth: gives the depth");
+  draw();
+};
+canvas.onpointerup = () => {
+  if (bar) bar.held = false;
+};
+
+element("bar-take").onclick = () => {
+  const length = bar && Math.hypot(bar.to[0] - bar.from[0], bar.to[1] - bar.from[1]);
+  const known = Number(element("bar-mm").value);
+  if (!length || !(known > 0)) {
+    tell("scale: drag a bar, and give its length in mm");
+    return;
+  }
+  given[bar.flat ? "width_mm" : "depth_mm"] = Number((known / length).toPrecision(4));
+  form();
+  later();
+};
+element("source-number").oninput = later;
+
+// ---- the log and the clocks
+
+function logs() {
+  const axes = Object.keys(seen.log);
+  element("log").hidden = !axes.length;
+  const axis = given.axis ?? seen.stated.axis?.value;
+  element("log-plots").replaceChildren(...axes.map((name) => {
+    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+    svg.setAttribute("class", `plot${name === axis ? " chosen" : ""}`);
+    svg.dataset.clicks = "";
+    svg.onclick = () => {
+      if (given.axis === name) given.contact_sign = given.contact_sign === "-1" ? "1" : "-1";
+      else Object.assign(given, { axis: name, contact_sign: larger(seen.log[name]) });
+      look();
+    };
+    return svg;
+  }));
+  axes.forEach((name, n) => {
+    const curve = seen.log[name];
+    const plot = new Chart(element("log-plots").children[n], { x: curve.time_s, y: [...curve.low, ...curve.high], labels: ["time / s", `${name} / mN`], zero: true });
+    plot.band(curve);
+  });
+  clock();
+}
+
+// The sign that makes the largest force of a curve positive.
+function larger({ low, high }) {
+  const known = (values) => values.filter((value) => value !== null);
+  return Math.max(...known(high)) >= -Math.min(...known(low)) ? "1" : "-1";
+}
+
+function clock() {
+  const axis = given.axis ?? seen.stated.axis?.value;
+  const svg = element("clock-plot");
+  svg.toggleAttribute("hidden", !clocks || !axis);
+  if (!clocks || !axis) {
+    write("clock-text", "Propose finds the surface in the frames first; it needs their size, their rate and the axis.");
+    return;
+  }
+  const curve = seen.log[axis];
+  const offset = given.clock_offset_s ?? 0;
+  const times = clocks.time_s.map((time) => time + offset);
+  clockPlot = new Chart(svg, { x: [...curve.time_s, ...times], y: [...curve.low, ...curve.high], labels: ["force log's clock / s", `${axis} / mN`], zero: true });
+  clockPlot.band(curve);
+  const dents = clocks.dent_mm.filter((dent) => dent !== null);
+  const [low, high] = [Math.min(...dents), Math.max(...dents)];
+  const down = given.contact_sign === "-1";
+  const [bottom, top] = clockPlot.y;
+  const scaledTo = (dent) => (dent === null ? null : down ? top - ((dent - low) / (high - low || 1)) * 0.9 * (top - bottom) : bottom + ((dent - low) / (high - low || 1)) * 0.9 * (top - bottom));
+  clockPlot.line(times, clocks.dent_mm.map(scaledTo), "other");
+  const fit = clocks.offset_s === null ? "no offset fits" : `proposed: ${fixed(clocks.offset_s, 3)} s (correlation ${fixed(clocks.correlation, 2)})`;
+  write("clock-text", `offset ${fixed(offset, 3)} s; ${fit}`);
+}
+
+element("propose").onclick = told(async () => {
+  write("clock-text", "looking at the frames …");
+  clocks = await send("clocks", asked());
+  if (clocks.offset_s !== null) {
+    given.clock_offset_s = Number(clocks.offset_s.toFixed(3));
+    if (clocks.correlation < 0 && !given.contact_sign) given.contact_sign = "-1";
+  }
+  await look();
+});
+element("clock-plot").onpointerdown = (event) => {
+  if (!clockPlot) return;
+  element("clock-plot").setPointerCapture(event.pointerId);
+  pull = { from: clockPlot.under(event), offset: given.clock_offset_s ?? 0, plot: clockPlot };
+};
+element("clock-plot").onpointermove = (event) => {
+  if (!pull) return;
+  given.clock_offset_s = Number((pull.offset + pull.plot.under(event) - pull.from).toFixed(3));
+  clock();
+};
+element("clock-plot").onpointerup = () => {
+  if (pull) later();
+  pull = null;
+  form();
+};
+
+// ---- files that are dropped
+
+async function take(files) {
+  const bar_ = element("upload");
+  bar_.hidden = false;
+  try {
+    for (const file of files) {
+      const { name } = await upload(file, (part) => (bar_.value = part));
+      chosen.add(name);
+      fill([...state.sources, ...(state.sources.some((source) => source.name === name) ? [] : [{ name, kind: "" }])]);
+    }
+  } finally {
+    bar_.hidden = true;
+  }
+  await look();
+}
+
+const drop = element("drop");
+drop.ondragover = (event) => {
+  event.preventDefault();
+  drop.classList.add("over");
+};
+drop.ondragleave = () => drop.classList.remove("over");
+drop.ondrop = told(async (event) => {
+  event.preventDefault();
+  drop.classList.remove("over");
+  await take([...event.dataTransfer.files]);
+});
+element("files").onchange = told((event) => take([...event.target.files]));

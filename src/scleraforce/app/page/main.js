@@ -1,0 +1,84 @@
+// The page: its steps, the command that runs, and what the folder holds.
+
+import { erase, get } from "./api.js";
+import { element, made, tell, told, write } from "./dom.js";
+import * as frames from "./frames.js";
+import * as importing from "./importing.js";
+import * as results from "./results.js";
+
+const EVERY_MS = 1000;
+const SECTIONS = { import: "import", look: "frames", correct: "frames", calibrate: "calibrate", read: "read" };
+export const state = { recordings: [], calibrations: [], models: [], sources: [], jobs: [], writes: false };
+let known = "";
+let awaited = null;
+
+export function go(step) {
+  for (const id of new Set(Object.values(SECTIONS))) element(id).hidden = SECTIONS[step] !== id;
+  for (const button of document.querySelectorAll("[data-step]")) {
+    if (button.dataset.step === step) button.setAttribute("aria-current", "step");
+    else button.removeAttribute("aria-current");
+  }
+  document.body.dataset.step = step;
+  tell(null);
+  if (SECTIONS[step] === "frames") frames.show(step === "correct");
+  if (step === "import") importing.show();
+}
+
+// Calls back with the result of the command that was just started, or with nothing if it failed.
+export function await_(started, then) {
+  awaited = { number: started.job, then };
+  void poll();
+}
+
+async function poll() {
+  let found;
+  try {
+    found = await get("state");
+  } catch (fault) {
+    tell(fault);
+    return;
+  }
+  Object.assign(state, found);
+  element("read-only").hidden = state.writes;
+  for (const button of document.querySelectorAll(".main, #undo, #redo, #unseen, #restore")) button.disabled = !state.writes;
+  write("folder", state.folder);
+  const now = JSON.stringify([state.recordings, state.calibrations, state.models, state.sources]);
+  if (now !== known) {
+    known = now;
+    fill();
+  }
+  showJob();
+}
+
+function fill() {
+  frames.fill(state.recordings);
+  importing.fill(state.sources);
+  results.fill(state);
+}
+
+function showJob() {
+  const job = state.jobs.at(-1);
+  element("job").hidden = !job || job.done;
+  if (!job) return;
+  write("job-title", job.title || job.command.split(" ")[1]);
+  element("job-share").value = job.share;
+  write("job-percent", `${Math.round(100 * job.share)} %`);
+  if (job.done && awaited?.number === state.jobs.length - 1) {
+    const { then } = awaited;
+    awaited = null;
+    if (job.fault) tell(job.fault);
+    then(job.fault ? null : job.result);
+  }
+}
+
+for (const button of document.querySelectorAll("[data-step]")) button.onclick = () => go(button.dataset.step);
+for (const button of document.querySelectorAll(".copy")) {
+  button.onclick = () => navigator.clipboard.writeText(element(button.dataset.of).textContent);
+}
+element("job-stop").onclick = told(() => erase("run"));
+
+export const choice = (entry, text) => made("option", { value: entry }, text ?? entry);
+
+await poll();
+go(state.recordings.length ? "look" : "import");
+setInterval(poll, EVERY_MS);

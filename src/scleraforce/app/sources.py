@@ -1,0 +1,145 @@
+"""Files before their import: what they state, what is missing, their pictures, force log, and a clock offset."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from itertools import islice
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.app.looks import curve, png
+from scleraforce.arrays import Floats
+from scleraforce.errors import InputError
+from scleraforce.plain_json import finite
+from scleraforce.recording.importing import QUESTIONS, given_times, open_questions
+from scleraforce.recording.pixels import PixelScale, UnansweredError, find_greys, one_grey
+from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, gather
+from scleraforce.segmentation.observations import MIDDLE_M, surface
+from scleraforce.segmentation.wall import find_wall
+from scleraforce.units import to_si
+
+PLAIN = {field.name for field in fields(ImportOptions)} - {"times", "columns", "grey_range", "by_arrival"}
+SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
+LEAST_SHARE = 0.75  # of the frames that must lie on the log under an offset
+LEAST_FRAMES = 6
+OFFSETS = 4000
+
+
+def proposed_offset_s(frame_s: Floats, dent_m: Floats, log_s: Floats, force_n: Floats) -> tuple[float, float] | None:
+    """Return the log's clock minus the frames' clock at which force and dent correlate best, and the correlation.
+
+    Args:
+        frame_s: times of the frames on their own clock.
+        dent_m: depth of the surface in each, NaN where it is not seen.
+        log_s: times of the log, rising.
+        force_n: contact force, of one sign.
+    """
+    seen, known = np.isfinite(dent_m), np.isfinite(force_n)
+    frame_s, dent_m, log_s, force_n = frame_s[seen], dent_m[seen], log_s[known], force_n[known]
+    if len(frame_s) < LEAST_FRAMES or not len(log_s):
+        return None
+    best: tuple[float, float] | None = None
+    for offset_s in np.linspace(log_s[0] - frame_s[-1], log_s[-1] - frame_s[0], OFFSETS).tolist():
+        time_s = frame_s + offset_s
+        on = (time_s >= log_s[0]) & (time_s <= log_s[-1])
+        if on.sum() < max(LEAST_FRAMES, LEAST_SHARE * len(on)):
+            continue
+        force = np.interp(time_s[on], log_s, force_n)
+        if np.ptp(force) == 0.0 or np.ptp(dent_m[on]) == 0.0:
+            continue
+        fit = float(np.corrcoef(force, dent_m[on])[0, 1])
+        if best is None or abs(fit) > abs(best[1]):
+            best = offset_s, fit
+    return best
+
+
+class Sources:
+    """The sources that the page looks at, as `import` would read them."""
+
+    def __init__(self) -> None:
+        self._lock, self._asked = Lock(), ""
+        self._gathered: Gathered | None = None
+
+    def gathered(self, paths: Sequence[Path], answers: ImportOptions) -> Gathered:
+        """Return the frames and the log, read again only if sources or the answers about them have changed."""
+        stamps = [(path, path.stat().st_mtime_ns) for path in paths]
+        asked = repr((stamps, answers.axes, answers.array, answers.columns, answers.image_topic, answers.by_arrival))
+        with self._lock:
+            if self._gathered is None or self._asked != asked:
+                self._gathered, self._asked = gather(paths, answers), asked
+            return self._gathered
+
+    def look(self, paths: Sequence[Path], answers: ImportOptions, given: Sequence[str]) -> dict[str, Any]:
+        """Return what sources state, and what is still to be answered; a question that comes first alone."""
+        try:
+            found = self.gathered(paths, answers)
+            scan, log = found.scan, found.log
+            greys = find_greys(islice(scan.pictures(), 1), answers.grey_range, scan.names[0])
+            stated, missing = open_questions(found, greys, answers, dict.fromkeys(given, OPTION))
+        except UnansweredError as fault:
+            return {"question": fault.question, "option": fault.option, "forms": list(fault.forms)}
+        axes = () if log is None else [name for name in log.columns if name.endswith("_n")]
+        stated_now: dict[str, Any] = finite({
+            "frames": len(scan.names), "rows": scan.rows, "columns": scan.columns,
+            "stated": {name: {"value": value, "source": source} for name, (value, source) in stated.items()},
+            "missing": {name: question.words for name, question in missing.items()},
+            "optional": [name for name, question in QUESTIONS.items() if question.optional],
+            "time_s": None if scan.times is None else scan.times.time_s.tolist(),
+            "log": {name.removesuffix("_n"): curve(log.time_s, log.force_n(name.removesuffix("_n")) * 1e3)
+                    for name in axes} if log is not None else {},
+            "notes": list(found.notes),
+        })  # fmt: skip
+        return stated_now
+
+    def picture(self, paths: Sequence[Path], answers: ImportOptions, number: int) -> bytes:
+        """Return a frame as a PNG."""
+        scan = self.gathered(paths, answers).scan
+        for picture in islice(scan.pictures(), max(number, 0), None):
+            return png(one_grey(picture))
+        raise InputError(f"frame {number + 1}: there are {len(scan.names)}")
+
+    def clocks(self, paths: Sequence[Path], answers: ImportOptions) -> dict[str, Any]:
+        """Return the surface's depth under the needle over time, and the offset at which it fits the log best."""
+        found = self.gathered(paths, answers)
+        times = given_times(found.scan, answers.times, answers.rate_hz) or found.scan.times
+        width_m, depth_m = (to_si(size, "mm") for size in (answers.width_mm, answers.depth_mm))
+        if times is None or found.log is None or width_m is None or depth_m is None:
+            raise InputError("clocks: give the frames' size and rate first, and a force log")
+        scan = found.scan
+        scale = PixelScale(lateral_m=width_m / scan.columns, depth_m=depth_m / scan.rows,
+                           refractive_index=answers.refractive_index or 1.0)  # fmt: skip
+        shown = np.unique(np.linspace(0, len(scan.names) - 1, SEEN_FRAMES).astype(np.intp))
+        chosen = set(shown.tolist())
+        dent_m = np.array([
+            _surface_m(picture, scan.names[number], scale)
+            for number, picture in enumerate(scan.pictures()) if number in chosen
+        ])  # fmt: skip
+        axis = answers.axis or found.log.columns[0].removesuffix("_n")
+        sign = float(answers.contact_sign or 1)
+        force_n = sign * found.log.force_n(axis)
+        offset = proposed_offset_s(times.time_s[shown], dent_m, found.log.time_s, force_n)
+        curves: dict[str, Any] = finite({
+            "time_s": times.time_s[shown].tolist(), "dent_mm": (dent_m * 1e3).tolist(),
+            "offset_s": None if offset is None else offset[0], "correlation": None if offset is None else offset[1],
+        })  # fmt: skip
+        return curves
+
+
+def answers_of(given: Mapping[str, Any], columns: Sequence[str]) -> ImportOptions:
+    """Return the options of an import, by the names of their fields."""
+    if unknown := sorted(set(given) - PLAIN):
+        raise InputError(f"{unknown[0]}: no option of import")
+    return ImportOptions(**given, columns=tuple(columns))
+
+
+def _surface_m(picture: NDArray[Any], name: str, scale: PixelScale) -> float:
+    """Return how deep the surface lies in the middle below its mean, m; NaN where it is not seen."""
+    picture = one_grey(picture)
+    wall = find_wall(find_greys([picture], None, name).counts(picture), scale)
+    if not wall.usable:
+        return float("nan")
+    lateral_m, depth_m = surface(wall, scale)
+    return float(np.nanmax(depth_m[np.abs(lateral_m) < MIDDLE_M]) - np.nanmean(depth_m))
