@@ -68,7 +68,7 @@ export class Chart {
 
   #axes(labels) {
     const bottom = this.height - MARGIN.bottom;
-    const down = ticks(...this.y, Math.max(2, Math.floor(this.height / 45)));
+    const down = ticks(...this.y, Math.max(2, Math.floor(this.height / 32)));
     for (const value of down.values) {
       const y = this.top(value);
       this.add("line", { class: "grid", x1: MARGIN.left, x2: this.width - MARGIN.right, y1: y, y2: y });
@@ -99,7 +99,7 @@ export class Chart {
     const known = xs.map((_, n) => n).filter((n) => low[n] !== null);
     const there = known.map((n) => `${this.left(xs[n]).toFixed(1)} ${this.top(high[n]).toFixed(1)}`);
     const back = known.map((n) => `${this.left(xs[n]).toFixed(1)} ${this.top(low[n]).toFixed(1)}`).reverse();
-    if (known.length) this.add("path", { class: "line", d: `M${[...there, ...back].join("L")}Z` });
+    if (known.length) this.add("path", { class: "range", d: `M${[...there, ...back].join("L")}Z` });
   }
 
   level(value, text, kind = "bound") {

@@ -3,7 +3,7 @@
 import { picture, send, upload } from "./api.js";
 import { Chart } from "./chart.js";
 import { element, fixed, list, made, tell, told, write } from "./dom.js";
-import { await_, go, state } from "./main.js";
+import { await_, go, poll, state } from "./main.js";
 import * as frames from "./frames.js";
 
 // Options of `import` that are asked as a number, a text or a choice; the others are set by the plots.
@@ -292,11 +292,11 @@ async function take(files) {
   const bar_ = element("upload");
   bar_.hidden = false;
   try {
-    for (const file of files) {
-      const { name } = await upload(file, (part) => (bar_.value = part));
-      chosen.add(name);
-      fill([...state.sources, ...(state.sources.some((source) => source.name === name) ? [] : [{ name, kind: "" }])]);
-    }
+    const names = [];
+    for (const file of files) names.push((await upload(file, (part) => (bar_.value = part))).name);
+    await poll();
+    for (const name of names) chosen.add(name);
+    fill(state.sources);
   } finally {
     bar_.hidden = true;
   }

@@ -30,7 +30,7 @@ export function await_(started, then) {
   void poll();
 }
 
-async function poll() {
+export async function poll() {
   let found;
   try {
     found = await get("state");
