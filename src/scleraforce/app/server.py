@@ -6,7 +6,6 @@ import socket
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from importlib.resources import files
 from pathlib import Path
 from secrets import compare_digest
 from time import monotonic
@@ -15,6 +14,7 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import PlainTextResponse, RedirectResponse
+from fastapi.staticfiles import StaticFiles
 from pydantic import BaseModel, Field
 
 from scleraforce.app.commands import Job, shown
@@ -25,10 +25,11 @@ from scleraforce.errors import InputError
 from scleraforce.recording.export import csv_text, flat
 from scleraforce.recording.sources import ImportOptions, option_name
 from scleraforce.recording.walls import remove_wall, write_wall
-from scleraforce.service.console.server import TYPES, OwnPagesOnly
+from scleraforce.service.console.server import OwnPagesOnly
 
 HOST = "127.0.0.1"
 SILENT_S = 6.0  # after which another tab may write
+WHOLE = {"bits", "gauge", "first_frame", "last_frame"}
 BUSY = "another tab works in this folder; close it, or wait until it is closed"
 
 
@@ -39,10 +40,12 @@ class Asked(BaseModel):
     answers: dict[str, float | str | bool] = {}
     columns: list[str] = Field([], max_length=20)
 
-    def options(self) -> ImportOptions:
+    def options(self, folder: Folder) -> ImportOptions:
         """Return the options; raises `InputError`."""
-        whole = {name: int(value) if name in ("bits", "gauge") else value for name, value in self.answers.items()}
-        return answers_of(whole, self.columns)
+        given = {name: int(value) if name in WHOLE else value for name, value in self.answers.items()}
+        return answers_of(
+            given | {name: folder.inside(str(given[name])) for name in {"times"} & set(given)}, self.columns
+        )
 
 
 class Drawn(BaseModel):
@@ -118,8 +121,6 @@ def app_of(root: Path, token: str, port: int) -> OwnPagesOnly:
     jobs: list[Job] = []
     cookie, session = f"scleraforce-{port}", secrets.token_urlsafe(32)
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    page = files("scleraforce.app").joinpath("page")
-    assets = {each.name: each.read_bytes() for each in page.iterdir() if each.name.rpartition(".")[2] in TYPES}
 
     @app.middleware("http")
     async def check(request: Request, answer: Callable[[Request], Awaitable[Response]]) -> Response:
@@ -141,16 +142,6 @@ def app_of(root: Path, token: str, port: int) -> OwnPagesOnly:
     @app.exception_handler(OSError)
     async def failed(_: Request, fault: OSError) -> Response:
         return PlainTextResponse(f"{Path(fault.filename).name if fault.filename else 'disk'}: {fault.strerror}", 422)
-
-    @app.get("/")
-    async def index() -> Response:
-        return Response(assets["index.html"], media_type="text/html")
-
-    @app.get("/page/{name}")
-    async def asset(name: str) -> Response:
-        if name not in assets:
-            return PlainTextResponse("there is no such page", 404)
-        return Response(assets[name], media_type=TYPES[name.rpartition(".")[2]])
 
     @app.get("/api/state")
     def state(tab: str = "") -> dict[str, Any]:
@@ -201,19 +192,24 @@ def app_of(root: Path, token: str, port: int) -> OwnPagesOnly:
 
     @app.post("/api/sources")
     def look_at_sources(asked: Asked) -> dict[str, Any]:
-        return sources.look(_inside(folder, asked.names), asked.options(), [*asked.answers])
+        return sources.look(_inside(folder, asked.names), asked.options(folder), [*asked.answers])
 
     @app.post("/api/picture")
     def picture(asked: Asked, number: int) -> Response:
-        return Response(sources.picture(_inside(folder, asked.names), asked.options(), number), media_type="image/png")
+        return Response(
+            sources.picture(_inside(folder, asked.names), asked.options(folder), number), media_type="image/png"
+        )
 
     @app.post("/api/clocks")
     def clocks(asked: Asked) -> dict[str, Any]:
-        return sources.clocks(_inside(folder, asked.names), asked.options())
+        return sources.clocks(_inside(folder, asked.names), asked.options(folder))
 
     @app.post("/api/words")
     def words(run: Run) -> dict[str, Any]:
-        return {"command": shown(words_of(run, folder))}
+        try:
+            return {"command": shown(words_of(run, folder))}
+        except InputError as fault:  # the page shows it in place of the command
+            return {"fault": str(fault)}
 
     @app.post("/api/run")
     def start(run: Run) -> dict[str, Any]:
@@ -234,6 +230,7 @@ def app_of(root: Path, token: str, port: int) -> OwnPagesOnly:
             raise InputError(f"job {job}: has no result")
         return {"text": csv_text(map(flat, jobs[job].result["frames"]))}
 
+    app.mount("/", StaticFiles(packages=[("scleraforce.app", "page")], html=True))
     return OwnPagesOnly(app, HOST, MOST_UPLOAD_BYTES)
 
 

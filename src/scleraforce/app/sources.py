@@ -21,7 +21,8 @@ from scleraforce.segmentation.observations import MIDDLE_M, surface
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.units import to_si
 
-PLAIN = {field.name for field in fields(ImportOptions)} - {"times", "columns", "grey_range", "by_arrival"}
+PLAIN = {field.name for field in fields(ImportOptions)} - {"columns", "grey_range"}
+GATHERED = ("axes", "array", "columns", "image_topic", "force_topic", "by_arrival", "first_frame", "last_frame")
 SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
 LEAST_SHARE = 0.75  # of the frames that must lie on the log under an offset
 LEAST_FRAMES = 6
@@ -66,7 +67,7 @@ class Sources:
     def gathered(self, paths: Sequence[Path], answers: ImportOptions) -> Gathered:
         """Return the frames and the log, read again only if sources or the answers about them have changed."""
         stamps = [(path, path.stat().st_mtime_ns) for path in paths]
-        asked = repr((stamps, answers.axes, answers.array, answers.columns, answers.image_topic, answers.by_arrival))
+        asked = repr((stamps, [getattr(answers, name) for name in GATHERED]))
         with self._lock:
             if self._gathered is None or self._asked != asked:
                 self._gathered, self._asked = gather(paths, answers), asked

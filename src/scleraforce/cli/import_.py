@@ -33,6 +33,9 @@ OPTIONS = (
     click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="Refractive index of the depth axis; 1 "
                  "if the scanner has corrected it."),
     click.option("--bits", type=click.IntRange(8, 16), help="Bits of a 16-bit pixel that are used."),
+    click.option("--first-frame", type=click.IntRange(1), help="First frame to import, counted from 1; --times and "
+                 "--rate-hz are of the frames that are imported."),
+    click.option("--last-frame", type=click.IntRange(1), help="Last frame to import."),
     click.option("--grey-range", type=float, nargs=2, metavar="LOW HIGH", help="Pixel values that become black and "
                  "white; default for floats and wide numbers: the smallest and the largest."),
     click.option("--rate-hz", type=click.FloatRange(1e-3, 1e6), help="Frames per second."),

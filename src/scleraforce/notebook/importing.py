@@ -48,6 +48,7 @@ def import_recording(
     gap_m: float | None = None, axis: str | None = None, contact_sign: int | None = None, columns: Sequence[str] = (),
     rate_hz: float | None = None, times: str | PathLike[str] | None = None, clock_offset_s: float | None = None,
     axes: str | None = None, array: str | None = None, bits: int | None = None,
+    first_frame: int | None = None, last_frame: int | None = None,
     grey_range: tuple[float, float] | None = None, average_s: float | None = None, image_topic: str | None = None,
     force_topic: str | None = None, by_arrival: bool = False, thickness_m: float | None = None,
     iop_pa: float | None = None, globe: str | None = None, polar_angle_rad: float | None = None,
@@ -77,6 +78,8 @@ def import_recording(
         axes: their order in an array or volume, like "frame,depth,lateral".
         array: its name in a .npz.
         bits: of a 16-bit pixel that are used.
+        first_frame: that is imported, counted from 1; `times` and `rate_hz` are of the frames that are.
+        last_frame: that is imported.
         grey_range: pixel values that become black and white.
         average_s: time over which a label averages.
         image_topic: of a ROS bag, where there are several.
@@ -102,6 +105,7 @@ def import_recording(
     given: dict[str, Any] = {
         "axes": axes, "array": array, "width_mm": from_si(width_m, "mm"), "depth_mm": from_si(depth_m, "mm"),
         "refractive_index": refractive_index, "bits": bits, "grey_range": grey_range, "rate_hz": rate_hz,
+        "first_frame": first_frame, "last_frame": last_frame,
         "times": None if times is None else Path(times), "clock_offset_s": clock_offset_s,
         "columns": tuple(columns) or None, "axis": axis, "contact_sign": contact_sign, "average_s": average_s,
         "image_topic": image_topic, "force_topic": force_topic, "by_arrival": by_arrival or None, "eye": eye,

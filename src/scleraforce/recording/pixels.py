@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, replace
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -272,6 +273,16 @@ class Scan:
         """Return the scan with rows and columns exchanged: depth ran along the rows."""
         turned = replace(self, rows=self.columns, columns=self.rows, pictures=lambda: (p.T for p in self.pictures()))
         return replace(turned, depth_pixel_m=self.lateral_pixel_m, lateral_pixel_m=self.depth_pixel_m)
+
+    def between(self, first: int | None, last: int | None) -> "Scan":
+        """Return the frames from the first to the last one, counted from 1; None: from the beginning, to the end."""
+        start, stop = (first or 1) - 1, len(self.names) if last is None else last
+        if not 0 <= start < stop <= len(self.names):
+            name = "--last-frame" if first is None or last is not None else "--first-frame"
+            raise InputError(f"{name}: frames {start + 1} to {stop} of {len(self.names)}; give a stretch of these")
+        times = self.times and replace(self.times, time_s=self.times.time_s[start:stop])
+        stream = self.pictures
+        return replace(self, names=self.names[start:stop], times=times, pictures=lambda: islice(stream(), start, stop))
 
     def of_file(self, path: Path) -> "Scan":
         """Return the scan with the file's name before each note and fault."""

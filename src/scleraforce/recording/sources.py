@@ -60,6 +60,8 @@ class ImportOptions:
     depth_mm: float | None = None
     refractive_index: float | None = None
     bits: int | None = None
+    first_frame: int | None = None
+    last_frame: int | None = None
     grey_range: tuple[float, float] | None = None
     rate_hz: float | None = None
     times: Path | None = None
@@ -230,6 +232,10 @@ def gather(
         raise InputError(f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images")
     if len(logs) > 1:
         raise InputError(f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time")
+    if options.first_frame is not None or options.last_frame is not None:
+        scans = {
+            plane: [joined(found).between(options.first_frame, options.last_frame)] for plane, found in scans.items()
+        }
     of_planes = {plane: joined(found) for plane, found in scans.items() if plane}
     if of_planes and None in scans:
         raise InputError(f"--plane: missing for {scans[None][0].names[0]}; give one before the frames of each plane")

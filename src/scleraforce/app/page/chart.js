@@ -95,11 +95,11 @@ export class Chart {
   }
 
   // The stretch between the least and the largest values.
-  band({ time_s: xs, low, high }) {
+  band({ time_s: xs, low, high }, kind = "range") {
     const known = xs.map((_, n) => n).filter((n) => low[n] !== null);
     const there = known.map((n) => `${this.left(xs[n]).toFixed(1)} ${this.top(high[n]).toFixed(1)}`);
     const back = known.map((n) => `${this.left(xs[n]).toFixed(1)} ${this.top(low[n]).toFixed(1)}`).reverse();
-    if (known.length) this.add("path", { class: "range", d: `M${[...there, ...back].join("L")}Z` });
+    if (known.length) this.add("path", { class: kind, d: `M${[...there, ...back].join("L")}Z` });
   }
 
   level(value, text, kind = "bound") {

@@ -13,6 +13,7 @@ const FIELDS = {
   refractive_index: ["Refractive index of the depth (1: corrected)", "number"],
   bits: ["Bits of a pixel that are used", "number"],
   rate_hz: ["Frames a second", "number"],
+  times: ["Table of the frames' times, in place of it", [""]],
   axis: ["Axis of the force along the needle", ["", "fx", "fy", "fz"]],
   contact_sign: ["Sign of that axis in contact", ["", "1", "-1"]],
   clock_offset_s: ["Force log's clock minus the frames', s", "number"],
@@ -49,7 +50,15 @@ export function fill(sources) {
     box.checked = chosen.has(name);
     return made("li", {}, made("label", {}, box, ` ${name} `), made("span", { class: "soft" }, fault ?? kind));
   });
+  tables(sources);
   element("sources").replaceChildren(...(items.length ? items : [made("li", { class: "soft" }, "none yet")]));
+}
+
+function tables(sources) {
+  form();
+  const select = element("answers").querySelector("[data-name=times] select");
+  select.replaceChildren(...["", ...sources.filter(({ kind }) => kind === "log").map(({ name }) => name)].map((value) => made("option", { value }, value || "–")));
+  select.value = given.times ?? "";
 }
 
 export const show = () => chosen.size && look();
@@ -139,7 +148,8 @@ function run() {
 
 const words = async () => {
   if (!element("import-out").value) element("import-out").value = `recording-${state.recordings.length + 1}`;
-  write("import-command", (await send("words", run())).command);
+  const { command, fault } = await send("words", run());
+  write("import-command", command ?? fault);
 };
 
 element("import-out").oninput = later;

@@ -8,6 +8,7 @@ import * as frames from "./frames.js";
 
 const CURVE = 121; // points of a density
 const WORST = 200; // rows of the table
+const NINETY = 1.645; // standard deviations of a 90 % interval
 
 const chosen = { calibrate: new Set(), read: new Set() };
 
@@ -20,6 +21,7 @@ export function fill({ recordings, calibrations, models }) {
     });
     element(step).querySelector(".recordings").replaceChildren(...items);
   }
+  for (let n = 2; calibrations.some(({ name }) => name === element("calibrate-out").value); n += 1) element("calibrate-out").value = `calibration-${n}.json`;
   choices("read-model", ["default", ...models.map(({ name }) => name)]);
   choices("read-calibration", ["", ...calibrations.map(({ name }) => name)]);
   words();
@@ -54,7 +56,7 @@ const RUNS = {
 async function words() {
   for (const step of ["calibrate", "read"]) {
     let text = "choose a recording";
-    if (chosen[step].size) text = await send("words", RUNS[step]()).then(({ command }) => command, (fault) => fault.message);
+    if (chosen[step].size) text = await send("words", RUNS[step]()).then(({ command, fault }) => command ?? fault, (fault) => fault.message);
     write(`${step}-command`, text);
   }
 }
@@ -123,18 +125,24 @@ function calibrated(result) {
 
 const halfOf = ({ interval_mn: [low, high] }) => Math.max((high - low) / 2, 1e-6);
 const offOf = (frame) => frame.predicted_force_mn - frame.measured_force_mn;
+const spread = ({ measured_force_sd_mn: sd }) => NINETY * (sd ?? 0);
 const compared = (frame) => frame.usable && frame.predicted_force_mn !== null && frame.measured_force_mn !== null && !frame.calibration;
-const outside = (frame) => compared(frame) && (frame.measured_force_mn < frame.interval_mn[0] || frame.measured_force_mn > frame.interval_mn[1]);
+// The label has an error of its own, which adds to the interval's half width in squares.
+const outside = (frame) => {
+  if (!compared(frame)) return false;
+  const off = offOf(frame);
+  const half = off > 0 ? frame.predicted_force_mn - frame.interval_mn[0] : frame.interval_mn[1] - frame.predicted_force_mn;
+  return Math.abs(off) > Math.hypot(half, spread(frame));
+};
 
 async function answers(result, job) {
   const box = element("read-result");
   box.replaceChildren();
   const csv = made("button", { type: "button", onclick: told(async () => download("answers.csv", "text/csv", (await get("csv", { job })).text)) }, "CSV");
   const judged = result.frames.filter(compared);
-  const off = judged.length ? `, ${fixed(judged.reduce((sum, frame) => sum + Math.abs(offOf(frame)), 0) / judged.length, 2)} mN off in the mean (${judged.length} labels)` : "";
-  const held = judged.filter((frame) => !outside(frame)).length;
-  const coverage = judged.length ? `; ${held} of ${judged.length} labels in the 90 % interval` : "";
-  box.append(made("p", {}, `${result.frames.length} frames${off}${coverage} `, csv));
+  const off = result.mae_mn === null ? "" : `, ${fixed(result.mae_mn, 2)} mN off in the mean (${judged.length} labels)`;
+  const held = result.coverage === null ? "" : `; 90 % interval and label agree in ${fixed(100 * result.coverage, 0)} %`;
+  box.append(made("p", {}, `${result.frames.length} frames${off}${held} `, csv));
   for (const name of new Set(result.frames.map((frame) => frame.recording))) {
     const { log, files, time_s: times } = await get("recording", { name });
     const at = new Map(files.map((file, n) => [file, times[n]]));
@@ -160,7 +168,7 @@ function over(svg, mine, at, log) {
   const x = [...mine.map((frame) => at.get(frame.file)), ...(log?.time_s ?? [])];
   const y = [...mine.flatMap((frame) => frame.interval_mn), ...(log ? [...log.low, ...log.high] : [])];
   const plot = new Chart(svg, { x, y, labels: ["time / s", "force / mN"], zero: true });
-  if (log) plot.band(log);
+  if (log) plot.band(log, "log");
   for (const frame of mine) {
     const kind = outside(frame) ? "bad" : "";
     plot.bar(at.get(frame.file), ...frame.interval_mn, kind);
