@@ -3,7 +3,7 @@
 import json
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePath
 from threading import Lock
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.errors import FrameError, InputError
+from scleraforce.models import SHIPPED_READER
 from scleraforce.notebook.frames import load_model, read
 from scleraforce.plain_json import finite, parse_json
 from scleraforce.reader import Reader
@@ -22,6 +23,7 @@ from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import FrameEntry
 from scleraforce.recording.walls import NO_WALL, NOT_JUDGED, WALL, frame_file_digest
 from scleraforce.segmentation.found import Segmentation
+from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_text, write_whole
 
@@ -94,7 +96,8 @@ class Looks:
         """Return size, frames with times and labels, force curve, and the model's limits of a recording."""
         recording = self.recording(path)
         info, log = recording.info, recording.forces
-        trials = label_frames(recording, self.model.study.classes) if log is not None else ()
+        trials = label_frames(recording, ClassesStudy()) if log is not None else ()
+        drawn = {wall.stem for wall in (path / "walls").glob("*.png")}
         force = None
         if log is not None and info.force is not None:
             known = log.known(info.force.axis)
@@ -106,8 +109,8 @@ class Looks:
             "time_s": [entry.time_s for entry in recording.frames],
             "planes": [entry.plane for entry in recording.frames] if info.oct.plane else None,
             "force_mn": [from_si(trial.measured_force_n, "mn") for trial in trials] or None,
-            "log": force, "notes": list(limit_notes(self.model.path, info)),
-            "corrected": [entry.file for entry in recording.frames if recording.walls.path(entry.file).exists()],
+            "log": force, "notes": list(limit_notes(SHIPPED_READER, info)),
+            "corrected": [entry.file for entry in recording.frames if PurePath(entry.file).stem in drawn] if drawn else [],
         }  # fmt: skip
 
     def look(self, path: Path, file: str) -> dict[str, Any]:

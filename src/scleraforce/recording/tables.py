@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -280,7 +281,7 @@ class ForceLog:
     columns: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def sample_rate_hz(self) -> float:
         """Samples a second, from the median interval."""
         return 1.0 / float(np.median(np.diff(self.time_s)))

@@ -61,7 +61,7 @@ function tables(sources) {
   select.value = given.times ?? "";
 }
 
-export const show = () => chosen.size && look();
+export const show = () => look();
 
 function choose(name, on) {
   if (on) chosen.add(name);
@@ -73,9 +73,9 @@ function choose(name, on) {
 
 const look = told(async () => {
   form();
+  for (const id of ["answers", "import-end"]) element(id).hidden = !chosen.size;
   if (!chosen.size) {
-    element("source").hidden = true;
-    element("log").hidden = true;
+    for (const id of ["source", "log"]) element(id).hidden = true;
     return;
   }
   const found = await send("sources", asked());
