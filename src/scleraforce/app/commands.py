@@ -72,7 +72,8 @@ class Job:
         assert process.stdout is not None
         listener = Thread(target=self._listen, args=(terminal,), daemon=True)
         listener.start()
-        printed = process.stdout.read()
+        with process.stdout as pipe:
+            printed = pipe.read()
         code = process.wait()
         listener.join()
         try:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from scleraforce.arrays import Bytes, Floats
-from scleraforce.errors import FrameError, InputError
+from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.models import SHIPPED_READER
 from scleraforce.notebook.frames import load_model, read
 from scleraforce.plain_json import finite, parse_json
@@ -96,8 +96,13 @@ class Looks:
         """Return size, frames with times and labels, force curve, and the model's limits of a recording."""
         recording = self.recording(path)
         info, log = recording.info, recording.forces
-        trials = label_frames(recording, ClassesStudy()) if log is not None else ()
+        notes = list(limit_notes(SHIPPED_READER, info))
+        try:
+            trials = label_frames(recording, ClassesStudy()) if log is not None else ()
+        except RecordingError as fault:  # which says why no frame has one
+            trials, notes = (), [*notes, str(fault)]
         drawn = {wall.stem for wall in (path / "walls").glob("*.png")}
+        files = [entry.file for entry in recording.frames]
         force = None
         if log is not None and info.force is not None:
             known = log.known(info.force.axis)
@@ -105,12 +110,12 @@ class Looks:
         return {
             "eye": info.eye.id, "rows": info.oct.rows, "columns": info.oct.columns,
             "width_mm": from_si(info.oct.width_m, "mm"), "depth_mm": from_si(info.oct.depth_m, "mm"),
-            "files": [entry.file for entry in recording.frames],
+            "files": files,
             "time_s": [entry.time_s for entry in recording.frames],
             "planes": [entry.plane for entry in recording.frames] if info.oct.plane else None,
             "force_mn": [from_si(trial.measured_force_n, "mn") for trial in trials] or None,
-            "log": force, "notes": list(limit_notes(SHIPPED_READER, info)),
-            "corrected": [entry.file for entry in recording.frames if PurePath(entry.file).stem in drawn] if drawn else [],
+            "log": force, "notes": notes,
+            "corrected": [file for file in files if PurePath(file).stem in drawn] if drawn else [],
         }  # fmt: skip
 
     def look(self, path: Path, file: str) -> dict[str, Any]:

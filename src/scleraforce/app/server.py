@@ -244,18 +244,19 @@ def listen(port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((HOST, port))
+        listener.listen()
     except OSError as fault:
         listener.close()
         raise InputError(f"--port {port}: {fault.strerror}; choose another one, or 0 for a free one") from fault
     return listener
 
 
-def serve(root: Path, listener: socket.socket, token: str) -> None:
-    """Serve the app until Ctrl-C."""
+def server_of(root: Path, listener: socket.socket, token: str) -> uvicorn.Server:
+    """Return the app's server; `run([listener])` serves until Ctrl-C."""
     app = app_of(root, token, listener.getsockname()[1])
-    uvicorn.Server(
+    return uvicorn.Server(
         uvicorn.Config(
             app, lifespan="off", log_level="critical", access_log=False, server_header=False, proxy_headers=False,
             timeout_graceful_shutdown=1,
         )
-    ).run([listener])  # fmt: skip
+    )  # fmt: skip

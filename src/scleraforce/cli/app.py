@@ -27,11 +27,11 @@ def app(folder: Path, port: int, opens: bool) -> None:
         raise InputError(f"{folder}: no such folder; make it, or give another one")
     if missing := [name for name in ("fastapi", "uvicorn") if find_spec(name) is None]:
         raise InputError(f"app: {missing[0]} is not installed; run pip install 'scleraforce[web]'")
-    from scleraforce.app.server import HOST, listen, serve
+    from scleraforce.app.server import HOST, listen, server_of
 
     token, listener = secrets.token_urlsafe(24), listen(port)
     address = f"http://{HOST}:{listener.getsockname()[1]}/?token={token}"
     say(f"open {address}\nCtrl-C ends it")
     if opens:
         webbrowser.open(address)
-    serve(folder, listener, token)
+    server_of(folder, listener, token).run([listener])

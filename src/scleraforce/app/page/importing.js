@@ -87,7 +87,7 @@ const look = told(async () => {
   }
   list("import-notes", found.notes);
   element("source").hidden = false;
-  write("source-size", `${found.frames} frames of ${found.rows} × ${found.columns} pixels (depth × lateral)`);
+  write("source-size", `${found.frames} frames of ${found.rows} x ${found.columns} pixels (depth x lateral)`);
   element("source-number").max = found.frames;
   image = await picture("picture", asked(), { number: number() });
   draw();

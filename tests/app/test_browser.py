@@ -1,0 +1,178 @@
+"""A whole session of the app in a real browser: files to a recording, a wall corrected, E, and forces."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from chromium import NEEDS_CHROMIUM
+from playwright.sync_api import Browser, Page, expect
+from running_app import TOKEN, running_app
+
+import scleraforce as sf
+
+pytestmark = NEEDS_CHROMIUM
+FORCES_N = (0.012, 0.024, 0.036, 0.004, 0.015, 0.034)
+LONG_MS = 120_000
+ANSWERS = {"width_mm": "15", "depth_mm": "4", "refractive_index": "1", "bits": "12", "eye": "mine", "gauge": "22",
+           "gap_mm": "0.5", "thickness_um": "650", "iop_mmhg": "2", "clock_offset_s": "0"}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("eye") / "eye-a"
+    sf.phantom(path, eye="eye-a", forces_n=list(FORCES_N), thickness_m=650e-6, youngs_modulus_pa=0.3e6, globe="open")
+    return path
+
+
+@pytest.fixture
+def files(eye: Path, tmp_path: Path) -> list[str]:
+    """A laboratory's own: a stack without a scale, a log in ms and mN, and the frames' times."""
+    frames = [cv2.imread(str(path), cv2.IMREAD_UNCHANGED) for path in sorted((eye / "frames").iterdir())]
+    tifffile.imwrite(tmp_path / "scan.tif", np.array(frames), photometric="minisblack")
+    log = np.loadtxt(eye / "forces.csv", delimiter=",", skiprows=1)
+    table = np.column_stack([1e3 * log[:, 0], -1e3 * log[:, 3]])
+    np.savetxt(tmp_path / "log.csv", table, "%.2f", ",", header="clock,pull", comments="")
+    (tmp_path / "times.csv").write_bytes((eye / "frames.csv").read_bytes())
+    return [str(tmp_path / name) for name in ("scan.tif", "log.csv", "times.csv")]
+
+
+@pytest.fixture
+def page(browser: Browser, tmp_path: Path) -> Iterator[tuple[Page, Path, list[str]]]:
+    """The app's page on an empty folder, and what the page complains of."""
+    folder, complaints = tmp_path / "folder", list[str]()
+    folder.mkdir()
+    with running_app(folder) as client:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        found = context.new_page()
+        found.set_default_timeout(LONG_MS)
+        expect.set_options(timeout=LONG_MS)
+        found.on("pageerror", lambda fault: complaints.append(str(fault)))
+        found.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
+        yield found, folder, complaints
+        context.close()
+
+
+def import_(page: Page, files: list[str], out: str) -> None:
+    page.set_input_files("#files", files)
+    expect(page.locator("#sources li")).to_have_count(3)
+    page.uncheck("#sources li:has-text('times.csv') input")
+    page.fill("[data-column=time] input", "clock:ms")
+    page.fill("[data-column=fz] input", "pull:mN")
+    expect(page.locator("#source-size")).to_have_text("6 frames of 512 x 512 pixels (depth x lateral)")
+    expect(page.locator("[data-name=gauge]")).to_have_class("missing")
+    for name, text in ANSWERS.items():
+        page.fill(f"[data-name={name}] input", text)
+    page.select_option("[data-name=times] select", "sources/times.csv")
+    page.select_option("[data-name=contact_sign] select", "1")
+    page.select_option("[data-name=globe] select", "open")
+    page.fill("#import-out", out)
+    expect(page.locator("#import-command")).to_contain_text(f"--gap-mm=0.5 --out={out}".partition(" ")[0])
+    expect(page.locator("#import-command")).to_contain_text(f"--out={out}")
+    page.click("#import-run")
+    expect(page.locator("#frames")).to_be_visible()
+    expect(page.locator("#place")).to_contain_text("1 of 6")
+
+
+def drag(page: Page, down: float) -> None:
+    """Drag the handle of the surface in the middle of the frame down by a share of the frame's depth."""
+    place: dict[str, Any] = page.evaluate(
+        """() => { const box = document.getElementById("frame").getBoundingClientRect();
+             return { x: box.x, y: box.y, width: box.width, height: box.height }; }"""
+    )
+    look = page.request.get(f"{page.url}api/look?name=mine&file=0001.png").json()
+    column = round(6.5 * 512 / 13)
+    x = place["x"] + (column + 0.5) / 512 * place["width"]
+    y = place["y"] + (look["wall"]["outer"][column] + 0.5) / 512 * place["height"]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y + down * place["height"], steps=4)
+    page.mouse.up()
+
+
+def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
+    page: tuple[Page, Path, list[str]], files: list[str]
+) -> None:
+    found, folder, complaints = page
+    expect(found.locator("#import")).to_be_visible()  # an empty folder begins here
+    import_(found, files, "mine")
+    assert len(sf.read_recording(folder / "mine").frames) == len(FORCES_N)
+    expect(found.locator("#verdict")).to_contain_text("mN (90 %:")
+
+    found.click("[data-step=correct]")
+    expect(found.locator("#accept")).to_be_enabled()
+    before = sf.read(sf.load_model("default"), folder / "mine" / "frames" / "0001.png").segmentation
+    drag(found, 0.05)
+    expect(found.locator("#draft")).to_have_text("draft kept")
+    found.keyboard.press("Control+z")
+    found.keyboard.press("Control+y")
+    found.click("#accept")
+    expect(found.locator("#verdict")).to_contain_text("wall: corrected")
+    after = sf.read(sf.load_model("default"), folder / "mine" / "frames" / "0001.png").segmentation
+    assert before is not None
+    assert after is not None
+    assert after.source == "corrected"
+    moved = (after.outer_row - before.outer_row)[256]
+    assert moved == pytest.approx(0.05 * 512, abs=2.0)
+    found.click("#restore")
+    expect(found.locator("#verdict")).not_to_contain_text("corrected")
+    assert list((folder / "mine" / "walls").iterdir()) == []
+
+    found.click("[data-step=calibrate]")
+    found.check("#calibrate .recordings input")
+    expect(found.locator("#calibrate-command")).to_have_text(
+        "scleraforce calibrate mine --frames=3 --out=calibration.json"
+    )
+    found.click("#calibrate-run")
+    expect(found.locator("#calibrate-result tbody tr")).to_have_count(1)
+    mean_mpa = json.loads((folder / "calibration.json").read_text())["eyes"]["mine"]["mean_mpa"]
+    expect(found.locator("#calibrate-result tbody")).to_contain_text(f"{mean_mpa:.3f}")
+
+    found.click("[data-step=read]")
+    found.check("#read .recordings input")
+    found.select_option("#read-calibration", "calibration.json")
+    found.click("#read-run")
+    expect(found.locator("#read-result tbody tr")).to_have_count(len(FORCES_N))
+    expect(found.locator("#read-result svg")).to_have_count(2)
+    with found.expect_download() as caught:
+        found.click("#read-result button:has-text('CSV')")
+    lines = Path(caught.value.path()).read_text().splitlines()
+    assert lines[0].startswith("recording,eye,file,")
+    assert len(lines) == len(FORCES_N) + 1
+    with found.expect_download() as caught:
+        found.click("#read-result button:has-text('SVG') >> nth=0")
+    assert Path(caught.value.path()).read_text().startswith("<svg")
+    found.click("#read-result tbody tr >> nth=0")
+    expect(found.locator("#frames")).to_be_visible()
+    assert complaints == []
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(400, "light"), (400, "dark"), (1280, "dark")])
+def test_the_page_fits_its_window(browser: Browser, eye: Path, width: int, scheme: Any) -> None:
+    with running_app(eye.parent) as client:
+        context = browser.new_context(viewport={"width": width, "height": 800}, color_scheme=scheme)
+        page = context.new_page()
+        page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
+        expect(page.locator("#verdict")).not_to_have_text("", timeout=LONG_MS)
+        for step in ("import", "look", "correct", "calibrate", "read"):
+            page.click(f"[data-step={step}]")
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+        context.close()
+
+
+def test_keys_go_through_the_frames(browser: Browser, eye: Path) -> None:
+    with running_app(eye.parent) as client:
+        page = browser.new_page()
+        page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
+        place = page.locator("#place")
+        expect(place).to_contain_text("1 of 6", timeout=LONG_MS)
+        for key, shown in (("ArrowRight", "2 of 6"), ("ArrowRight", "3 of 6"), ("ArrowLeft", "2 of 6")):
+            page.keyboard.press(key)
+            expect(place).to_contain_text(shown, timeout=LONG_MS)
+        page.keyboard.press(" ")
+        expect(place).to_contain_text("6 of 6", timeout=LONG_MS)
+        page.close()

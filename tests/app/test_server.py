@@ -1,0 +1,206 @@
+"""The app's server: who is answered, what it may write, and that paths stay inside the folder."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+import pytest
+from running_app import Client, running_app
+from small_recordings import COLUMNS, ROWS, write_small_recording
+from waiting import wait_until
+
+from scleraforce.app.looks import mask_between, read_draft, remove_draft, write_draft
+from scleraforce.app.server import Holder
+from scleraforce.recording.folder import read_recording
+from scleraforce.recording.images import read_frame
+from scleraforce.recording.walls import RecordedWalls, remove_wall, write_wall
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("app") / "root"
+    write_small_recording(root / "small", frames=4)
+    write_small_recording(root.parent / "outside", frames=1)
+    (root / "link").symlink_to(root.parent / "outside")
+    (root / "log.csv").write_text("time_s,fz_n\n0,0\n1,0\n")
+    (root / "notes.xyz").write_bytes(b"\x01\x02 nothing that is read")
+    return root
+
+
+@pytest.fixture(scope="module")
+def app(folder: Path) -> Iterator[Client]:
+    with running_app(folder) as client:
+        yield client.open()
+
+
+def refusal(app: Client, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, str]:
+    status, text, _ = app.ask(method, path, body, **headers)
+    return status, text.decode()
+
+
+def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_do_not_get(app: Client) -> None:
+    status, _, headers = app.ask("GET", f"/?token={'t' * 32}", Cookie="")
+    assert (status, headers["location"]) == (303, "/")
+    assert {"httponly", "samesite=strict"} <= {part.strip().lower() for part in headers["set-cookie"].split(";")}
+    assert "t" * 32 not in headers["set-cookie"]
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/main.js", "/api/state", "/?token=wrong", "/api/frame?name=small&file=0000.png"]
+)
+def test_nothing_is_answered_without_the_cookie(app: Client, path: str) -> None:
+    assert refusal(app, "GET", path, Cookie="")[0] == 403
+    assert refusal(app, "GET", path, Cookie=app.cookie + "x")[0] == 403
+
+
+def test_other_hosts_and_origins_are_refused(app: Client) -> None:
+    assert refusal(app, "GET", "/api/state", Host="evil.example")[0] == 403
+    assert refusal(app, "DELETE", "/api/run", Origin="http://evil.example")[0] == 403
+    assert refusal(app, "DELETE", "/api/run", Origin="")[0] == 403
+    assert refusal(app, "DELETE", "/api/run")[0] == 200
+
+
+def test_a_second_tab_reads_and_does_not_write(app: Client) -> None:
+    assert app.json("GET", "/api/state?tab=tab-1")["writes"]
+    assert not app.json("GET", "/api/state?tab=tab-2")["writes"]
+    status, text = refusal(app, "DELETE", "/api/run", X_Tab="tab-2")
+    assert (status, "another tab" in text) == (409, True)
+    assert refusal(app, "DELETE", "/api/run", X_Tab="")[0] == 409
+
+
+def test_a_tab_that_is_silent_loses_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr("scleraforce.app.server.monotonic", lambda: now_s[0])
+    holder = Holder()
+    assert holder.is_held_by("a")
+    now_s[0] += 5.0
+    assert not holder.is_held_by("b")
+    now_s[0] += 2.0
+    assert holder.is_held_by("b")
+    assert not holder.is_held_by("a")
+
+
+def test_the_folder_is_listed_with_what_cannot_be_read(app: Client) -> None:
+    state = app.json("GET", "/api/state")
+    assert [entry["name"] for entry in state["recordings"]] == ["small"]
+    sources = {entry["name"]: entry for entry in state["sources"]}
+    assert sources["log.csv"]["kind"] == "log"
+    assert "of no kind that is read" in sources["notes.xyz"]["fault"]
+
+
+@pytest.mark.parametrize("name", ["..", "../outside", "link", "/etc", "small/../../outside", "\0", "x" * 5000, ""])
+def test_paths_that_lead_out_are_refused(app: Client, name: str) -> None:
+    assert refusal(app, "GET", f"/api/recording?name={quote(name)}")[0] == 422
+    assert refusal(app, "POST", "/api/sources", {"names": [name]})[0] == 422
+    run = {"command": "evaluate", "operands": ["default", name]}
+    assert refusal(app, "POST", "/api/run", run)[0] == 422
+
+
+def test_a_recording_is_summed_up_and_its_frames_are_pictures(app: Client, folder: Path) -> None:
+    found = app.json("GET", "/api/recording?name=small")
+    assert (found["rows"], found["columns"], found["files"][0]) == (ROWS, COLUMNS, "0000.png")
+    _, text, headers = app.ask("GET", "/api/frame?name=small&file=0000.png&height=12")
+    assert headers["content-type"] == "image/png"
+    (folder / "small.png").write_bytes(text)
+    assert read_frame(folder / "small.png").shape == (12, 16)
+    (folder / "small.png").unlink()
+    assert refusal(app, "GET", "/api/frame?name=small&file=../../recording.toml")[0] == 422
+
+
+def test_a_dropped_file_is_kept_once_and_whole(app: Client, folder: Path) -> None:
+    data = b"time_s,fz_n\n0,0\n1,0\n" * 3
+    assert app.json("PUT", "/api/source?name=push.csv", data) == {"name": "sources/push.csv"}
+    assert (folder / "sources" / "push.csv").read_bytes() == data
+    status, text = refusal(app, "PUT", "/api/source?name=push.csv", b"other")
+    assert (status, text) == (422, "push.csv: exists already; choose another name")
+    for name in ("../out.csv", ".hidden", "a/b.csv", ""):
+        assert refusal(app, "PUT", f"/api/source?name={name}", data)[0] == 422
+    assert refusal(app, "PUT", "/api/source?name=empty.csv", b"")[0] == 422
+    assert os.listdir(folder / "sources") == ["push.csv"]
+
+
+def test_commands_are_shown_as_they_would_be_typed(app: Client) -> None:
+    run = {"command": "evaluate", "operands": ["default", "small"], "options": {"html": "a page.html"}}
+    assert app.json("POST", "/api/words", run)["command"] == "scleraforce evaluate default small '--html=a page.html'"
+    run = {
+        "command": "calibrate",
+        "operands": ["small"],
+        "out": "e.json",
+        "options": {"frames": 3, "without_force": True},
+    }
+    words = "scleraforce calibrate small --frames=3 --without-force --out=e.json"
+    assert app.json("POST", "/api/words", run)["command"] == words
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"command": "monitor"}, "no command of the app"),
+        ({"options": {"study": "x.toml"}}, "no option of calibrate"),
+        ({"out": "small"}, "exists already"),
+        ({"out": "../e.json"}, "plain name"),
+        ({"operands": ["missing"]}, "does not exist"),
+    ],
+)
+def test_other_commands_options_and_existing_files_are_refused(app: Client, change: Any, fault: str) -> None:
+    run = {"command": "calibrate", "operands": ["small"], "out": "e.json", **change}
+    assert fault in app.json("POST", "/api/words", run)["fault"]
+    assert refusal(app, "POST", "/api/run", run)[0] == 422
+
+
+def test_a_command_that_fails_tells_its_line_and_leaves_nothing(app: Client, folder: Path) -> None:
+    before = sorted(os.listdir(folder))
+    job = app.json("POST", "/api/run", {"command": "calibrate", "operands": ["small"], "out": "e.json"})["job"]
+    wait_until(lambda: app.json("GET", "/api/state?tab=tab-1")["jobs"][job]["done"])
+    ended = app.json("GET", "/api/state")["jobs"][job]
+    assert ended["result"] is None
+    assert "small" in ended["fault"]
+    assert sorted(os.listdir(folder)) == before
+
+
+def test_a_wall_that_is_accepted_is_a_mask_with_its_author_and_frame(tmp_path: Path) -> None:
+    recording = write_small_recording(tmp_path / "small", frames=2)
+    outer, inner = [4.3] * COLUMNS, [9.6] * (COLUMNS - 1) + [None]
+    mask = mask_between(outer, inner, [0, 1], ROWS)
+    assert (mask[:, 0] == 128).all()
+    assert np.flatnonzero(mask[:, 5] == 255).tolist() == [5, 6, 7, 8, 9]
+    assert np.flatnonzero(mask[:, -1] == 255)[-1] == ROWS - 1  # an inner boundary that is not seen
+    write_wall(recording, "0000.png", mask, "somebody", "2026-01-02T03:04:05Z")
+    walls = RecordedWalls(recording)
+    np.testing.assert_array_equal(walls.wall("0000.png"), mask)
+    assert walls.wall("0001.png") is None
+    assert ",somebody,2026-01-02T03:04:05Z," in (recording / "walls.csv").read_text()
+    write_wall(recording, "0001.png", mask, "other", "2026-01-02T03:04:06Z")
+    (recording / "frames" / "0001.png").write_bytes((recording / "frames" / "0000.png").read_bytes())
+    changed = RecordedWalls(recording)
+    assert changed.wall("0001.png") is None
+    assert "another version" in " ".join(changed.notes)
+    remove_wall(recording, "0000.png")
+    assert RecordedWalls(recording).wall("0000.png") is None
+
+
+def test_walls_of_the_users_own_keep_counting_when_the_app_adds_one(tmp_path: Path) -> None:
+    recording = write_small_recording(tmp_path / "small", frames=2)
+    mask = np.zeros((ROWS, COLUMNS), np.uint8)
+    mask[5:9] = 255
+    write_wall(recording, "0001.png", mask, "me", "")
+    (recording / "walls.csv").unlink()
+    write_wall(recording, "0000.png", mask, "me", "2026-01-02T03:04:05Z")
+    walls = RecordedWalls(recording)
+    assert walls.wall("0000.png") is not None
+    assert walls.wall("0001.png") is not None
+
+
+def test_a_draft_is_kept_for_its_frame_alone(tmp_path: Path) -> None:
+    recording = read_recording(write_small_recording(tmp_path / "small", frames=2))
+    drawn = {"outer": [1.0], "inner": [None], "unseen": [0]}
+    write_draft(recording, "0000.png", drawn)
+    assert read_draft(recording, "0000.png") == drawn
+    assert read_draft(recording, "0001.png") is None
+    (recording.path / "frames" / "0000.png").write_bytes((recording.path / "frames" / "0001.png").read_bytes())
+    assert read_draft(recording, "0000.png") is None
+    remove_draft(recording, "0000.png")
+    assert os.listdir(recording.path / "walls") == []

@@ -1,0 +1,59 @@
+"""Sources before their import: what is stated, what is asked, and the clocks."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+
+from scleraforce.app.sources import Sources, answers_of, proposed_offset_s
+from scleraforce.errors import InputError
+
+
+def pushes(time_s: np.ndarray) -> np.ndarray:
+    return 1e-2 * (np.sin(time_s) > 0.3) * (1.0 + 0.2 * np.floor(time_s / 6.0))
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 7.25, -3.5, 1.7e9])
+def test_the_offset_of_the_clocks_is_found_from_the_dents(offset_s: float) -> None:
+    rng = np.random.default_rng(5)
+    frame_s = np.arange(0.0, 40.0, 0.25)
+    log_s = np.arange(-5.0, 45.0, 0.01)
+    dent_m = 0.05 * pushes(frame_s) + 1e-5 * rng.standard_normal(len(frame_s))
+    dent_m[::9] = np.nan
+    force_n = pushes(log_s) + 1e-3 * rng.standard_normal(len(log_s))
+    found = proposed_offset_s(frame_s, dent_m, log_s + offset_s, force_n)
+    assert found is not None
+    assert found[0] == pytest.approx(offset_s, abs=0.15)
+    assert found[1] > 0.95
+
+
+def test_no_offset_is_proposed_from_few_or_equal_dents() -> None:
+    log_s = np.arange(0.0, 10.0, 0.01)
+    assert proposed_offset_s(np.arange(5.0), np.arange(5.0), log_s, pushes(log_s)) is None
+    assert proposed_offset_s(np.arange(8.0), np.ones(8), log_s, pushes(log_s)) is None
+
+
+def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(tmp_path: Path) -> None:
+    stack = np.random.default_rng(0).integers(0, 4096, (5, 32, 48), dtype=np.uint16)
+    tifffile.imwrite(tmp_path / "scan.tif", stack, photometric="minisblack")
+    (tmp_path / "log.csv").write_text("Clock,Pull\n" + "".join(f"{n * 10},{n}\n" for n in range(400)))
+    paths, sources = [tmp_path / "scan.tif", tmp_path / "log.csv"], Sources()
+    asked = sources.look(paths, answers_of({}, []), [])
+    assert asked["option"] == "--column"
+    columns = ["time=Clock:ms", "fz=Pull:mN"]
+    found = sources.look(paths, answers_of({"width_mm": 15.0}, columns), ["width_mm"])
+    assert (found["frames"], found["rows"], found["columns"]) == (5, 32, 48)
+    assert {"depth_mm", "bits", "rate_hz", "eye", "gauge"} <= set(found["missing"])
+    assert "width_mm" not in found["missing"]
+    assert found["stated"]["axis"]["value"] == "fz"
+    assert max(found["log"]["fz"]["high"]) == pytest.approx(399.0)
+    some = sources.look(paths, answers_of({"first_frame": 2, "last_frame": 3}, columns), [])
+    assert some["frames"] == 2
+    with pytest.raises(InputError, match="--last-frame: frames 1 to 6 of 5"):
+        sources.look(paths, answers_of({"last_frame": 6}, columns), [])
+    assert sources.picture(paths, answers_of({}, columns), 4).startswith(b"\x89PNG")
+    with pytest.raises(InputError, match="frame 6: there are 5"):
+        sources.picture(paths, answers_of({}, columns), 5)
+    with pytest.raises(InputError, match="secret: no option of import"):
+        answers_of({"secret": 1.0}, [])

@@ -1,0 +1,62 @@
+"""The app in a thread, with a client that has its cookie."""
+
+import http.client
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from waiting import FUSE_S
+
+from scleraforce.app.server import HOST, listen, server_of
+
+TOKEN = "t" * 32
+
+
+class Client:
+    """Requests of one tab."""
+
+    def __init__(self, port: int, tab: str = "tab-1") -> None:
+        self.port, self.tab, self.cookie = port, tab, ""
+
+    def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, bytes, dict[str, str]]:
+        """Send a request as the page would; return status, body and headers."""
+        link = http.client.HTTPConnection(HOST, self.port, timeout=FUSE_S)
+        data = body if isinstance(body, bytes) else b"" if body is None else json.dumps(body).encode()
+        own = {"Origin": f"http://{HOST}:{self.port}", "Content-Type": "application/json", "X-Tab": self.tab}
+        own |= {"Cookie": self.cookie} if self.cookie else {}
+        given = {key.replace("_", "-"): value for key, value in headers.items()}
+        link.request(method, path, data, {key: value for key, value in {**own, **given}.items() if value})
+        answer = link.getresponse()
+        found = answer.status, answer.read(), {key.lower(): value for key, value in answer.getheaders()}
+        link.close()
+        return found
+
+    def open(self, token: str = TOKEN) -> "Client":
+        """Exchange the token for the cookie."""
+        _, _, headers = self.ask("GET", f"/?token={token}")
+        self.cookie = headers.get("set-cookie", "").partition(";")[0]
+        return self
+
+    def json(self, method: str, path: str, body: Any = None) -> Any:
+        """Return an answer, which has to be one."""
+        status, text, _ = self.ask(method, path, body)
+        assert status == 200, text
+        return json.loads(text)
+
+
+@contextmanager
+def running_app(folder: Path) -> Iterator[Client]:
+    """Serve a folder."""
+    listener = listen(0)
+    server = server_of(folder, listener, TOKEN)
+    thread = Thread(target=server.run, args=([listener],), daemon=True)
+    thread.start()
+    try:
+        yield Client(listener.getsockname()[1])
+    finally:
+        server.should_exit = True
+        thread.join(FUSE_S)
+        listener.close()
