@@ -15,6 +15,7 @@ from scleraforce.arrays import Floats
 from scleraforce.errors import InputError
 from scleraforce.plain_json import finite
 from scleraforce.recording.importing import QUESTIONS, given_times, open_questions
+from scleraforce.recording.labels import low_pass
 from scleraforce.recording.pixels import PixelScale, UnansweredError, find_greys, one_grey
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, gather
 from scleraforce.segmentation.observations import MIDDLE_M, surface
@@ -27,6 +28,7 @@ SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
 LEAST_SHARE = 0.75  # of the frames that must lie on the log under an offset
 LEAST_FRAMES = 6
 OFFSETS = 4000
+AS_GOOD = 0.01  # less correlation than the best one
 
 
 def proposed_offset_s(frame_s: Floats, dent_m: Floats, log_s: Floats, force_n: Floats) -> tuple[float, float] | None:
@@ -38,23 +40,31 @@ def proposed_offset_s(frame_s: Floats, dent_m: Floats, log_s: Floats, force_n: F
         log_s: times of the log, rising.
         force_n: contact force, of one sign.
     """
-    seen, known = np.isfinite(dent_m), np.isfinite(force_n)
-    frame_s, dent_m, log_s, force_n = frame_s[seen], dent_m[seen], log_s[known], force_n[known]
+    seen = np.isfinite(dent_m)
+    frame_s, dent_m = frame_s[seen], dent_m[seen]
     if len(frame_s) < LEAST_FRAMES or not len(log_s):
         return None
-    best: tuple[float, float] | None = None
-    for offset_s in np.linspace(log_s[0] - frame_s[-1], log_s[-1] - frame_s[0], OFFSETS).tolist():
-        time_s = frame_s + offset_s
-        on = (time_s >= log_s[0]) & (time_s <= log_s[-1])
-        if on.sum() < max(LEAST_FRAMES, LEAST_SHARE * len(on)):
-            continue
-        force = np.interp(time_s[on], log_s, force_n)
-        if np.ptp(force) == 0.0 or np.ptp(dent_m[on]) == 0.0:
-            continue
-        fit = float(np.corrcoef(force, dent_m[on])[0, 1])
-        if best is None or abs(fit) > abs(best[1]):
-            best = offset_s, fit
-    return best
+    offsets_s = np.linspace(log_s[0] - frame_s[-1], log_s[-1] - frame_s[0], OFFSETS)
+    fits = np.array([_correlation(frame_s + offset_s, dent_m, log_s, force_n) for offset_s in offsets_s.tolist()])
+    if np.isnan(fits).all():
+        return None
+    best = int(np.nanargmax(np.abs(fits)))
+    # Frames taken while the needle rests fit as well a little earlier or later: the middle of these.
+    worse = np.flatnonzero(~(np.abs(fits) > abs(fits[best]) - AS_GOOD))
+    at = np.searchsorted(worse, best)
+    first = worse[at - 1] + 1 if at else 0
+    last = worse[at] - 1 if at < len(worse) else OFFSETS - 1
+    return float(offsets_s[first] + offsets_s[last]) / 2, float(fits[best])
+
+
+def _correlation(time_s: Floats, dent_m: Floats, log_s: Floats, force_n: Floats) -> float:
+    on = (time_s >= log_s[0]) & (time_s <= log_s[-1])
+    if on.sum() < max(LEAST_FRAMES, LEAST_SHARE * len(on)):
+        return float("nan")
+    force = np.interp(time_s[on], log_s, force_n)
+    if np.ptp(force) == 0.0 or np.ptp(dent_m[on]) == 0.0:
+        return float("nan")
+    return float(np.corrcoef(force, dent_m[on])[0, 1])
 
 
 class Sources:
@@ -119,9 +129,9 @@ class Sources:
             for number, picture in enumerate(scan.pictures()) if number in chosen
         ])  # fmt: skip
         axis = answers.axis or found.log.columns[0].removesuffix("_n")
-        sign = float(answers.contact_sign or 1)
-        force_n = sign * found.log.force_n(axis)
-        offset = proposed_offset_s(times.time_s[shown], dent_m, found.log.time_s, force_n)
+        log = found.log.known(axis)
+        force_n = float(answers.contact_sign or 1) * low_pass(log.force_n(axis), log.time_s)
+        offset = proposed_offset_s(times.time_s[shown], dent_m, log.time_s, force_n)
         curves: dict[str, Any] = finite({
             "time_s": times.time_s[shown].tolist(), "dent_mm": (dent_m * 1e3).tolist(),
             "offset_s": None if offset is None else offset[0], "correlation": None if offset is None else offset[1],

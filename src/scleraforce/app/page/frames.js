@@ -65,14 +65,19 @@ async function turn(to) {
   const { time_s: times, planes } = chosen.summary;
   write("place", `${name}, ${fixed(times[number], 3)} s, ${number + 1} of ${times.length}${planes ? `, plane ${planes[number]}` : ""}`);
   write("look-command", `scleraforce read default ${chosen.name}/frames/${name}`);
-  const [image, look] = await Promise.all([frame({ name: chosen.name, file: name }), looked(name)]);
+  const image = await frame({ name: chosen.name, file: name });
   if (mine !== asked) return;
-  now = { image, look };
-  draft = corrects ? begun(look) : null;
+  [now, draft] = [{ image, look: looks.get(key(name)) }, null];
+  strip();
+  draw();
+  forces();
+  if (!now.look) write("verdict", "looking …");
+  const look = await looked(name);
+  if (mine !== asked) return;
+  [now, draft] = [{ image, look }, corrects ? begun(look) : null];
   strip();
   words();
   draw();
-  forces();
 }
 
 async function looked(name) {
@@ -136,14 +141,14 @@ function draw() {
   const pen = canvas.getContext("2d");
   pen.drawImage(image, 0, 0, canvas.width, canvas.height);
   const [across, down] = [canvas.width / columns, canvas.height / rows];
-  const wall = draft ?? look.wall;
+  const wall = draft ?? look?.wall;
   pen.lineWidth = 2;
   if (draft) hatch(pen, across);
   if (wall) {
     line(pen, wall.outer, across, down, "--surface", []);
     line(pen, wall.inner, across, down, "--inner", [7, 5]);
   }
-  if (look.answer.needle?.tip_mm) needle(pen, look.answer.needle, width, depth);
+  if (look?.answer.needle?.tip_mm) needle(pen, look.answer.needle, width, depth);
   if (draft) handles(pen, across, down);
 }
 

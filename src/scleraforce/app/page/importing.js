@@ -170,7 +170,7 @@ function draw() {
   const width = given.width_mm ?? seen.stated.width_mm?.value;
   const depth = given.depth_mm ?? seen.stated.depth_mm?.value;
   canvas.width = canvas.clientWidth || 600;
-  canvas.height = Math.round(width && depth ? (canvas.width * depth) / width : (canvas.width * image.height) / image.width);
+  canvas.height = Math.round(width && depth ? (canvas.width * depth) / width : Math.min((canvas.width * image.height) / image.width, 0.45 * canvas.width));
   const pen = canvas.getContext("2d");
   pen.drawImage(image, 0, 0, canvas.width, canvas.height);
   if (!bar) return;

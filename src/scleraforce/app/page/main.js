@@ -19,6 +19,7 @@ export function go(step) {
     else button.removeAttribute("aria-current");
   }
   document.body.dataset.step = step;
+  document.activeElement?.blur(); // a field of a hidden step would take the keys
   tell(null);
   if (SECTIONS[step] === "frames") frames.show(step === "correct");
   if (step === "import") importing.show();
