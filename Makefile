@@ -51,8 +51,8 @@ gallery: .venv/installed  ## the pictures of docs/gallery.md anew, from the scri
 figures: .venv/installed  ## forces read on virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
 
-screenshots: .venv/installed  ## the pictures of the console anew (Chromium; a machine without other work)
-	PYTHONPATH=benchmarks .venv/bin/python -m screenshots.console
+screenshots: .venv/installed  ## the pictures of app and console anew (Chromium; a machine without other work)
+	for page in app console; do PYTHONPATH=benchmarks .venv/bin/python -m screenshots.$$page || exit; done
 
 stale: .venv/installed  ## which figures of the pages today's code would no longer make, in a minute
 	PYTHONPATH=benchmarks .venv/bin/python -m provenance
