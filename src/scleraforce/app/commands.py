@@ -89,7 +89,7 @@ class Job:
         while data := _read(terminal):
             text = (text + data.decode(errors="replace"))[-KEPT:]
             if bars := BAR.findall(text):
-                self.title, self.share = bars[-1][0].strip(), int(bars[-1][1]) / 100
+                self.title, self.share = bars[-1][0].strip(), float(f"{bars[-1][1]}e-2")
         os.close(terminal)
         faults = re.findall(r"^error: (.*?)\r?$", text, re.MULTILINE)
         self.fault = faults[-1] if faults else None

@@ -106,7 +106,7 @@ class Looks:
         force = None
         if log is not None and info.force is not None:
             known = log.known(info.force.axis)
-            force = curve(known.time_s, contact_force(known, info.force) * 1e3)
+            force = curve(known.time_s, from_si(contact_force(known, info.force), "mn"))
         return {
             "eye": info.eye.id, "rows": info.oct.rows, "columns": info.oct.columns,
             "width_mm": from_si(info.oct.width_m, "mm"), "depth_mm": from_si(info.oct.depth_m, "mm"),

@@ -20,7 +20,7 @@ from scleraforce.recording.pixels import PixelScale, UnansweredError, find_greys
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, gather
 from scleraforce.segmentation.observations import MIDDLE_M, surface
 from scleraforce.segmentation.wall import find_wall
-from scleraforce.units import to_si
+from scleraforce.units import from_si, to_si
 
 PLAIN = {field.name for field in fields(ImportOptions)} - {"columns", "grey_range"}
 GATHERED = ("axes", "array", "columns", "image_topic", "force_topic", "by_arrival", "first_frame", "last_frame")
@@ -99,7 +99,7 @@ class Sources:
             "missing": {name: question.words for name, question in missing.items()},
             "optional": [name for name, question in QUESTIONS.items() if question.optional],
             "time_s": None if scan.times is None else scan.times.time_s.tolist(),
-            "log": {name.removesuffix("_n"): curve(log.time_s, log.force_n(name.removesuffix("_n")) * 1e3)
+            "log": {name.removesuffix("_n"): curve(log.time_s, from_si(log.force_n(name.removesuffix("_n")), "mn"))
                     for name in axes} if log is not None else {},
             "notes": list(found.notes),
         })  # fmt: skip
@@ -133,7 +133,7 @@ class Sources:
         force_n = float(answers.contact_sign or 1) * low_pass(log.force_n(axis), log.time_s)
         offset = proposed_offset_s(times.time_s[shown], dent_m, log.time_s, force_n)
         curves: dict[str, Any] = finite({
-            "time_s": times.time_s[shown].tolist(), "dent_mm": (dent_m * 1e3).tolist(),
+            "time_s": times.time_s[shown].tolist(), "dent_mm": from_si(dent_m, "mm").tolist(),
             "offset_s": None if offset is None else offset[0], "correlation": None if offset is None else offset[1],
         })  # fmt: skip
         return curves
