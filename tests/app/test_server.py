@@ -83,7 +83,7 @@ def test_a_tab_that_is_silent_loses_its_place(monkeypatch: pytest.MonkeyPatch) -
     assert not holder.is_held_by("a")
 
 
-def test_the_folder_is_listed_with_what_cannot_be_read(app: Client) -> None:
+def test_the_folder_is_listed_and_files_that_cannot_be_read_say_why(app: Client) -> None:
     state = app.json("GET", "/api/state")
     assert [entry["name"] for entry in state["recordings"]] == ["small"]
     sources = {entry["name"]: entry for entry in state["sources"]}

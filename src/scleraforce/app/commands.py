@@ -20,7 +20,7 @@ from typing import Any
 COMMAND = (sys.executable, "-c", "from scleraforce.cli.main import main; main()")
 BAR = re.compile(r"([A-Za-z ]+): +(\d+)%")  # tqdm's
 INTERRUPTED = 130
-KEPT = 4096  # characters of what a command says on standard error
+KEPT = 4096  # last characters of a command's standard error
 BYTES = 65536
 
 

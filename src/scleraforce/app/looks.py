@@ -1,4 +1,4 @@
-"""What the page shows of a recording: its frames as pictures, its log as a curve, each frame's wall and answer."""
+"""A recording on the page: its frames as pictures, its log as a curve, each frame's wall and answer."""
 
 import json
 from functools import cached_property
@@ -119,7 +119,7 @@ class Looks:
         }  # fmt: skip
 
     def look(self, path: Path, file: str) -> dict[str, Any]:
-        """Return the wall of a frame, and the answer of the bundled reader with what it says against the frame."""
+        """Return the wall of a frame, and the answer of the bundled reader with its warnings."""
         recording, entry = self.entry(path, file)
         moment = next(each for each in recording.moments if entry in each)
         frames = [entry, *(other for other in moment if other is not entry)]

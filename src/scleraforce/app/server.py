@@ -57,7 +57,7 @@ class Drawn(BaseModel):
 
 
 class Run(BaseModel):
-    """A command with its operands, the name of what it writes, and options by their names."""
+    """A command with its operands, the name of the file or folder that it writes, and options by their names."""
 
     command: str
     operands: list[str] = Field(max_length=20000)
