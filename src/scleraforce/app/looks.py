@@ -15,7 +15,7 @@ from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.models import SHIPPED_READER
 from scleraforce.notebook.frames import load_model, read
 from scleraforce.plain_json import finite, parse_json
-from scleraforce.reader import Reader
+from scleraforce.reader.kinds import Reader
 from scleraforce.reader.limits import limit_notes
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import contact_force, label_frames
