@@ -1,6 +1,7 @@
 """A whole session of the app in a real browser: files to a recording, a wall corrected, E, and forces."""
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -78,13 +79,13 @@ def import_(page: Page, files: list[str], out: str) -> None:
     expect(page.locator("#place")).to_contain_text("1 of 6")
 
 
-def drag(page: Page, down: float) -> None:
+def drag(page: Page, down: float, file: str = "0001.png") -> None:
     """Drag the handle of the surface in the middle of the frame down by a share of the frame's depth."""
     place: dict[str, Any] = page.evaluate(
         """() => { const box = document.getElementById("frame").getBoundingClientRect();
              return { x: box.x, y: box.y, width: box.width, height: box.height }; }"""
     )
-    look = page.request.get(f"{page.url}api/look?name=mine&file=0001.png").json()
+    look = page.request.get(f"{page.url}api/look?name=mine&file={file}").json()
     column = round(6.5 * 512 / 13)
     x = place["x"] + (column + 0.5) / 512 * place["width"]
     y = place["y"] + (look["wall"]["outer"][column] + 0.5) / 512 * place["height"]
@@ -107,7 +108,7 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     expect(found.locator("#accept")).to_be_enabled()
     before = sf.read(sf.load_model("default"), folder / "mine" / "frames" / "0001.png").segmentation
     drag(found, 0.05)
-    expect(found.locator("#draft")).to_have_text("draft kept")
+    expect(found.locator("#draft")).to_have_text("draft saved")
     found.keyboard.press("Control+z")
     found.keyboard.press("Control+y")
     found.click("#accept")
@@ -176,3 +177,43 @@ def test_keys_go_through_the_frames(browser: Browser, eye: Path) -> None:
         page.keyboard.press(" ")
         expect(place).to_contain_text("6 of 6", timeout=LONG_MS)
         page.close()
+
+
+def test_a_draft_stays_with_its_frame_and_faults_are_shown(browser: Browser, eye: Path, tmp_path: Path) -> None:
+    shutil.copytree(eye, tmp_path / "mine")
+    files = [entry.file for entry in sf.read_recording(eye).frames]
+    (tmp_path / "mine" / "frames" / files[1]).write_bytes(b"\x89PNG damaged")
+    with running_app(tmp_path) as client:
+        page = browser.new_page()
+        page.set_default_timeout(LONG_MS)
+        page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
+        page.click("[data-step=correct]")
+        expect(page.locator("#verdict")).to_contain_text("mN", timeout=LONG_MS)
+        drag(page, 0.05, files[0])
+        page.keyboard.press("ArrowRight")  # before the draft is sent
+        expect(page.locator("#fault")).to_contain_text(files[1], timeout=LONG_MS)
+        page.click("#accept")
+        page.keyboard.press("ArrowLeft")
+        expect(page.locator("#verdict")).to_contain_text("mN", timeout=LONG_MS)
+        assert [path.name for path in (tmp_path / "mine" / "walls").iterdir()] == [f".{Path(files[0]).stem}.draft.json"]
+        page.click("[data-step=read]")
+        page.check("#read .recordings input")
+        page.click("#read-run")
+        expect(page.locator("#fault")).to_contain_text(files[1], timeout=LONG_MS)
+        page.close()
+
+
+def test_a_duplicated_tab_is_read_only_and_an_empty_folder_has_no_faults(page: tuple[Page, Path, list[str]]) -> None:
+    found, _, complaints = page
+    expect(found.locator("#import")).to_be_visible()
+    with found.expect_popup() as opened:
+        found.evaluate("open('/')")
+    expect(opened.value.locator("#read-only")).to_be_visible()
+    expect(found.locator("#read-only")).to_be_hidden()
+    opened.value.close()
+    for step in ("look", "correct"):
+        found.click(f"[data-step={step}]")
+        for button in ("#play", "#next", "#back", "#zoom-in"):
+            found.click(button)
+        expect(found.locator("#fault")).to_be_hidden()
+    assert complaints == []

@@ -1,7 +1,10 @@
 """The app's server: who is answered, what it may write, and that paths stay inside the folder."""
 
 import os
+import shutil
+import socket
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -12,8 +15,10 @@ from running_app import Client, running_app
 from small_recordings import COLUMNS, ROWS, write_small_recording
 from waiting import wait_until
 
-from scleraforce.app.looks import mask_between, read_draft, remove_draft, write_draft
-from scleraforce.app.server import Holder
+from scleraforce.app.folder import Folder
+from scleraforce.app.looks import check_alone, mask_between, read_draft, remove_draft, write_draft
+from scleraforce.app.server import HOST, Holder
+from scleraforce.errors import InputError
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.walls import RecordedWalls, remove_wall, write_wall
@@ -119,7 +124,83 @@ def test_a_dropped_file_is_kept_once_and_whole(app: Client, folder: Path) -> Non
     for name in ("../out.csv", ".hidden", "a/b.csv", ""):
         assert refusal(app, "PUT", f"/api/source?name={name}", data)[0] == 422
     assert refusal(app, "PUT", "/api/source?name=empty.csv", b"")[0] == 422
-    assert os.listdir(folder / "sources") == ["push.csv"]
+    with ThreadPoolExecutor() as pool:
+        answers = list(pool.map(lambda n: refusal(app, "PUT", "/api/source?name=twice.csv", b"%d" % n)[0], range(6)))
+    assert sorted(answers) == [200] + [422] * 5
+    with socket.create_connection((HOST, app.port)) as link:  # an upload that breaks off
+        head = {"Host": f"{HOST}:{app.port}", "Origin": f"http://{HOST}:{app.port}", "Cookie": app.cookie,
+                "X-Tab": app.tab, "Content-Length": "1000"}  # fmt: skip
+        lines = "".join(f"{key}: {value}\r\n" for key, value in head.items())
+        link.sendall(f"PUT /api/source?name=cut.csv HTTP/1.1\r\n{lines}\r\ntime_s".encode())
+        wait_until(lambda: any(name.endswith(".part") for name in os.listdir(folder / "sources")))
+    wait_until(lambda: sorted(os.listdir(folder / "sources")) == ["push.csv", "twice.csv"])
+
+
+def test_a_request_that_is_not_a_dropped_file_is_small(app: Client) -> None:
+    run = {"command": "calibrate", "operands": ["x" * 5_000_000]}
+    assert refusal(app, "POST", "/api/words", run)[0] == 413
+
+
+def test_the_token_of_the_opened_browser_is_valid_once(folder: Path) -> None:
+    with running_app(folder, once="o" * 32) as client:
+        assert [client.ask("GET", f"/?token={'o' * 32}")[0] for _ in range(2)] == [303, 403]
+        assert [client.ask("GET", f"/?token={'t' * 32}")[0] for _ in range(2)] == [303, 303]
+
+
+def test_links_out_of_the_folder_are_neither_read_nor_written(app: Client, folder: Path, tmp_path: Path) -> None:
+    outside = write_small_recording(tmp_path / "outside", frames=2)
+    linked = write_small_recording(folder / "linked", frames=2)
+    (linked / "walls").symlink_to(tmp_path)
+    wall = {"outer": [4.0] * COLUMNS, "inner": [9.0] * COLUMNS, "unseen": []}
+    for path in ("draft", "wall"):
+        assert refusal(app, "PUT", f"/api/{path}?name=linked&file=0000.png", wall)[0] == 422
+    assert os.listdir(tmp_path) == ["outside"]
+    (linked / "walls").unlink()
+    (linked / "frames" / "0001.png").unlink()
+    (linked / "frames" / "0001.png").symlink_to(outside / "frames" / "0001.png")
+    assert refusal(app, "GET", "/api/frame?name=linked&file=0001.png")[0] == 422
+    assert refusal(app, "POST", "/api/sources", {"names": ["linked/frames"]})[0] == 422
+    assert refusal(app, "POST", "/api/run", {"command": "evaluate", "operands": ["default", "linked"]})[0] == 422
+    shutil.rmtree(linked)
+
+
+@pytest.mark.parametrize(
+    "wall",
+    [
+        {"outer": [4.0], "inner": [9.0], "unseen": []},
+        {"outer": [4.0] * COLUMNS, "inner": [9.0] * COLUMNS, "unseen": [COLUMNS]},
+        {"outer": [float("nan")] * COLUMNS, "inner": [9.0] * COLUMNS, "unseen": []},
+    ],
+)
+def test_a_wall_that_does_not_fit_its_frame_is_refused(app: Client, folder: Path, wall: Any) -> None:
+    for path in ("draft", "wall"):
+        assert refusal(app, "PUT", f"/api/{path}?name=small&file=0000.png", wall)[0] == 422
+    assert not (folder / "small" / "walls").exists()
+
+
+@pytest.mark.parametrize(
+    "answers", [{"bits": "abc"}, {"bits": 1.5}, {"bits": True}, {"width_mm": "1"}, {"eye": 1.0}, {"by_arrival": 1.0}]
+)
+def test_answers_of_another_type_are_refused(app: Client, answers: Any) -> None:
+    status, text = refusal(app, "POST", "/api/sources", {"names": ["log.csv"], "answers": answers})
+    assert (status, "; give " in text) == (422, True)
+
+
+def test_entries_that_change_or_cannot_be_read_are_listed_as_they_are_now(tmp_path: Path) -> None:
+    recording = write_small_recording(tmp_path / "small", frames=1)
+    (tmp_path / "loop").symlink_to("loop")
+    folder, before = Folder(tmp_path), (recording / "recording.toml").read_text()
+    eye = folder.contents()["recordings"][0]["eye"]
+    (recording / "recording.toml").write_text(before.replace(f"'{eye}'", "'another'"))
+    assert folder.contents()["recordings"] == [{"name": "small", "eye": "another"}]
+
+
+def test_frames_of_one_stem_are_not_corrected(tmp_path: Path) -> None:
+    path = write_small_recording(tmp_path / "small", frames=2)
+    (path / "frames" / "0001.png").rename(path / "frames" / "0000.tif")
+    (path / "frames.csv").write_text((path / "frames.csv").read_text().replace("0001.png", "0000.tif"))
+    with pytest.raises(InputError, match=r"0000.tif: walls/0000.png would be the wall of 0000.png too"):
+        check_alone(read_recording(path), "0000.tif")
 
 
 def test_commands_are_shown_as_they_would_be_typed(app: Client) -> None:
@@ -133,13 +214,15 @@ def test_commands_are_shown_as_they_would_be_typed(app: Client) -> None:
     }
     words = "scleraforce calibrate small --frames=3 --without-force --out=e.json"
     assert app.json("POST", "/api/words", run)["command"] == words
+    run = {"command": "import", "operands": ["log.csv"], "out": "eye", "options": {"clock_offset_s": 1764325500.125}}
+    assert "--clock-offset-s=1764325500.125" in app.json("POST", "/api/words", run)["command"]
 
 
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        ({"command": "monitor"}, "no command of the app"),
-        ({"options": {"study": "x.toml"}}, "no option of calibrate"),
+        ({"command": "monitor"}, "not a command of the app"),
+        ({"options": {"study": "x.toml"}}, "not an option of calibrate"),
         ({"out": "small"}, "exists already"),
         ({"out": "../e.json"}, "plain name"),
         ({"operands": ["missing"]}, "does not exist"),
@@ -154,17 +237,20 @@ def test_other_commands_options_and_existing_files_are_refused(app: Client, chan
 def test_a_command_that_fails_tells_its_line_and_leaves_nothing(app: Client, folder: Path) -> None:
     before = sorted(os.listdir(folder))
     job = app.json("POST", "/api/run", {"command": "calibrate", "operands": ["small"], "out": "e.json"})["job"]
-    wait_until(lambda: app.json("GET", "/api/state?tab=tab-1")["jobs"][job]["done"])
-    ended = app.json("GET", "/api/state")["jobs"][job]
-    assert ended["result"] is None
+    wait_until(lambda: app.json("GET", "/api/state?tab=tab-1")["job"]["done"])
+    ended = app.json("GET", "/api/state")["job"]
+    assert ended["number"] == job
     assert "small" in ended["fault"]
+    for number in (job, job + 1, -1):
+        assert refusal(app, "GET", f"/api/result?job={number}")[0] == 422
+        assert refusal(app, "GET", f"/api/csv?job={number}")[0] == 422
     assert sorted(os.listdir(folder)) == before
 
 
 def test_a_wall_that_is_accepted_is_a_mask_with_its_author_and_frame(tmp_path: Path) -> None:
     recording = write_small_recording(tmp_path / "small", frames=2)
     outer, inner = [4.3] * COLUMNS, [9.6] * (COLUMNS - 1) + [None]
-    mask = mask_between(outer, inner, [0, 1], ROWS)
+    mask = mask_between(outer, inner, [0, 1], ROWS, COLUMNS)
     assert (mask[:, 0] == 128).all()
     assert np.flatnonzero(mask[:, 5] == 255).tolist() == [5, 6, 7, 8, 9]
     assert np.flatnonzero(mask[:, -1] == 255)[-1] == ROWS - 1  # an inner boundary that is not seen
@@ -200,6 +286,9 @@ def test_a_draft_is_kept_for_its_frame_alone(tmp_path: Path) -> None:
     write_draft(recording, "0000.png", drawn)
     assert read_draft(recording, "0000.png") == drawn
     assert read_draft(recording, "0001.png") is None
+    (recording.path / "walls" / ".0001.draft.json").write_text('{"outer": [NaN')  # damaged
+    assert read_draft(recording, "0001.png") is None
+    remove_draft(recording, "0001.png")
     (recording.path / "frames" / "0000.png").write_bytes((recording.path / "frames" / "0001.png").read_bytes())
     assert read_draft(recording, "0000.png") is None
     remove_draft(recording, "0000.png")

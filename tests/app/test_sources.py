@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import tifffile
@@ -37,6 +38,16 @@ def test_frames_of_a_resting_needle_propose_the_middle_of_the_rest() -> None:
     assert found[0] == pytest.approx(7.0, abs=0.1)
 
 
+def test_the_offset_in_a_log_of_half_an_hour_is_as_exact() -> None:
+    offset_s = 1234.5
+    log_s = np.arange(0.0, 1800.0, 0.01)
+    frame_s = np.arange(0.0, 40.0, 0.5)
+    force_n = np.interp(log_s - offset_s, np.arange(0.0, 40.0, 0.01), pushes(np.arange(0.0, 40.0, 0.01)), 0.0, 0.0)
+    found = proposed_offset_s(frame_s, pushes(frame_s), log_s, force_n)
+    assert found is not None
+    assert found[0] == pytest.approx(offset_s, abs=0.15)
+
+
 def test_no_offset_is_proposed_from_few_or_equal_dents() -> None:
     log_s = np.arange(0.0, 10.0, 0.01)
     assert proposed_offset_s(np.arange(5.0), np.arange(5.0), log_s, pushes(log_s)) is None
@@ -66,3 +77,20 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(tmp_path:
         sources.picture(paths, answers_of({}, columns), 5)
     with pytest.raises(InputError, match="secret: no option of import"):
         answers_of({"secret": 1.0}, [])
+
+
+def test_a_frame_with_gaps_is_shown_and_one_without_a_wall_has_no_dent(tmp_path: Path) -> None:
+    stack = np.random.default_rng(0).random((8, 32, 48), dtype=np.float32)
+    stack[1, :5], stack[2] = np.nan, np.nan
+    np.save(tmp_path / "scan.npy", stack)
+    (tmp_path / "log.csv").write_text("time_s,fz_n\n" + "".join(f"{n / 100},0\n" for n in range(400)))
+    paths, sources = [tmp_path / "scan.npy", tmp_path / "log.csv"], Sources()
+    given = {"axes": "frame,depth,lateral", "width_mm": 15.0, "depth_mm": 4.0, "rate_hz": 10.0}
+    for number in range(3):
+        picture = cv2.imdecode(np.frombuffer(sources.picture(paths, answers_of(given, []), number), np.uint8), 0)
+        assert bool(picture.any()) == (number != 2)
+    found = sources.clocks(paths, answers_of(given, []))
+    assert found["dent_mm"] == [None] * 8
+    for wrong in ({"axis": "fx"}, {"width_mm": -1.0}):
+        with pytest.raises(InputError, match=r"fx is not in the force log|give the frames' size"):
+            sources.clocks(paths, answers_of(given | wrong, []))

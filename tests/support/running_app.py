@@ -48,10 +48,10 @@ class Client:
 
 
 @contextmanager
-def running_app(folder: Path) -> Iterator[Client]:
+def running_app(folder: Path, once: str = "") -> Iterator[Client]:
     """Serve a folder."""
     listener = listen(0)
-    server = server_of(folder, listener, TOKEN)
+    server = server_of(folder, listener, TOKEN, once)
     thread = Thread(target=server.run, args=([listener],), daemon=True)
     thread.start()
     try:

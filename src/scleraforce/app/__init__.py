@@ -1,1 +1,1 @@
-"""The app: import, look, correct, calibrate and read in a browser; what takes long runs as a command of its own."""
+"""The app: import, look, correct, calibrate and read in a browser; long computations run as commands."""

@@ -1,9 +1,9 @@
-"""Commands of scleraforce that the app runs, each in a process of its own, with its bar and its JSON.
+"""Commands of scleraforce that the app runs, each in its own process, with its progress bar and its JSON.
 
-The page shows the same words, so what it does can be done without it.
+The page shows the same command lines, so that every step can be repeated without the app.
 """
 
-import json
+import atexit
 import os
 import pty
 import re
@@ -12,12 +12,14 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Thread
 from typing import Any
 
-COMMAND = (sys.executable, "-c", "from scleraforce.cli.main import main; main()")
+# -P: modules in the working directory, the folder of data, are not imported.
+COMMAND = (sys.executable, "-P", "-c", "from scleraforce.cli.main import main; main()")
 BAR = re.compile(r"([A-Za-z ]+): +(\d+)%")  # tqdm's
 INTERRUPTED = 130
 KEPT = 4096  # last characters of a command's standard error
@@ -35,53 +37,53 @@ def shown(words: Sequence[str]) -> str:
 
 @dataclass
 class Job:
-    """A command that runs, or has run: the title and the share of its bar, at the end its JSON or its fault."""
+    """A command that runs, or has run: title and share of its progress bar; at the end its JSON, or its fault."""
 
     words: tuple[str, ...]
     title: str = ""
     share: float = 0.0
-    result: Any = None
     fault: str | None = None
     done: bool = False
+    printed: bytes = b""
     _process: "subprocess.Popen[bytes] | None" = field(default=None, repr=False)
 
     @classmethod
     def started(cls, words: Sequence[str], folder: Path) -> "Job":
-        """Start a command in a folder."""
+        """Start a command in a folder; it is interrupted when this process ends."""
         job = cls(tuple(words))
-        ours, theirs = pty.openpty()  # a bar is drawn for a terminal alone
-        job._process = subprocess.Popen([*COMMAND, *words, "--json"], cwd=folder, stdin=subprocess.DEVNULL,
-                                        stdout=subprocess.PIPE, stderr=theirs, start_new_session=True)  # fmt: skip
-        os.close(theirs)
-        Thread(target=job._finish, args=(ours,), daemon=True).start()
+        ours, theirs = pty.openpty()  # progress bars are drawn for a terminal only
+        try:
+            job._process = subprocess.Popen([*COMMAND, *words, "--json"], cwd=folder, stdin=subprocess.DEVNULL,
+                                            stdout=subprocess.PIPE, stderr=theirs, start_new_session=True)  # fmt: skip
+        except OSError:
+            os.close(ours)
+            raise
+        finally:
+            os.close(theirs)
+        atexit.register(job.cancel)
+        Thread(target=job._finish, args=(job._process, ours), daemon=True).start()
         return job
 
     def cancel(self) -> None:
         """Interrupt it as Ctrl-C does: nothing is left half-written."""
         if self._process is not None and self._process.poll() is None:
-            os.killpg(self._process.pid, signal.SIGINT)
+            with suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGINT)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what the page shows."""
+        """Return what the page shows, without the result, which may be large."""
         state = {"title": self.title, "share": self.share, "done": self.done, "fault": self.fault}
-        return {"command": shown(self.words), **state, "result": self.result if self.done else None}
+        return {"command": shown(self.words), **state}
 
-    def _finish(self, terminal: int) -> None:
-        process = self._process
-        assert process is not None
-        assert process.stdout is not None
+    def _finish(self, process: "subprocess.Popen[bytes]", terminal: int) -> None:
         listener = Thread(target=self._listen, args=(terminal,), daemon=True)
         listener.start()
-        with process.stdout as pipe:
-            printed = pipe.read()
-        code = process.wait()
+        self.printed = process.communicate()[0]
         listener.join()
-        try:
-            self.result = json.loads(printed) if printed else None
-        except ValueError:
-            self.fault = f"{shown(self.words)}: printed no JSON"
-        if code:
+        if code := process.returncode:
             self.fault = "stopped" if code in (INTERRUPTED, -signal.SIGINT) else self.fault or f"exit code {code}"
+        else:
+            self.fault = None
         self.done = True
 
     def _listen(self, terminal: int) -> None:
@@ -91,12 +93,11 @@ class Job:
             if bars := BAR.findall(text):
                 self.title, self.share = bars[-1][0].strip(), float(f"{bars[-1][1]}e-2")
         os.close(terminal)
-        faults = re.findall(r"^error: (.*?)\r?$", text, re.MULTILINE)
-        self.fault = faults[-1] if faults else None
+        self.fault = (re.findall(r"^error: (.*?)\r?$", text, re.MULTILINE) or [None])[-1]
 
 
 def _read(terminal: int) -> bytes:
     try:
         return os.read(terminal, BYTES)
-    except OSError:  # all of its other side's descriptors are closed
+    except OSError:  # the command has closed its end
         return b""

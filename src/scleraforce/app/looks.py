@@ -1,6 +1,7 @@
 """A recording on the page: its frames as pictures, its log as a curve, each frame's wall and answer."""
 
 import json
+from contextlib import suppress
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path, PurePath
@@ -10,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from scleraforce.app.folder import PARTS
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.models import SHIPPED_READER
@@ -29,12 +31,16 @@ from scleraforce.whole_files import KINDS, read_text, write_whole
 
 BINS = 800  # of a curve: the least and the largest value of each
 DARK, BRIGHT = 1.0, 99.8  # percentiles of a frame that are shown black and white
+OPENED = 8  # recordings that are kept in memory
 
 
 def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
-    """Return a frame (row, column) as a PNG of 8 bits, its own darkest and brightest parts black and white."""
-    low, high = np.percentile(pixels, [DARK, BRIGHT])
-    grey = np.clip((pixels.astype(np.float32) - low) * (255.0 / max(high - low, 1e-9)), 0.0, 255.0).astype(np.uint8)
+    """Return a frame (row, column) as a PNG of 8 bits, its darkest and brightest parts and NaN black and white."""
+    known = pixels[np.isfinite(pixels)]
+    low, high = np.percentile(known, [DARK, BRIGHT]) if known.size else (0.0, 1.0)
+    grey = np.clip(
+        (np.nan_to_num(pixels, nan=low).astype(np.float32) - low) * (255.0 / max(high - low, 1e-9)), 0.0, 255.0
+    ).astype(np.uint8)
     if height is not None and height < len(grey):
         width = max(1, round(grey.shape[1] * height / len(grey)))
         grey = np.asarray(cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
@@ -52,10 +58,12 @@ def curve(time_s: Floats, values: Floats) -> dict[str, Any]:
     }
 
 
-def mask_between(outer: list[float | None], inner: list[float | None], unseen: list[int], rows: int) -> Bytes:
+def mask_between(
+    outer: list[float | None], inner: list[float | None], unseen: list[int], rows: int, columns: int
+) -> Bytes:
     """Return the mask (row, column) of boundaries in rows, None: not there (an inner one: below the frame)."""
-    if len(inner) != len(outer) or not all(0 <= column < len(outer) for column in unseen):
-        raise FrameError("wall: boundaries and unseen columns are not of one frame")
+    if (len(outer), len(inner)) != (columns, columns) or not all(0 <= column < columns for column in unseen):
+        raise FrameError(f"wall: boundaries or unseen columns do not fit a frame of {columns} columns")
     first = np.array([np.nan if row is None else row for row in outer], np.float64)
     last = np.array([rows if row is None else row for row in inner], np.float64)
     row = np.arange(rows)[:, None]
@@ -65,10 +73,11 @@ def mask_between(outer: list[float | None], inner: list[float | None], unseen: l
 
 
 class Looks:
-    """Recordings as the page shows them; they are opened when they are first looked at, the model at once."""
+    """Recordings as the page shows them; recordings and the model are opened when they are first needed."""
 
     def __init__(self) -> None:
-        self._lock, self._opened = Lock(), dict[Path, tuple[tuple[int, ...], Recording]]()
+        self._opening, self._reading = Lock(), Lock()
+        self._opened = dict[Path, tuple[tuple[int, ...], Recording]]()
 
     @cached_property
     def model(self) -> Reader:
@@ -77,12 +86,16 @@ class Looks:
 
     def recording(self, path: Path) -> Recording:
         """Return a recording, read again where one of its tables has changed."""
-        tables = [path / name for name in ("recording.toml", "frames.csv", "forces.csv", "walls.csv")]
+        tables = [path / name for name in PARTS]
         stamp = tuple(table.stat().st_mtime_ns for table in tables if table.exists())
-        with self._lock:
-            if path not in self._opened or self._opened[path][0] != stamp:
-                self._opened[path] = stamp, read_recording(path)
-            return self._opened[path][1]
+        with self._opening:
+            before, found = self._opened.pop(path, ((), None))
+            if found is None or before != stamp:
+                found = read_recording(path)
+            self._opened[path] = stamp, found
+            if len(self._opened) > OPENED:
+                del self._opened[next(iter(self._opened))]
+            return found
 
     def entry(self, path: Path, file: str) -> tuple[Recording, FrameEntry]:
         """Return a recording and its frame of a name."""
@@ -121,30 +134,36 @@ class Looks:
     def look(self, path: Path, file: str) -> dict[str, Any]:
         """Return the wall of a frame, and the answer of the bundled reader with its warnings."""
         recording, entry = self.entry(path, file)
-        moment = next(each for each in recording.moments if entry in each)
-        frames = [entry, *(other for other in moment if other is not entry)]
-        with self._lock:  # the model is not made for several threads
+        frames = [entry, *(other for other in recording.frames if other.time_s == entry.time_s and other is not entry)]
+        with self._reading:  # the model is not made for several threads
             answer = read(self.model, [recording.frame_path(each) for each in frames])
         wall = answer.segmentation
         found = answer.as_json() | {"warnings": list(answer.warnings)}
         shown: dict[str, Any] = finite({"answer": found, "wall": None if wall is None else _outline(wall)})
-        return shown | ({} if (draft := read_draft(recording, file)) is None else {"draft": draft})
+        return shown | {"frames": [each.file for each in frames], "draft": read_draft(recording, file)}
+
+
+def check_alone(recording: Recording, file: str) -> None:
+    """Raise an `InputError` if the wall of another frame would be in the same file."""
+    stem = PurePath(file).stem
+    if twins := [each.file for each in recording.frames if each.file != file and PurePath(each.file).stem == stem]:
+        raise InputError(f"{file}: walls/{stem}.png would be the wall of {twins[0]} too; rename one of the frames")
 
 
 def write_draft(recording: Recording, file: str, drawn: dict[str, Any]) -> None:
-    """Keep a wall that is being drawn, beside the masks, with the frame that it is drawn on."""
+    """Write a wall that is being drawn beside the masks, with the digest of its frame."""
     path = _draft(recording, file)
     path.parent.mkdir(exist_ok=True)
-    write_whole(json.dumps(drawn | {"source_sha256": frame_file_digest(recording.path / "frames" / file)}), path)
+    write_whole(json.dumps(drawn | {"source_sha256": _digest(recording, file)}), path)
 
 
 def read_draft(recording: Recording, file: str) -> dict[str, Any] | None:
-    """Return the draft of a frame's wall; None without one, or if the frame has changed since."""
-    path = _draft(recording, file)
-    if not path.exists():
-        return None
-    draft: dict[str, Any] = parse_json(read_text(path, KINDS["result"]))
-    return draft if draft.pop("source_sha256", "") == frame_file_digest(recording.path / "frames" / file) else None
+    """Return the draft of a frame's wall; None without one, if it is damaged, or if the frame has changed since."""
+    with suppress(InputError, ValueError):
+        draft = parse_json(read_text(_draft(recording, file), KINDS["result"]))
+        if isinstance(draft, dict) and draft.pop("source_sha256", "") == _digest(recording, file):
+            return draft
+    return None
 
 
 def remove_draft(recording: Recording, file: str) -> None:
@@ -153,7 +172,11 @@ def remove_draft(recording: Recording, file: str) -> None:
 
 
 def _draft(recording: Recording, file: str) -> Path:
-    return recording.path / "walls" / f".{Path(file).stem}.draft.json"
+    return recording.path / "walls" / f".{PurePath(file).stem}.draft.json"
+
+
+def _digest(recording: Recording, file: str) -> str:
+    return frame_file_digest(recording.path / "frames" / file)
 
 
 def _outline(wall: Segmentation) -> dict[str, Any]:

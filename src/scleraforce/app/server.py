@@ -1,36 +1,41 @@
-"""The app's web server: one page on the loopback interface, for whoever has the token of its address."""
+"""The app's web server: one page on the loopback interface, for users with the token of its address."""
 
 import getpass
+import json
 import secrets
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from secrets import compare_digest
+from threading import Lock
 from time import monotonic
-from typing import Any
+from typing import Annotated, Any
 
 import uvicorn
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import PlainTextResponse, RedirectResponse
 from fastapi.staticfiles import StaticFiles
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, FiniteFloat
 
 from scleraforce.app.commands import Job, shown
 from scleraforce.app.folder import MOST_UPLOAD_BYTES, SOURCES, Folder
-from scleraforce.app.looks import Looks, mask_between, png, remove_draft, write_draft
-from scleraforce.app.sources import Sources, answers_of
+from scleraforce.app.looks import Looks, check_alone, mask_between, png, remove_draft, write_draft
+from scleraforce.app.sources import TYPES, Sources, answers_of
+from scleraforce.arrays import Bytes
 from scleraforce.errors import InputError
 from scleraforce.recording.export import csv_text, flat
+from scleraforce.recording.folder import Recording
 from scleraforce.recording.sources import ImportOptions, option_name
 from scleraforce.recording.walls import remove_wall, write_wall
 from scleraforce.service.console.server import OwnPagesOnly
 
 HOST = "127.0.0.1"
 SILENT_S = 6.0  # after which another tab may write
-WHOLE = {"bits", "gauge", "first_frame", "last_frame"}
-BUSY = "another tab works in this folder; close it, or wait until it is closed"
+MOST_JSON_BYTES = 4 * 2**20  # of a request, except a dropped file
+BUSY = "another tab is working in this folder; close it first"
 
 
 class Asked(BaseModel):
@@ -40,19 +45,17 @@ class Asked(BaseModel):
     answers: dict[str, float | str | bool] = {}
     columns: list[str] = Field([], max_length=20)
 
-    def options(self, folder: Folder) -> ImportOptions:
-        """Return the options; raises `InputError`."""
-        given = {name: int(value) if name in WHOLE else value for name, value in self.answers.items()}
-        return answers_of(
-            given | {name: folder.inside(str(given[name])) for name in {"times"} & set(given)}, self.columns
-        )
+    def read(self, folder: Folder) -> tuple[list[Path], ImportOptions]:
+        """Return paths and options; raises `InputError`."""
+        times = {name: folder.inside(str(self.answers[name])) for name in {"times"} & set(self.answers)}
+        return [folder.whole(name) for name in self.names], answers_of({**self.answers, **times}, self.columns)
 
 
 class Drawn(BaseModel):
     """A wall: rows of its boundaries in each column, and columns that are not judged."""
 
-    outer: list[float | None] = Field(max_length=16384)
-    inner: list[float | None] = Field(max_length=16384)
+    outer: list[FiniteFloat | None] = Field(max_length=16384)
+    inner: list[FiniteFloat | None] = Field(max_length=16384)
     unseen: list[int] = Field(max_length=16384)
 
 
@@ -67,29 +70,30 @@ class Run(BaseModel):
 
 
 OPTIONS = {
-    "import": {field for field in ImportOptions.__dataclass_fields__ if field != "columns"},
+    "import": set(TYPES),
     "calibrate": {"frames", "without_force", "parameters", "thickness_um", "calibration"},
     "evaluate": {"calibration", "html"},
     "export": {"answers"},
 }
 NEW_FILES, OLD_FILES = ("html",), ("calibration", "answers", "times")
+DIGITS = 15  # of a number: a clock counts from 1970, in ms
 
 
 def words_of(run: Run, folder: Folder) -> list[str]:
     """Return a command's words, checked: known options, paths inside the folder, and nothing that exists is written."""
     if run.command not in OPTIONS:
-        raise InputError(f"{run.command}: no command of the app")
-    models = [folder.inside(run.operands[0]).name] if run.command == "evaluate" and run.operands else []
-    for name in run.operands[len(models) :] + [str(run.options[key]) for key in OLD_FILES if key in run.options]:
-        if not folder.inside(name).exists():
+        raise InputError(f"{run.command}: not a command of the app")
+    models = run.operands[:1] if run.command == "evaluate" else []
+    for name in run.operands + [str(run.options[key]) for key in OLD_FILES if key in run.options]:
+        if not folder.whole(name).exists() and name not in models:
             raise InputError(f"{name}: does not exist")
-    words = [run.command, *(f"./{name}" if name.startswith("-") else name for name in run.operands)]
+    words = [run.command, *map(_operand, run.operands)]
     for name, value in run.options.items():
         if name not in OPTIONS[run.command]:
-            raise InputError(f"{name}: no option of {run.command} in the app")
+            raise InputError(f"{name}: not an option of {run.command} in the app")
         if name in NEW_FILES:
             folder.new(str(value))
-        text = f"{value:g}" if isinstance(value, float) and not isinstance(value, bool) else str(value)
+        text = f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
         words += [] if value is False else [option_name(name)] if value is True else [f"{option_name(name)}={text}"]
     words += [f"--column={column}" for column in run.columns]
     if run.command != "evaluate":
@@ -98,12 +102,16 @@ def words_of(run: Run, folder: Folder) -> list[str]:
     return words
 
 
+def _operand(name: str) -> str:
+    return f"./{name}" if name.startswith("-") else name
+
+
 @dataclass
 class Holder:
     """The tab that may write: the first one that asks, until it is silent."""
 
     tab: str = ""
-    heard_s: float = field(default=0.0)
+    heard_s: float = 0.0
 
     def is_held_by(self, tab: str) -> bool:
         """Return whether a tab may write, and note that it is there."""
@@ -115,74 +123,100 @@ class Holder:
         return bool(tab) and tab == self.tab
 
 
-def app_of(root: Path, token: str, port: int) -> OwnPagesOnly:
-    """Return the application for a folder: nothing is answered without the cookie that its address gives once."""
+def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
+    """Return the application for a folder: only requests with the cookie are answered.
+
+    The cookie is given for the token, as often as it comes, and for `once` a single time.
+    """
     folder, looks, sources, holder = Folder(root.resolve()), Looks(), Sources(), Holder()
-    jobs: list[Job] = []
+    jobs, writing, tokens = list[Job](), Lock(), {token, once} - {""}
     cookie, session = f"scleraforce-{port}", secrets.token_urlsafe(32)
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     @app.middleware("http")
     async def check(request: Request, answer: Callable[[Request], Awaitable[Response]]) -> Response:
         given = request.query_params.get("token", "")
-        if request.url.path == "/" and given and compare_digest(given.encode(), token.encode()):
+        if request.url.path == "/" and given in tokens:
+            tokens.discard(once)
             opened = RedirectResponse("/", 303)
             opened.set_cookie(cookie, session, httponly=True, samesite="strict")
             return opened
         if not compare_digest(request.cookies.get(cookie, "").encode(), session.encode()):
             return PlainTextResponse("open the whole address that `scleraforce app` printed", 403)
-        if request.method not in ("GET", "HEAD") and not holder.is_held_by(request.headers.get("x-tab", "")):
-            return PlainTextResponse(BUSY, 409)
+        if request.method not in ("GET", "HEAD"):
+            if not holder.is_held_by(request.headers.get("x-tab", "")):
+                return PlainTextResponse(BUSY, 409)
+            if request.url.path != "/api/source" and int(request.headers["content-length"]) > MOST_JSON_BYTES:
+                return PlainTextResponse(f"more than {MOST_JSON_BYTES} bytes", 413)
         return await answer(request)
 
     @app.exception_handler(InputError)
     async def refused(_: Request, fault: InputError) -> Response:
         return PlainTextResponse(str(fault).replace(f"{folder.root}/", ""), 422)
 
+    @app.exception_handler(RequestValidationError)
+    async def invalid(_: Request, fault: RequestValidationError) -> Response:
+        first = fault.errors()[0]
+        return PlainTextResponse(f"{'.'.join(map(str, first['loc'][1:]))}: {first['msg']}", 422)
+
     @app.exception_handler(OSError)
     async def failed(_: Request, fault: OSError) -> Response:
         return PlainTextResponse(f"{Path(fault.filename).name if fault.filename else 'disk'}: {fault.strerror}", 422)
 
+    def looked(name: str, file: str) -> dict[str, Any]:
+        look = looks.look(folder.recording(name, file), file)
+        frames = [_operand(f"{name}/frames/{each}") for each in look["frames"]]
+        return look | {"command": shown(["read", "default", *frames])}
+
+    def drawn_on(name: str, file: str) -> Recording:
+        found, _ = looks.entry(folder.recording(name, file), file)
+        check_alone(found, file)
+        return found
+
+    def mask_of(found: Recording, drawn: Drawn) -> Bytes:
+        return mask_between(drawn.outer, drawn.inner, drawn.unseen, found.info.oct.rows, found.info.oct.columns)
+
     @app.get("/api/state")
     def state(tab: str = "") -> dict[str, Any]:
-        return {**folder.contents(), "writes": holder.is_held_by(tab), "jobs": [job.as_json() for job in jobs]}
+        job = jobs[-1].as_json() | {"number": len(jobs) - 1} if jobs else None
+        return {"job": job, "writes": holder.is_held_by(tab), **folder.contents()}  # what a job wrote is there
 
     @app.get("/api/recording")
     def recording(name: str) -> dict[str, Any]:
-        return looks.summary(folder.inside(name))
+        return looks.summary(folder.recording(name))
 
     @app.get("/api/frame")
-    def frame(name: str, file: str, height: int | None = None) -> Response:
-        found, entry = looks.entry(folder.inside(name), file)
+    def frame(name: str, file: str, height: Annotated[int | None, Query(ge=1)] = None) -> Response:
+        found, entry = looks.entry(folder.recording(name, file), file)
         return Response(png(found.frame(entry), height), media_type="image/png")
 
     @app.get("/api/look")
     def look(name: str, file: str) -> dict[str, Any]:
-        return looks.look(folder.inside(name), file)
+        return looked(name, file)
 
     @app.put("/api/draft")
     def keep(name: str, file: str, drawn: Drawn) -> dict[str, Any]:
-        found, _ = looks.entry(folder.inside(name), file)
+        found = drawn_on(name, file)
+        mask_of(found, drawn)
         write_draft(found, file, drawn.model_dump())
         return {}
 
     @app.put("/api/wall")
     def draw(name: str, file: str, drawn: Drawn) -> dict[str, Any]:
-        found, _ = looks.entry(folder.inside(name), file)
-        if len(drawn.outer) != found.info.oct.columns:
-            raise InputError(f"{file}: a wall of {len(drawn.outer)} columns; the frame has {found.info.oct.columns}")
-        mask = mask_between(drawn.outer, drawn.inner, drawn.unseen, found.info.oct.rows)
+        found = drawn_on(name, file)
         now = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
-        write_wall(found.path, file, mask, getpass.getuser(), now)
-        remove_draft(found, file)
-        return looks.look(found.path, file)
+        with writing:
+            write_wall(found.path, file, mask_of(found, drawn), getpass.getuser(), now)
+            remove_draft(found, file)
+        return looked(name, file)
 
     @app.delete("/api/wall")
     def erase(name: str, file: str) -> dict[str, Any]:
-        found, _ = looks.entry(folder.inside(name), file)
-        remove_wall(found.path, file)
-        remove_draft(found, file)
-        return looks.look(found.path, file)
+        found = drawn_on(name, file)
+        with writing:
+            remove_wall(found.path, file)
+            remove_draft(found, file)
+        return looked(name, file)
 
     @app.put("/api/source")
     async def drop(name: str, request: Request) -> dict[str, Any]:
@@ -192,50 +226,52 @@ def app_of(root: Path, token: str, port: int) -> OwnPagesOnly:
 
     @app.post("/api/sources")
     def look_at_sources(asked: Asked) -> dict[str, Any]:
-        return sources.look(_inside(folder, asked.names), asked.options(folder), [*asked.answers])
+        return sources.look(*asked.read(folder), [*asked.answers])
 
     @app.post("/api/picture")
     def picture(asked: Asked, number: int) -> Response:
-        return Response(
-            sources.picture(_inside(folder, asked.names), asked.options(folder), number), media_type="image/png"
-        )
+        return Response(sources.picture(*asked.read(folder), number), media_type="image/png")
 
     @app.post("/api/clocks")
     def clocks(asked: Asked) -> dict[str, Any]:
-        return sources.clocks(_inside(folder, asked.names), asked.options(folder))
+        return sources.clocks(*asked.read(folder))
 
     @app.post("/api/words")
     def words(run: Run) -> dict[str, Any]:
         try:
             return {"command": shown(words_of(run, folder))}
         except InputError as fault:  # the page shows it in place of the command
-            return {"fault": str(fault)}
+            return {"fault": str(fault).replace(f"{folder.root}/", "")}
 
     @app.post("/api/run")
     def start(run: Run) -> dict[str, Any]:
-        if any(not job.done for job in jobs):
-            raise InputError("a command runs already; wait for its end, or stop it")
-        jobs.append(Job.started(words_of(run, folder), folder.root))
-        return {"job": len(jobs) - 1}
+        with writing:
+            if jobs and not jobs[-1].done:
+                raise InputError("another command is running; wait until it ends, or stop it")
+            jobs.append(Job.started(words_of(run, folder), folder.root))
+            return {"job": len(jobs) - 1}
 
     @app.delete("/api/run")
     def stop() -> dict[str, Any]:
-        for job in jobs:
+        for job in jobs[-1:]:
             job.cancel()
         return {}
 
+    def printed(job: int) -> bytes:
+        if not 0 <= job < len(jobs) or not jobs[job].printed:
+            raise InputError(f"job {job}: has no result")
+        return jobs[job].printed
+
+    @app.get("/api/result")
+    def result(job: int) -> Response:
+        return Response(printed(job), media_type="application/json")
+
     @app.get("/api/csv")
     def table(job: int) -> dict[str, Any]:
-        if not 0 <= job < len(jobs) or not jobs[job].result:
-            raise InputError(f"job {job}: has no result")
-        return {"text": csv_text(map(flat, jobs[job].result["frames"]))}
+        return {"text": csv_text(map(flat, json.loads(printed(job)).get("frames", [])))}
 
     app.mount("/", StaticFiles(packages=[("scleraforce.app", "page")], html=True))
     return OwnPagesOnly(app, HOST, MOST_UPLOAD_BYTES)
-
-
-def _inside(folder: Folder, names: Sequence[str]) -> list[Path]:
-    return [folder.inside(name) for name in names]
 
 
 def listen(port: int) -> socket.socket:
@@ -251,9 +287,9 @@ def listen(port: int) -> socket.socket:
     return listener
 
 
-def server_of(root: Path, listener: socket.socket, token: str) -> uvicorn.Server:
+def server_of(root: Path, listener: socket.socket, token: str, once: str = "") -> uvicorn.Server:
     """Return the app's server; `run([listener])` serves until Ctrl-C."""
-    app = app_of(root, token, listener.getsockname()[1])
+    app = app_of(root, token, listener.getsockname()[1], once)
     return uvicorn.Server(
         uvicorn.Config(
             app, lifespan="off", log_level="critical", access_log=False, server_header=False, proxy_headers=False,

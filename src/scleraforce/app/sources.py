@@ -3,31 +3,37 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from itertools import islice
+from math import isfinite
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.app.looks import curve, png
 from scleraforce.arrays import Floats
-from scleraforce.errors import InputError
+from scleraforce.errors import FrameError, InputError
 from scleraforce.plain_json import finite
-from scleraforce.recording.importing import QUESTIONS, given_times, open_questions
+from scleraforce.recording.importing import given_times, open_questions
 from scleraforce.recording.labels import low_pass
 from scleraforce.recording.pixels import PixelScale, UnansweredError, find_greys, one_grey
-from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, gather
+from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, gather, option_name
 from scleraforce.segmentation.observations import MIDDLE_M, surface
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.units import from_si, to_si
 
-PLAIN = {field.name for field in fields(ImportOptions)} - {"columns", "grey_range"}
+TYPES = {
+    field.name: get_args(field.type) or (field.type,)
+    for field in fields(ImportOptions) if field.name not in ("columns", "grey_range")
+}  # fmt: skip
+NOUNS = {int: "a whole number", float: "a number", bool: "true or false"}
 GATHERED = ("axes", "array", "columns", "image_topic", "force_topic", "by_arrival", "first_frame", "last_frame")
 SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
 LEAST_SHARE = 0.75  # of the frames that must lie on the log under an offset
 LEAST_FRAMES = 6
-OFFSETS = 4000
+STEP_S = 0.05
+OFFSETS = (4000, 20000)  # fewest and most that are tried
 AS_GOOD = 0.01  # less correlation than the best one
 
 
@@ -44,7 +50,8 @@ def proposed_offset_s(frame_s: Floats, dent_m: Floats, log_s: Floats, force_n: F
     frame_s, dent_m = frame_s[seen], dent_m[seen]
     if len(frame_s) < LEAST_FRAMES or not len(log_s):
         return None
-    offsets_s = np.linspace(log_s[0] - frame_s[-1], log_s[-1] - frame_s[0], OFFSETS)
+    first_s, last_s = log_s[0] - frame_s[-1], log_s[-1] - frame_s[0]
+    offsets_s = np.linspace(first_s, last_s, int(np.clip((last_s - first_s) / STEP_S, *OFFSETS)))
     fits = np.array([_correlation(frame_s + offset_s, dent_m, log_s, force_n) for offset_s in offsets_s.tolist()])
     if np.isnan(fits).all():
         return None
@@ -53,7 +60,7 @@ def proposed_offset_s(frame_s: Floats, dent_m: Floats, log_s: Floats, force_n: F
     worse = np.flatnonzero(~(np.abs(fits) > abs(fits[best]) - AS_GOOD))
     at = np.searchsorted(worse, best)
     first = worse[at - 1] + 1 if at else 0
-    last = worse[at] - 1 if at < len(worse) else OFFSETS - 1
+    last = worse[at] - 1 if at < len(worse) else len(offsets_s) - 1
     return float(offsets_s[first] + offsets_s[last]) / 2, float(fits[best])
 
 
@@ -84,7 +91,7 @@ class Sources:
             return self._gathered
 
     def look(self, paths: Sequence[Path], answers: ImportOptions, given: Sequence[str]) -> dict[str, Any]:
-        """Return what sources state, and what is still to be answered; a question that comes first alone."""
+        """Return what sources state and what is missing; or a single question that has to be answered first."""
         try:
             found = self.gathered(paths, answers)
             scan, log = found.scan, found.log
@@ -92,15 +99,12 @@ class Sources:
             stated, missing = open_questions(found, greys, answers, dict.fromkeys(given, OPTION))
         except UnansweredError as fault:
             return {"question": fault.question, "option": fault.option, "forms": list(fault.forms)}
-        axes = () if log is None else [name for name in log.columns if name.endswith("_n")]
+        axes = [] if log is None else [name.removesuffix("_n") for name in log.columns if name.endswith("_n")]
         stated_now: dict[str, Any] = finite({
             "frames": len(scan.names), "rows": scan.rows, "columns": scan.columns,
             "stated": {name: {"value": value, "source": source} for name, (value, source) in stated.items()},
-            "missing": {name: question.words for name, question in missing.items()},
-            "optional": [name for name, question in QUESTIONS.items() if question.optional],
-            "time_s": None if scan.times is None else scan.times.time_s.tolist(),
-            "log": {name.removesuffix("_n"): curve(log.time_s, from_si(log.force_n(name.removesuffix("_n")), "mn"))
-                    for name in axes} if log is not None else {},
+            "missing": {name: question.words for name, question in missing.items() if not question.optional},
+            "log": {axis: curve(log.time_s, from_si(log.force_n(axis), "mn")) for axis in axes if log is not None},
             "notes": list(found.notes),
         })  # fmt: skip
         return stated_now
@@ -117,9 +121,12 @@ class Sources:
         found = self.gathered(paths, answers)
         times = given_times(found.scan, answers.times, answers.rate_hz) or found.scan.times
         width_m, depth_m = (to_si(size, "mm") for size in (answers.width_mm, answers.depth_mm))
-        if times is None or found.log is None or width_m is None or depth_m is None:
+        if times is None or found.log is None or width_m is None or depth_m is None or min(width_m, depth_m) <= 0.0:
             raise InputError("clocks: give the frames' size and rate first, and a force log")
         scan = found.scan
+        axis = answers.axis or found.log.columns[0].removesuffix("_n")
+        if f"{axis}_n" not in found.log.columns:
+            raise InputError(f"--axis: {axis} is not in the force log, which has {', '.join(found.log.columns)}")
         scale = PixelScale(lateral_m=width_m / scan.columns, depth_m=depth_m / scan.rows,
                            refractive_index=answers.refractive_index or 1.0)  # fmt: skip
         shown = np.unique(np.linspace(0, len(scan.names) - 1, SEEN_FRAMES).astype(np.intp))
@@ -128,7 +135,6 @@ class Sources:
             _surface_m(picture, scan.names[number], scale)
             for number, picture in enumerate(scan.pictures()) if number in chosen
         ])  # fmt: skip
-        axis = answers.axis or found.log.columns[0].removesuffix("_n")
         log = found.log.known(axis)
         force_n = float(answers.contact_sign or 1) * low_pass(log.force_n(axis), log.time_s)
         offset = proposed_offset_s(times.time_s[shown], dent_m, log.time_s, force_n)
@@ -140,17 +146,26 @@ class Sources:
 
 
 def answers_of(given: Mapping[str, Any], columns: Sequence[str]) -> ImportOptions:
-    """Return the options of an import, by the names of their fields."""
-    if unknown := sorted(set(given) - PLAIN):
-        raise InputError(f"{unknown[0]}: no option of import")
-    return ImportOptions(**given, columns=tuple(columns))
+    """Return the options of an import, by the names of their fields; raises `InputError`: unknown, or another type."""
+    values = dict(given)
+    for name, value in given.items():
+        if name not in TYPES:
+            raise InputError(f"{name}: no option of import")
+        if int in TYPES[name] and isinstance(value, float) and value.is_integer():
+            values[name] = int(value)
+        fits = isinstance(values[name], TYPES[name]) and isinstance(value, bool) == (bool in TYPES[name])
+        if not fits or (isinstance(value, float) and not isfinite(value)):
+            raise InputError(f"{option_name(name)}: {value!r}; give {NOUNS.get(TYPES[name][0], 'a text')}")
+    return ImportOptions(**values, columns=tuple(columns))
 
 
 def _surface_m(picture: NDArray[Any], name: str, scale: PixelScale) -> float:
     """Return how deep the surface lies in the middle below its mean, m; NaN where it is not seen."""
     picture = one_grey(picture)
-    wall = find_wall(find_greys([picture], None, name).counts(picture), scale)
-    if not wall.usable:
+    try:
+        wall = find_wall(find_greys([picture], None, name).counts(picture), scale)
+    except (FrameError, ValueError):  # an empty, damaged or tiny frame
         return float("nan")
     lateral_m, depth_m = surface(wall, scale)
-    return float(np.nanmax(depth_m[np.abs(lateral_m) < MIDDLE_M]) - np.nanmean(depth_m))
+    middle = (np.abs(lateral_m) < MIDDLE_M) & np.isfinite(depth_m)
+    return float(depth_m[middle].max() - np.nanmean(depth_m)) if wall.usable and middle.any() else float("nan")

@@ -1,4 +1,4 @@
-"""`scleraforce app`: the same in a browser."""
+"""`scleraforce app`: import, look, correct, calibrate and read in a browser."""
 
 import secrets
 import webbrowser
@@ -19,19 +19,21 @@ from scleraforce.errors import InputError
 def app(folder: Path, port: int, opens: bool) -> None:
     """Import, look, correct, calibrate and read in a browser.
 
-    FOLDER holds the recordings, by default the present one. The page is served
-    on this machine alone, to whoever has the address that is printed. Ctrl-C
-    ends it. It needs the extra [web].
+    FOLDER holds the recordings; default: the current folder. The server listens
+    on this machine only and answers whoever has the printed address. Stop it
+    with Ctrl-C. Needs the extra [web]; runs on Linux and macOS.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; make it, or give another one")
+    if find_spec("termios") is None:
+        raise InputError("app: does not run on Windows; use the commands, or WSL")
     if missing := [name for name in ("fastapi", "uvicorn") if find_spec(name) is None]:
         raise InputError(f"app: {missing[0]} is not installed; run pip install 'scleraforce[web]'")
     from scleraforce.app.server import HOST, listen, server_of
 
-    token, listener = secrets.token_urlsafe(24), listen(port)
-    address = f"http://{HOST}:{listener.getsockname()[1]}/?token={token}"
-    say(f"open {address}\nCtrl-C ends it")
-    if opens:
-        webbrowser.open(address)
-    server_of(folder, listener, token).run([listener])
+    listener, token, once = listen(port), secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+    address = f"http://{HOST}:{listener.getsockname()[1]}/?token="
+    say(f"open {address}{token}\nCtrl-C ends it")
+    if opens:  # other users see the arguments of a browser: its token is valid once
+        webbrowser.open(address + once)
+    server_of(folder, listener, token, once if opens else "").run([listener])

@@ -1,4 +1,4 @@
-// Plots as SVG, in the page's colours, which a download takes along.
+// Plots as SVG in the page's colours, which a download keeps.
 
 const SVG = "http://www.w3.org/2000/svg";
 const MARGIN = { left: 52, right: 12, top: 18, bottom: 34 };
@@ -123,7 +123,7 @@ export class Chart {
   }
 }
 
-// The SVG as a file of its own: what the style sheet says is written into each element.
+// The SVG as a file of its own: the style sheet's values are written into each element.
 export function svgText(svg) {
   const copy = svg.cloneNode(true);
   const kept = ["fill", "stroke", "stroke-width", "stroke-dasharray", "font-size", "font-family"];
@@ -132,6 +132,7 @@ export function svgText(svg) {
     const style = getComputedStyle(all[n]);
     for (const name of kept) each.setAttribute(name, style.getPropertyValue(name));
   });
+  copy.setAttribute("style", `background: ${getComputedStyle(document.documentElement).getPropertyValue("--card")}`);
   copy.setAttribute("xmlns", SVG);
   return new XMLSerializer().serializeToString(copy);
 }

@@ -23,13 +23,13 @@ export function list(id, sentences, kind = "") {
   element(id).replaceChildren(...sentences.map((text) => made("li", { class: kind }, text)));
 }
 
-// Tells a fault in the banner until the next thing is done.
+// Shows a fault in the banner until the next action.
 export function tell(fault) {
   element("fault").hidden = !fault;
   write("fault", fault ? fault.message ?? String(fault) : "");
 }
 
-// Wraps a handler so that what the server refuses is told.
+// Wraps a handler: what it throws is shown in the banner.
 export const told = (act) => async (...given) => {
   try {
     tell(null);

@@ -3,11 +3,12 @@
 import { erase, frame, get, send, thumbnail } from "./api.js";
 import { Chart } from "./chart.js";
 import { element, fixed, list, made, told, write } from "./dom.js";
+import { state } from "./main.js";
 
 const WIDE = 116; // of a thumbnail with its gap
 const HANDLES = 13; // of each boundary
 const REACH = 14; // pixels from a handle
-const KEPT = 400; // looks
+const KEPT = 400; // walls and answers of frames, in memory
 const PLAY_MS = 200;
 const DRAFT_MS = 600;
 
@@ -17,16 +18,18 @@ let number = 0;
 let corrects = false;
 let zoom = 1;
 let now = { image: null, look: null };
-let draft = null; // { outer, inner, unseen, undo, redo, moved }
+let draft = null; // { place, outer, inner, unseen, undo, redo }
+let unsent = null; // the timer after which a draft is sent
 let hold = null; // of the mouse
 let playing = null;
 let plot = null;
-let asked = 0;
+let asked = 0; // a number for each frame that is asked for: late answers are dropped
 const looks = new Map();
 
 const canvas = element("frame");
 const file = () => chosen.summary.files[number];
-const key = (name = file()) => `${chosen.name}/${name}`;
+const here = (name = file()) => ({ name: chosen.name, file: name });
+const key = (place) => `${place.name}/${place.file}`;
 
 export function fill(entries) {
   recordings = entries;
@@ -34,22 +37,35 @@ export function fill(entries) {
   const before = select.value;
   select.replaceChildren(...entries.map(({ name, eye }) => made("option", { value: name }, eye === name ? name : `${name} (${eye})`)));
   if (entries.some(({ name }) => name === before)) select.value = before;
+  if (!entries.some(({ name }) => name === chosen?.name)) chosen = null;
 }
 
-export const show = told(async (withHandles) => {
+export const show = told(async (withHandles, name = element("recording").value, at = undefined) => {
   corrects = withHandles;
   element("tools").hidden = !corrects;
   if (!recordings.length) {
-    write("verdict", "No recording in this folder yet: import one.");
+    write("verdict", "No recordings in this folder yet. Import one first.");
     return;
   }
-  if (chosen?.name !== element("recording").value) await open(element("recording").value);
+  canvas.focus({ preventScroll: true }); // else a field of a hidden step would take the keys
+  if (chosen?.name !== name || at) await open(name, at);
   else await turn(number);
 });
 
-export async function open(name, at) {
+// Leaves the frame that is shown: a draft that was not sent yet is sent now. Returns the number of the next one.
+function leave() {
+  if (unsent) void keep();
+  [draft, hold] = [null, null];
+  return (asked += 1);
+}
+
+async function open(name, at) {
+  const mine = leave();
   element("recording").value = name;
-  chosen = { name, summary: await get("recording", { name }) };
+  chosen = null;
+  const summary = await get("recording", { name });
+  if (mine !== asked) return;
+  chosen = { name, summary };
   looks.clear();
   plot = null;
   const inside = element("strip-inside");
@@ -60,37 +76,55 @@ export async function open(name, at) {
 }
 
 async function turn(to) {
+  if (!chosen) return;
+  const mine = leave();
   number = Math.min(Math.max(to, 0), chosen.summary.files.length - 1);
-  const [mine, name] = [(asked += 1), file()];
+  const place = here();
   const { time_s: times, planes } = chosen.summary;
-  write("place", `${name}, ${fixed(times[number], 3)} s, ${number + 1} of ${times.length}${planes ? `, plane ${planes[number]}` : ""}`);
-  write("look-command", `scleraforce read default ${chosen.name}/frames/${name}`);
-  const image = await frame({ name: chosen.name, file: name });
-  if (mine !== asked) return;
-  [now, draft] = [{ image, look: looks.get(key(name)) }, null];
+  write("place", `${place.file}, ${fixed(times[number], 3)} s, ${number + 1} of ${times.length}${planes ? `, plane ${planes[number]}` : ""}`);
+  for (const id of ["look-command", "draft"]) write(id, "");
+  now.image?.close();
+  now = { image: null, look: null };
   strip();
-  draw();
   forces();
-  if (!now.look) write("verdict", "looking …");
-  const look = await looked(name);
+  let image;
+  try {
+    image = await frame(place);
+  } catch (fault) {
+    if (mine === asked) blank();
+    throw fault;
+  }
+  if (mine !== asked) return image.close();
+  now = { image, look: looks.get(key(place)) };
+  draw();
+  if (!now.look) write("verdict", "reading …");
+  const look = await looked(place);
   if (mine !== asked) return;
-  [now, draft] = [{ image, look }, corrects ? begun(look) : null];
+  [now, draft] = [{ image, look }, corrects && state.writes ? begun(look, place) : null];
   strip();
   words();
   draw();
 }
 
-async function looked(name) {
-  if (!looks.has(key(name))) {
-    const found = await get("look", { name: chosen.name, file: name });
+// A frame that cannot be read: the banner says why.
+function blank() {
+  canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
+  write("verdict", "");
+  list("frame-notes", []);
+}
+
+async function looked(place) {
+  if (!looks.has(key(place))) {
+    const found = await get("look", place);
     if (looks.size > KEPT) looks.delete(looks.keys().next().value);
-    looks.set(key(name), found);
+    looks.set(key(place), found);
   }
-  return looks.get(key(name));
+  return looks.get(key(place));
 }
 
 function words() {
-  const { answer, wall } = now.look;
+  const { answer, wall, command } = now.look;
+  write("look-command", command);
   const force = answer.predicted_force_mn;
   const known = force === null ? `class ${answer.predicted}` : `${fixed(force, 1)} mN (90 %: ${answer.interval_mn.map((end) => fixed(end, 1)).join(" to ")}), class ${answer.predicted}`;
   const source = wall?.source === "corrected" ? "wall: corrected; " : "";
@@ -114,10 +148,10 @@ function strip() {
   for (let n = first; n < last; n += 1) {
     const name = chosen.summary.files[n];
     const child = there.get(n) ?? inside.appendChild(thumb(n, name));
-    const look = looks.get(key(name));
+    const look = looks.get(key(here(name)));
     child.setAttribute("aria-selected", String(n === number));
     child.classList.toggle("refused", look?.answer.usable === false);
-    child.classList.toggle("corrected", chosen.summary.corrected.includes(name));
+    child.classList.toggle("corrected", look ? look.wall?.source === "corrected" : chosen.summary.corrected.includes(name));
   }
 }
 
@@ -203,8 +237,8 @@ const places = (columns) => Array.from({ length: HANDLES }, (_, n) => Math.round
 
 // ---- corrections
 
-// The wall to begin with: a draft, else the one that is read, its gaps bridged and marked as unseen.
-function begun(look) {
+// The wall to start from: a draft, else the detected one, its gaps bridged and marked as unseen.
+function begun(look, place) {
   const { rows, columns } = chosen.summary;
   const start = look.draft ?? look.wall ?? { outer: Array(columns).fill(null), inner: Array(columns).fill(null) };
   const unseen = new Set(look.draft?.unseen ?? []);
@@ -213,7 +247,7 @@ function begun(look) {
   const outer = known ? bridged(start.outer) : Array(columns).fill(rows * 0.3);
   const thick = known ? null : rows * 0.15;
   const inner = thick === null ? (start.inner.some((row) => row !== null) ? bridged(start.inner) : [...start.inner]) : outer.map((row) => row + thick);
-  return { outer, inner, unseen: known ? unseen : new Set(), undo: [], redo: [], moved: Boolean(look.draft) };
+  return { place, outer, inner, unseen: known ? unseen : new Set(), undo: [], redo: [] };
 }
 
 function bridged(boundary) {
@@ -237,16 +271,25 @@ function step(from, to) {
 }
 
 function changed() {
-  draft.moved = true;
   draw();
   words();
-  write("draft", "draft …");
-  clearTimeout(changed.timer);
-  changed.timer = setTimeout(told(async () => {
-    await send("draft", drawn(), { name: chosen.name, file: file() }, "PUT");
-    looks.get(key()).draft = drawn();
-    write("draft", "draft kept");
-  }), DRAFT_MS);
+  write("draft", "saving the draft …");
+  clearTimeout(unsent);
+  unsent = setTimeout(keep, DRAFT_MS);
+}
+
+const keep = told(async () => {
+  sends();
+  const [{ place }, walls] = [draft, drawn()];
+  const look = looks.get(key(place));
+  if (look) look.draft = walls;
+  await send("draft", walls, place, "PUT");
+  if (draft?.place === place && !unsent) write("draft", "draft saved");
+});
+
+function sends() {
+  clearTimeout(unsent);
+  unsent = null;
 }
 
 const drawn = () => ({ outer: draft.outer, inner: draft.inner, unseen: [...draft.unseen].sort((a, b) => a - b) });
@@ -315,20 +358,23 @@ element("unseen").onclick = (event) => {
 };
 element("accept").onclick = told(async () => {
   if (!draft) return;
-  clearTimeout(changed.timer);
-  await settle(await send("wall", drawn(), { name: chosen.name, file: file() }, "PUT"), true);
+  sends();
+  await settle(draft.place, await send("wall", drawn(), draft.place, "PUT"));
 });
 element("restore").onclick = told(async () => {
-  clearTimeout(changed.timer);
-  await settle(await erase("wall", { name: chosen.name, file: file() }), false);
+  if (!draft) return;
+  sends();
+  await settle(draft.place, await erase("wall", draft.place));
 });
 
-async function settle(look, corrected) {
-  looks.set(key(), look);
-  const others = chosen.summary.corrected.filter((name) => name !== file());
-  chosen.summary.corrected = corrected ? [...others, file()] : others;
-  write("draft", corrected ? `saved as walls/${file().replace(/\.[^.]*$/, "")}.png` : "");
+async function settle(place, look) {
+  looks.set(key(place), look);
+  if (chosen?.name !== place.name) return;
+  const corrected = look.wall?.source === "corrected";
+  chosen.summary.corrected = [...chosen.summary.corrected.filter((name) => name !== place.file), ...(corrected ? [place.file] : [])];
+  if (file() !== place.file) return;
   await turn(number);
+  write("draft", corrected ? `saved as walls/${place.file.replace(/\.[^.]*$/, "")}.png` : "");
 }
 
 // ---- moving about
@@ -356,9 +402,20 @@ element("back").onclick = () => turnTo(number - 1);
 element("next").onclick = () => turnTo(number + 1);
 element("strip").onscroll = () => chosen && strip();
 
-function play() {
-  if (playing) playing = clearInterval(playing);
-  else playing = setInterval(() => (number + 1 < chosen.summary.files.length ? turnTo(number + 1) : play()), PLAY_MS);
+// Turns to the next frame when the last one was read, but not faster than every PLAY_MS.
+const play = told(async () => {
+  const mine = (playing = playing ? null : {});
+  while (mine && playing === mine && number + 1 < chosen?.summary.files.length) {
+    await Promise.all([turn(number + 1), new Promise((done) => setTimeout(done, PLAY_MS))]).catch((fault) => {
+      pause();
+      throw fault;
+    });
+  }
+  if (playing === mine) pause();
+});
+
+export function pause() {
+  playing = null;
 }
 
 function scaled(by) {
@@ -384,8 +441,9 @@ const KEYS = {
 
 document.addEventListener("keydown", (event) => {
   if (element("frames").hidden || !chosen || event.target.matches("input, select, textarea")) return;
-  if (event.ctrlKey && "zy".includes(event.key)) step(...(event.key === "z" ? ["undo", "redo"] : ["redo", "undo"]));
-  else if (!event.ctrlKey && !event.altKey && !event.metaKey && KEYS[event.key] && !(event.key === " " && event.target.matches("button"))) KEYS[event.key]();
+  const [control, letter] = [event.ctrlKey || event.metaKey, event.key.toLowerCase()];
+  if (control && "zy".includes(letter)) step(...(letter === "z" && !event.shiftKey ? ["undo", "redo"] : ["redo", "undo"]));
+  else if (!control && !event.altKey && KEYS[event.key] && !(event.key === " " && event.target.matches("button"))) KEYS[event.key]();
   else return;
   event.preventDefault();
 });

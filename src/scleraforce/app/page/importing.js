@@ -1,19 +1,18 @@
-// Import: files are dropped, looked at, and what they do not state is asked beside their picture.
+// Import: dropped files are read, and what they do not state is asked beside their picture.
 
 import { picture, send, upload } from "./api.js";
 import { Chart } from "./chart.js";
 import { element, fixed, list, made, tell, told, write } from "./dom.js";
 import { await_, go, poll, state } from "./main.js";
-import * as frames from "./frames.js";
 
-// Options of `import` that are asked as a number, a text or a choice; the others are set by the plots.
+// Options of `import` with their labels and kinds of field: a number, a text or a choice.
 const FIELDS = {
   width_mm: ["Width of the frames, mm", "number"],
   depth_mm: ["Depth of the frames as stored, mm", "number"],
   refractive_index: ["Refractive index of the depth (1: corrected)", "number"],
-  bits: ["Bits of a pixel that are used", "number"],
-  rate_hz: ["Frames a second", "number"],
-  times: ["Table of the frames' times, in place of it", [""]],
+  bits: ["Used bits per pixel", "number"],
+  rate_hz: ["Frames per second", "number"],
+  times: ["Table of the frames' times, instead of a rate", [""]],
   axis: ["Axis of the force along the needle", ["", "fx", "fy", "fz"]],
   contact_sign: ["Sign of that axis in contact", ["", "1", "-1"]],
   clock_offset_s: ["Force log's clock minus the frames', s", "number"],
@@ -21,7 +20,7 @@ const FIELDS = {
   last_frame: ["Last frame", "number"],
   eye: ["Name of the eye", "text"],
   gauge: ["Gauge of the needle", "number"],
-  gap_mm: ["B-scan plane to needle axis, mm", "number"],
+  gap_mm: ["Distance of the B-scan plane from the needle axis, mm", "number"],
   thickness_um: ["Thickness of the wall, µm", "number"],
   iop_mmhg: ["Intraocular pressure, mmHg", "number"],
   globe: ["Globe", ["", "open", "sealed"]],
@@ -33,12 +32,13 @@ const WAIT_MS = 500;
 const chosen = new Set();
 const given = {}; // answers by the names of options
 const columns = new Map(); // of a force log: short name -> "NAME:UNIT"
-let seen = null; // what the server says of the chosen files
+let seen = null; // what the chosen files state and leave open
 let image = null;
 let bar = null;
 let clocks = null;
 let clockPlot = null;
 let pull = null;
+let looking = 0; // a number for each request: late answers are dropped
 
 const asked = () => ({ names: [...chosen], answers: { ...given }, columns: [...columns].filter(([, text]) => text).map(([short, text]) => `${short}=${text}`) });
 const number = () => Math.max(0, Number(element("source-number").value) - 1);
@@ -78,7 +78,9 @@ const look = told(async () => {
     for (const id of ["source", "log"]) element(id).hidden = true;
     return;
   }
+  const mine = (looking += 1);
   const found = await send("sources", asked());
+  if (mine !== looking) return;
   seen = found;
   form();
   if (found.question) {
@@ -89,7 +91,9 @@ const look = told(async () => {
   element("source").hidden = false;
   write("source-size", `${found.frames} frames of ${found.rows} x ${found.columns} pixels (depth x lateral)`);
   element("source-number").max = found.frames;
-  image = await picture("picture", asked(), { number: number() });
+  const shown = await picture("picture", asked(), { number: number() });
+  if (mine !== looking) return;
+  image = shown;
   draw();
   logs();
   await words();
@@ -147,7 +151,8 @@ function run() {
 }
 
 const words = async () => {
-  if (!element("import-out").value) element("import-out").value = `recording-${state.recordings.length + 1}`;
+  const taken = new Set(state.recordings.map(({ name }) => name));
+  for (let n = 1; !element("import-out").value; n += 1) if (!taken.has(`recording-${n}`)) element("import-out").value = `recording-${n}`;
   const { command, fault } = await send("words", run());
   write("import-command", command ?? fault);
 };
@@ -155,10 +160,9 @@ const words = async () => {
 element("import-out").oninput = later;
 element("import-run").onclick = told(async () => {
   const asks = run();
-  await_(await send("run", asks), async (result) => {
-    if (!result) return;
-    go("look");
-    await frames.open(asks.out);
+  await_(await send("run", asks), () => {
+    element("import-out").value = "";
+    go("look", asks.out);
   });
 });
 
@@ -253,7 +257,7 @@ function clock() {
   const svg = element("clock-plot");
   svg.toggleAttribute("hidden", !clocks || !axis);
   if (!clocks || !axis) {
-    write("clock-text", "Propose finds the surface in the frames first; it needs their size, their rate and the axis.");
+    write("clock-text", "Propose finds the surface in the frames; it needs their size and rate, and the force axis.");
     return;
   }
   const curve = seen.log[axis];
@@ -272,7 +276,7 @@ function clock() {
 }
 
 element("propose").onclick = told(async () => {
-  write("clock-text", "looking at the frames …");
+  write("clock-text", "finding the surface …");
   clocks = await send("clocks", asked());
   if (clocks.offset_s !== null) {
     given.clock_offset_s = Number(clocks.offset_s.toFixed(3));
@@ -299,16 +303,15 @@ element("clock-plot").onpointerup = () => {
 // ---- files that are dropped
 
 async function take(files) {
-  const bar_ = element("upload");
+  const [bar_, arrived] = [element("upload"), []];
   bar_.hidden = false;
   try {
-    const names = [];
-    for (const file of files) names.push((await upload(file, (part) => (bar_.value = part))).name);
-    await poll();
-    for (const name of names) chosen.add(name);
-    fill(state.sources);
+    for (const file of files) arrived.push((await upload(file, (part) => (bar_.value = part))).name);
   } finally {
     bar_.hidden = true;
+    await poll();
+    for (const name of arrived) chosen.add(name);
+    fill(state.sources);
   }
   await look();
 }
@@ -324,4 +327,8 @@ drop.ondrop = told(async (event) => {
   drop.classList.remove("over");
   await take([...event.dataTransfer.files]);
 });
-element("files").onchange = told((event) => take([...event.target.files]));
+element("files").onchange = told(async ({ target }) => {
+  const files = [...target.files];
+  target.value = ""; // so that the same file can be chosen again
+  await take(files);
+});

@@ -8,38 +8,38 @@ import * as results from "./results.js";
 
 const EVERY_MS = 1000;
 const SECTIONS = { import: "import", look: "frames", correct: "frames", calibrate: "calibrate", read: "read" };
-export const state = { recordings: [], calibrations: [], models: [], sources: [], jobs: [], writes: false };
+export const state = { recordings: [], calibrations: [], models: [], sources: [], job: null, writes: false };
 let known = "";
 let awaited = null;
 
-export function go(step) {
+// Shows a step, of frames with a recording and a frame's name.
+export function go(step, ...place) {
   for (const id of new Set(Object.values(SECTIONS))) element(id).hidden = SECTIONS[step] !== id;
   for (const button of document.querySelectorAll("[data-step]")) {
     if (button.dataset.step === step) button.setAttribute("aria-current", "step");
     else button.removeAttribute("aria-current");
   }
   document.body.dataset.step = step;
-  document.activeElement?.blur(); // a field of a hidden step would take the keys
   tell(null);
-  if (SECTIONS[step] === "frames") frames.show(step === "correct");
+  frames.pause();
+  if (SECTIONS[step] === "frames") frames.show(step === "correct", ...place);
   if (step === "import") importing.show();
 }
 
-// Calls back with the result of the command that was just started, or with nothing if it failed.
-export function await_(started, then) {
-  awaited = { number: started.job, then };
+// Calls back with the result of the command that was just started, unless it fails.
+export function await_({ job }, then) {
+  awaited = { job, then: told(then) };
   void poll();
 }
 
 export async function poll() {
-  let found;
+  const wrote = state.writes;
   try {
-    found = await get("state");
+    Object.assign(state, await get("state"));
   } catch (fault) {
     tell(fault);
     return;
   }
-  Object.assign(state, found);
   element("read-only").hidden = state.writes;
   for (const button of document.querySelectorAll(".main, #undo, #redo, #unseen, #restore")) button.disabled = !state.writes;
   write("folder", state.folder);
@@ -48,6 +48,7 @@ export async function poll() {
     known = now;
     fill();
   }
+  if (wrote !== state.writes && document.body.dataset.step === "correct") go("correct");
   showJob();
 }
 
@@ -58,18 +59,17 @@ function fill() {
 }
 
 function showJob() {
-  const job = state.jobs.at(-1);
+  const { job } = state;
   element("job").hidden = !job || job.done;
   if (!job) return;
   write("job-title", job.title || job.command.split(" ")[1]);
   element("job-share").value = job.share;
   write("job-percent", `${Math.round(100 * job.share)} %`);
-  if (job.done && awaited?.number === state.jobs.length - 1) {
-    const { then } = awaited;
-    awaited = null;
-    if (job.fault) tell(job.fault);
-    then(job.fault ? null : job.result);
-  }
+  if (!job.done || awaited?.job !== job.number) return;
+  const { then } = awaited;
+  awaited = null;
+  if (job.fault) tell(job.fault);
+  else void get("result", { job: job.number }).then(then, tell);
 }
 
 for (const button of document.querySelectorAll("[data-step]")) button.onclick = () => go(button.dataset.step);
@@ -79,6 +79,8 @@ for (const button of document.querySelectorAll(".copy")) {
 element("job-stop").onclick = told(() => erase("run"));
 
 export const choice = (entry, text) => made("option", { value: entry }, text ?? entry);
+
+for (const kind of ["dragover", "drop"]) addEventListener(kind, (event) => event.preventDefault()); // a file beside the field
 
 await poll();
 go(state.recordings.length ? "look" : "import");

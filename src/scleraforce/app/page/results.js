@@ -3,8 +3,7 @@
 import { get, send } from "./api.js";
 import { Chart, svgText } from "./chart.js";
 import { download, element, fixed, made, told, write } from "./dom.js";
-import { await_, choice, go, state } from "./main.js";
-import * as frames from "./frames.js";
+import { await_, choice, go } from "./main.js";
 
 const CURVE = 121; // points of a density
 const WORST = 200; // rows of the table
@@ -62,10 +61,10 @@ async function words() {
 }
 
 for (const id of ["calibrate-frames", "without-force", "calibrate-out", "read-model", "read-calibration", "read-html"]) element(id).oninput = words;
-element("calibrate-run").onclick = told(async () => await_(await send("run", RUNS.calibrate()), (result) => result && calibrated(result)));
+element("calibrate-run").onclick = told(async () => await_(await send("run", RUNS.calibrate()), calibrated));
 element("read-run").onclick = told(async () => {
   const started = await send("run", RUNS.read());
-  await_(started, told(async (result) => result && (await answers(result, started.job))));
+  await_(started, (result) => answers(result, started.job));
 });
 
 // A figure with its buttons; it is drawn by `paint` once it is in the page.
@@ -82,15 +81,10 @@ function figure(box, title, name, paint) {
 function table(box, heads, rows) {
   const head = made("tr", {}, ...heads.map(([text, kind]) => made("th", { class: kind }, text)));
   const body = rows.map(({ cells, kind, to }) => {
-    const row = made("tr", { class: kind }, ...cells.map((text, n) => made("td", { class: heads[n][1] }, text)));
-    if (to) {
-      row.dataset.go = "";
-      row.onclick = told(async () => {
-        go("look");
-        await frames.open(...to);
-      });
-    }
-    return row;
+    const [first, ...others] = cells;
+    const start = to ? made("button", { type: "button", class: "go" }, first) : first;
+    return made("tr", { class: kind, "data-go": Boolean(to), onclick: to ? () => go("look", ...to) : null },
+      ...[start, ...others].map((inside, n) => made("td", { class: heads[n][1] }, inside)));
   });
   box.append(made("div", { class: "table" }, made("table", {}, made("thead", {}, head), made("tbody", {}, ...body))));
 }
