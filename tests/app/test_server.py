@@ -99,7 +99,7 @@ def test_the_folder_is_listed_and_files_that_cannot_be_read_say_why(app: Client)
 @pytest.mark.parametrize("name", ["..", "../outside", "link", "/etc", "small/../../outside", "\0", "x" * 5000, ""])
 def test_paths_that_lead_out_are_refused(app: Client, name: str) -> None:
     assert refusal(app, "GET", f"/api/recording?name={quote(name)}")[0] == 422
-    assert refusal(app, "POST", "/api/sources", {"names": [name]})[0] == 422
+    assert refusal(app, "POST", "/api/sources", {"operands": [name]})[0] == 422
     run = {"command": "evaluate", "operands": ["default", name]}
     assert refusal(app, "POST", "/api/run", run)[0] == 422
 
@@ -159,7 +159,7 @@ def test_links_out_of_the_folder_are_neither_read_nor_written(app: Client, folde
     (linked / "frames" / "0001.png").unlink()
     (linked / "frames" / "0001.png").symlink_to(outside / "frames" / "0001.png")
     assert refusal(app, "GET", "/api/frame?name=linked&file=0001.png")[0] == 422
-    assert refusal(app, "POST", "/api/sources", {"names": ["linked/frames"]})[0] == 422
+    assert refusal(app, "POST", "/api/sources", {"operands": ["linked/frames"]})[0] == 422
     assert refusal(app, "POST", "/api/run", {"command": "evaluate", "operands": ["default", "linked"]})[0] == 422
     shutil.rmtree(linked)
 
@@ -182,7 +182,7 @@ def test_a_wall_that_does_not_fit_its_frame_is_refused(app: Client, folder: Path
     "answers", [{"bits": "abc"}, {"bits": 1.5}, {"bits": True}, {"width_mm": "1"}, {"eye": 1.0}, {"by_arrival": 1.0}]
 )
 def test_answers_of_another_type_are_refused(app: Client, answers: Any) -> None:
-    status, text = refusal(app, "POST", "/api/sources", {"names": ["log.csv"], "answers": answers})
+    status, text = refusal(app, "POST", "/api/sources", {"operands": ["log.csv"], "options": answers})
     assert (status, "; give " in text) == (422, True)
 
 

@@ -39,16 +39,23 @@ BUSY = "another tab is working in this folder; close it first"
 
 
 class Asked(BaseModel):
-    """Sources, and answers by the names of import's options."""
+    """Operands of a command, its options by the names of their fields, and a log's columns."""
 
-    names: list[str] = Field(max_length=20000)
-    answers: dict[str, float | str | bool] = {}
+    operands: list[str] = Field(max_length=20000)
+    options: dict[str, float | str | bool] = {}
     columns: list[str] = Field([], max_length=20)
 
     def read(self, folder: Folder) -> tuple[list[Path], ImportOptions]:
-        """Return paths and options; raises `InputError`."""
-        times = {name: folder.inside(str(self.answers[name])) for name in {"times"} & set(self.answers)}
-        return [folder.whole(name) for name in self.names], answers_of({**self.answers, **times}, self.columns)
+        """Return the paths and options of an import; raises `InputError`."""
+        times = {name: folder.inside(str(self.options[name])) for name in {"times"} & set(self.options)}
+        return [folder.whole(name) for name in self.operands], answers_of({**self.options, **times}, self.columns)
+
+
+class Run(Asked):
+    """A command, with the name of the file or folder that it writes."""
+
+    command: str
+    out: str = ""
 
 
 class Drawn(BaseModel):
@@ -59,23 +66,12 @@ class Drawn(BaseModel):
     unseen: list[int] = Field(max_length=16384)
 
 
-class Run(BaseModel):
-    """A command with its operands, the name of the file or folder that it writes, and options by their names."""
-
-    command: str
-    operands: list[str] = Field(max_length=20000)
-    out: str = ""
-    options: dict[str, float | str | bool] = {}
-    columns: list[str] = Field([], max_length=20)
-
-
 OPTIONS = {
     "import": set(TYPES),
     "calibrate": {"frames", "without_force", "parameters", "thickness_um", "calibration"},
     "evaluate": {"calibration", "html"},
-    "export": {"answers"},
 }
-NEW_FILES, OLD_FILES = ("html",), ("calibration", "answers", "times")
+NEW_FILES, OLD_FILES = ("html",), ("calibration", "times")
 DIGITS = 15  # of a number: a clock counts from 1970, in ms
 
 
@@ -100,6 +96,15 @@ def words_of(run: Run, folder: Folder) -> list[str]:
         folder.new(run.out)
         words.append(f"--out={run.out}")
     return words
+
+
+def _line(fault: Exception, folder: Folder) -> str:
+    if isinstance(fault, RequestValidationError):
+        first = fault.errors()[0]
+        return f"{'.'.join(map(str, first['loc'][1:]))}: {first['msg']}"
+    if isinstance(fault, OSError):
+        return f"{Path(fault.filename).name if fault.filename else 'disk'}: {fault.strerror}"
+    return str(fault).replace(f"{folder.root}/", "")
 
 
 def _operand(name: str) -> str:
@@ -131,13 +136,19 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     folder, looks, sources, holder = Folder(root.resolve()), Looks(), Sources(), Holder()
     jobs, writing, tokens = list[Job](), Lock(), {token, once} - {""}
     cookie, session = f"scleraforce-{port}", secrets.token_urlsafe(32)
-    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+
+    async def refused(_: Request, fault: Exception) -> Response:
+        return PlainTextResponse(_line(fault, folder), 422)
+
+    faults: Any = dict.fromkeys((InputError, OSError, RequestValidationError), refused)
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, exception_handlers=faults)
 
     @app.middleware("http")
     async def check(request: Request, answer: Callable[[Request], Awaitable[Response]]) -> Response:
         given = request.query_params.get("token", "")
         if request.url.path == "/" and given in tokens:
-            tokens.discard(once)
+            if given == once:
+                tokens.remove(once)
             opened = RedirectResponse("/", 303)
             opened.set_cookie(cookie, session, httponly=True, samesite="strict")
             return opened
@@ -150,19 +161,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
                 return PlainTextResponse(f"more than {MOST_JSON_BYTES} bytes", 413)
         return await answer(request)
 
-    @app.exception_handler(InputError)
-    async def refused(_: Request, fault: InputError) -> Response:
-        return PlainTextResponse(str(fault).replace(f"{folder.root}/", ""), 422)
-
-    @app.exception_handler(RequestValidationError)
-    async def invalid(_: Request, fault: RequestValidationError) -> Response:
-        first = fault.errors()[0]
-        return PlainTextResponse(f"{'.'.join(map(str, first['loc'][1:]))}: {first['msg']}", 422)
-
-    @app.exception_handler(OSError)
-    async def failed(_: Request, fault: OSError) -> Response:
-        return PlainTextResponse(f"{Path(fault.filename).name if fault.filename else 'disk'}: {fault.strerror}", 422)
-
+    @app.get("/api/look")
     def looked(name: str, file: str) -> dict[str, Any]:
         look = looks.look(folder.recording(name, file), file)
         frames = [_operand(f"{name}/frames/{each}") for each in look["frames"]]
@@ -189,10 +188,6 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     def frame(name: str, file: str, height: Annotated[int | None, Query(ge=1)] = None) -> Response:
         found, entry = looks.entry(folder.recording(name, file), file)
         return Response(png(found.frame(entry), height), media_type="image/png")
-
-    @app.get("/api/look")
-    def look(name: str, file: str) -> dict[str, Any]:
-        return looked(name, file)
 
     @app.put("/api/draft")
     def keep(name: str, file: str, drawn: Drawn) -> dict[str, Any]:
@@ -226,7 +221,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     @app.post("/api/sources")
     def look_at_sources(asked: Asked) -> dict[str, Any]:
-        return sources.look(*asked.read(folder), [*asked.answers])
+        return sources.look(*asked.read(folder), [*asked.options])
 
     @app.post("/api/picture")
     def picture(asked: Asked, number: int) -> Response:
@@ -241,7 +236,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         try:
             return {"command": shown(words_of(run, folder))}
         except InputError as fault:  # the page shows it in place of the command
-            return {"fault": str(fault).replace(f"{folder.root}/", "")}
+            return {"fault": _line(fault, folder)}
 
     @app.post("/api/run")
     def start(run: Run) -> dict[str, Any]:

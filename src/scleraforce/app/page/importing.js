@@ -40,7 +40,7 @@ let clockPlot = null;
 let pull = null;
 let looking = 0; // a number for each request: late answers are dropped
 
-const asked = () => ({ names: [...chosen], answers: { ...given }, columns: [...columns].filter(([, text]) => text).map(([short, text]) => `${short}=${text}`) });
+const asked = () => ({ operands: [...chosen], options: { ...given }, columns: [...columns].filter(([, text]) => text).map(([short, text]) => `${short}=${text}`) });
 const number = () => Math.max(0, Number(element("source-number").value) - 1);
 
 export function fill(sources) {
@@ -145,10 +145,7 @@ function column(short) {
   return made("label", { "data-column": short, class: "missing" }, made("span", { class: "label" }, `Column ${short}, as NAME:UNIT`), made("input", { type: "text", placeholder: "Clock:ms", oninput: change }));
 }
 
-function run() {
-  const { names: operands, answers: options, columns: named } = asked();
-  return { command: "import", operands, out: element("import-out").value.trim(), options, columns: named };
-}
+const run = () => ({ command: "import", out: element("import-out").value.trim(), ...asked() });
 
 const words = async () => {
   const taken = new Set(state.recordings.map(({ name }) => name));
