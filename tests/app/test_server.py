@@ -31,6 +31,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_small_recording(root.parent / "outside", frames=1)
     (root / "link").symlink_to(root.parent / "outside")
     (root / "log.csv").write_text("time_s,fz_n\n0,0\n1,0\n")
+    for name in ("stack", "empty"):
+        (root / name).mkdir()
+    (root / "stack" / "log.csv").write_text("time_s,fz_n\n")
     (root / "notes.xyz").write_bytes(b"\x01\x02 nothing that is read")
     return root
 
@@ -94,6 +97,8 @@ def test_the_folder_is_listed_and_files_that_cannot_be_read_say_why(app: Client)
     sources = {entry["name"]: entry for entry in state["sources"]}
     assert sources["log.csv"]["kind"] == "log"
     assert "of no kind that is read" in sources["notes.xyz"]["fault"]
+    assert sources["stack"]["kind"] == "folder of log files"
+    assert "empty" not in sources
 
 
 @pytest.mark.parametrize("name", ["..", "../outside", "link", "/etc", "small/../../outside", "\0", "x" * 5000, ""])

@@ -13,7 +13,7 @@ from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.models import RECORD_FILE
 from scleraforce.recording.folder import read_info
-from scleraforce.recording.sources import source_kind
+from scleraforce.recording.sources import files_of, source_kind
 
 SOURCES = "sources"  # files dropped onto the page
 MOST_ENTRIES = 65536  # that are not read again while they are unchanged
@@ -131,6 +131,9 @@ def _entry(path: Path, _: tuple[int, ...]) -> tuple[str, dict[str, Any]]:
             return "calibrations", {"eyes": sorted(read_calibration(path).eyes)}
         if path.is_file():
             return "sources", {"kind": source_kind(path)}
+        if first := next((each for each in files_of([path]) if each.is_file()), None):
+            return "sources", {"kind": f"folder of {source_kind(first)} files"}
     except InputError as fault:
-        return ("", {}) if path.suffix == ".json" else ("sources", {"fault": str(fault)})
+        other = path.suffix == ".json" or (path.is_dir() and not (path / PARTS[0]).exists())
+        return ("", {}) if other else ("sources", {"fault": str(fault)})
     return "", {}

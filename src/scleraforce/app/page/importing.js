@@ -79,6 +79,7 @@ const look = told(async () => {
     return;
   }
   const mine = (looking += 1);
+  if (!seen) list("import-notes", ["reading the files …"]);
   const found = await send("sources", asked());
   if (mine !== looking) return;
   seen = found;
