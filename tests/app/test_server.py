@@ -191,6 +191,10 @@ def test_answers_of_another_type_are_refused(app: Client, answers: Any) -> None:
     assert (status, "; give " in text) == (422, True)
 
 
+def test_a_request_without_operands_is_refused(app: Client) -> None:
+    assert refusal(app, "POST", "/api/sources", {"operands": []})[0] == 422
+
+
 def test_entries_that_change_or_cannot_be_read_are_listed_as_they_are_now(tmp_path: Path) -> None:
     recording = write_small_recording(tmp_path / "small", frames=1)
     (tmp_path / "loop").symlink_to("loop")

@@ -41,7 +41,7 @@ BUSY = "another tab is working in this folder; close it first"
 class Asked(BaseModel):
     """Operands of a command, its options by the names of their fields, and a log's columns."""
 
-    operands: list[str] = Field(max_length=20000)
+    operands: list[str] = Field(min_length=1, max_length=20000)
     options: dict[str, float | str | bool] = {}
     columns: list[str] = Field([], max_length=20)
 

@@ -169,8 +169,8 @@ element("import-run").onclick = told(async () => {
 const canvas = element("source-picture");
 
 function draw() {
-  const width = given.width_mm ?? seen.stated.width_mm?.value;
-  const depth = given.depth_mm ?? seen.stated.depth_mm?.value;
+  if (!image) return;
+  const [width, depth] = ["width_mm", "depth_mm"].map((name) => given[name] ?? seen?.stated?.[name]?.value);
   canvas.width = canvas.clientWidth || 600;
   canvas.height = Math.round(width && depth ? (canvas.width * depth) / width : Math.min((canvas.width * image.height) / image.width, 0.45 * canvas.width));
   const pen = canvas.getContext("2d");
@@ -251,14 +251,13 @@ function larger({ low, high }) {
 }
 
 function clock() {
-  const axis = given.axis ?? seen.stated.axis?.value;
-  const svg = element("clock-plot");
-  svg.toggleAttribute("hidden", !clocks || !axis);
-  if (!clocks || !axis) {
+  const axis = given.axis ?? seen?.stated?.axis?.value;
+  const [svg, curve] = [element("clock-plot"), seen?.log?.[axis]];
+  svg.toggleAttribute("hidden", !clocks || !curve);
+  if (!clocks || !curve) {
     write("clock-text", "Propose finds the surface in the frames; it needs their size and rate, and the force axis.");
     return;
   }
-  const curve = seen.log[axis];
   const offset = given.clock_offset_s ?? 0;
   const times = clocks.time_s.map((time) => time + offset);
   clockPlot = new Chart(svg, { x: [...curve.time_s, ...times], y: [...curve.low, ...curve.high], labels: ["force log's clock / s", `${axis} / mN`], zero: true });
