@@ -41,7 +41,7 @@ RUNS = {
 }  # fmt: skip
 # They need a monitor, or a quarter of an hour; these calls cannot begin.
 REFUSED = {
-    "monitor": "nowhere", "monitor-reset": "--port 1 --token none", "replay": "eye-a --port 1",
+    "app": "nowhere", "monitor": "nowhere", "monitor-reset": "--port 1 --token none", "replay": "eye-a --port 1",
     "reproduce": "--out study.toml",
 }  # fmt: skip
 SLOW = {"calibrate", "demo", "doctor", "generate", "phantom", "scanner", "simulate", "train"}
