@@ -83,5 +83,5 @@ export const choice = (entry, text) => made("option", { value: entry }, text ?? 
 for (const kind of ["dragover", "drop"]) addEventListener(kind, (event) => event.preventDefault()); // a file beside the field
 
 await poll();
-go(state.recordings.length ? "look" : "import");
+if (!document.body.dataset.step) go(state.recordings.length ? "look" : "import"); // a step may be clicked already
 setInterval(poll, EVERY_MS);
