@@ -131,7 +131,7 @@ class Holder:
 def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     """Return the application for a folder: only requests with the cookie are answered.
 
-    The cookie is given for the token, as often as it comes, and for `once` a single time.
+    The cookie is given for the token each time, and for `once` a single time.
     """
     folder, looks, sources, holder = Folder(root.resolve()), Looks(), Sources(), Holder()
     jobs, writing, tokens = list[Job](), Lock(), {token, once} - {""}
