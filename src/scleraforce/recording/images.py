@@ -2,13 +2,13 @@
 
 import os
 import re
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ from scleraforce.units import to_si
 from scleraforce.whole_files import KINDS, read_bytes
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-JPEG_EXIF = b"Exif\0\0"
+JPEG_SIGNATURE = b"\xff\xd8\xff"
 ORIENTATION_TAG, UPRIGHT = 0x0112, 1
 TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
@@ -65,13 +65,11 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
 
 def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
     with named_faults(path, "image"):
-        if data.startswith(PNG_SIGNATURE):
-            orientation, flags = _check_png(data), cv2.IMREAD_UNCHANGED
-        elif data.startswith(b"\xff\xd8\xff"):
-            orientation, flags = _check_jpeg(data), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
-        else:
+        if not data.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
             found = "an empty file" if not data else "not an image that can be read"
             raise FrameError(f"{found}; give a PNG, TIFF, JPEG or a single DICOM image")
+        orientation, of_jpeg = _checked_orientation(data), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        flags = of_jpeg if data.startswith(JPEG_SIGNATURE) else cv2.IMREAD_UNCHANGED
         decoded = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
         if decoded is None:
             raise FrameError("damaged: it starts like an image but cannot be decoded")
@@ -85,50 +83,23 @@ def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
     return grey, scan.of_file(path)
 
 
-def _check_png(data: bytes) -> int:
-    """Walk the chunks of a PNG and return its EXIF Orientation: OpenCV would fill what is missing with black."""
-    at, orientation = len(PNG_SIGNATURE), UPRIGHT
-    while at + 12 <= len(data):
-        length = int.from_bytes(data[at : at + 4], "big")
-        chunk, check = data[at + 4 : at + 8 + length], data[at + 8 + length : at + 12 + length]
-        if len(check) < 4:
-            break
-        if zlib.crc32(chunk) != int.from_bytes(check, "big"):
-            raise FrameError("damaged: the check sum of a PNG chunk is wrong")
-        if chunk.startswith(b"IHDR"):
-            check_size(int.from_bytes(chunk[8:12], "big"), int.from_bytes(chunk[4:8], "big"))
-        if chunk.startswith(b"acTL"):
-            raise FrameError("an animated PNG; give a file for each frame")
-        if chunk.startswith(b"eXIf"):
-            orientation = _exif_orientation(chunk[4:])
-        if chunk.startswith(b"IEND"):
-            return orientation
-        at += 12 + length
-    raise FrameError("a truncated PNG: its end is missing")
+def _checked_orientation(data: bytes) -> int:
+    """Check a PNG or JPEG, whose missing parts OpenCV would fill with black, and return its EXIF Orientation."""
+    from PIL import Image
 
-
-def _check_jpeg(data: bytes) -> int:
-    if b"\xff\xd9" not in data[-1024:]:
-        raise FrameError("a truncated JPEG: its end is missing")
-    if (frame := scans.jpeg_frame(data)) is None:
-        raise FrameError("damaged: a JPEG that does not say how large it is")
-    check_size(*frame[:2])
-    at = data[: 2**17].find(JPEG_EXIF)
-    return UPRIGHT if at < 0 else _exif_orientation(data[at + len(JPEG_EXIF) :])
-
-
-def _exif_orientation(exif: bytes) -> int:
-    """Return the Orientation that the first directory of EXIF data states; it has the form of a TIFF."""
-    order: Literal["little", "big"] = "little" if exif.startswith(b"II") else "big"
-    begin = int.from_bytes(exif[4:8], order)
-    count = int.from_bytes(exif[begin : begin + 2], order)
-    for at in range(begin + 2, min(begin + 2 + 12 * count, len(exif)), 12):
-        if int.from_bytes(exif[at : at + 2], order) == ORIENTATION_TAG:
-            found = int.from_bytes(exif[at + 8 : at + 10], order) or UPRIGHT
-            if not UPRIGHT <= found <= 8:
-                raise FrameError(f"EXIF Orientation {found}; it is 1 to 8")
-            return found
-    return UPRIGHT
+    with Image.open(BytesIO(data)) as image:
+        check_size(image.height, image.width)
+        if getattr(image, "is_animated", False):
+            raise FrameError(f"several pictures in one {image.format}; give a file for each frame")
+        exif = Image.Exif()
+        exif.load(image.info.get("exif", b""))
+        orientation = int(exif.get(ORIENTATION_TAG) or UPRIGHT)
+        if not UPRIGHT <= orientation <= 8:
+            raise FrameError(f"EXIF Orientation {orientation}; it is 1 to 8")
+        if image.format == "JPEG" and b"\xff\xd9" not in data[-1024:]:
+            raise FrameError("a truncated JPEG: its end is missing")
+        image.verify()  # of a PNG: check sums, and its end
+    return orientation
 
 
 def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> Scan:

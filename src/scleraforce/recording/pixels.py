@@ -1,5 +1,6 @@
 """Frames of any file, one or many: pixels, grey levels, the size of a pixel, and what files state; None: not stated."""
 
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, replace
@@ -24,10 +25,7 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_PIXELS = 64 * 2**20
 MAX_SAMPLES = 4  # of a pixel: colour and transparency
-# JPEG markers that begin a frame: all but tables (C4, CC) and the JPEG extension (C8); F7 is that of JPEG-LS.
-FRAME_MARKERS = (set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}) | {0xF7}
-STANDALONE_MARKERS = {0x01, *range(0xD0, 0xD9)}
-JPEG_2000 = b"\xff\x4f\xff\x51"
+GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
 MIRRORED = {2: (1,), 3: (0, 1), 4: (0,), 6: (1,), 7: (0, 1), 8: (0,)}  # axes, by TIFF's and EXIF's Orientation
 TRANSPOSED = 5  # from this Orientation on, rows are stored as columns
 
@@ -114,42 +112,12 @@ def as_shown(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
     return np.flip(turned, MIRRORED.get(orientation, ()))
 
 
-def jpeg_frame(data: bytes) -> tuple[int, int, int, bool] | None:
-    """Return rows, columns, bits and signedness of a JPEG, JPEG-LS or JPEG 2000 stream, None for others."""
-    begin = data.find(JPEG_2000)
-    if begin >= 0 and not data.startswith(b"\xff\xd8"):
-        right, bottom, left, top = (int.from_bytes(data[begin + at : begin + at + 4], "big") for at in (8, 12, 16, 20))
-        depth = int.from_bytes(data[begin + 42 : begin + 43], "big")
-        return bottom - top, right - left, (depth & 0x7F) + 1, depth > 0x7F
-    at = 2
-    while at + 9 <= len(data):
-        if data[at] != 0xFF:
-            return None
-        marker = data[at + 1]
-        if marker in FRAME_MARKERS:
-            rows, columns = (int.from_bytes(data[at + place : at + place + 2], "big") for place in (5, 7))
-            return rows, columns, data[at + 4], False
-        if marker == 0xFF:  # a fill byte
-            at += 1
-        elif marker in STANDALONE_MARKERS:
-            at += 2
-        else:
-            at += 2 + max(2, int.from_bytes(data[at + 2 : at + 4], "big"))
-    return None
-
-
-def unpacked_bytes(packed: bytes, most: int) -> int:
-    """Return how many bytes PackBits data (TIFF, DICOM's RLE) gives, or a number above `most` once there are more."""
-    at, count = 0, 0
-    while at < len(packed) and count <= most:
-        code = packed[at]
-        if code < 128:
-            count += min(code + 1, len(packed) - at - 1)
-            at += code + 2
-        else:
-            count += 257 - code if code > 128 else 0
-            at += 2 if code > 128 else 1
-    return count
+def unpacked(packed: bytes, most: int) -> bytes:
+    """Return what deflated bytes (zlib or gzip) hold; refuse more than `most` before it takes memory."""
+    data = zlib.decompressobj(GZIP_OR_ZLIB).decompress(packed, most + 1)
+    if len(data) > most:
+        raise FrameError("damaged: more is packed in it than its header says")
+    return data
 
 
 MOST_BITS = 16

@@ -1,7 +1,6 @@
 """NIfTI, NRRD, MetaImage: fastest axis first, spacing (1 along every axis: unknown), PLUS sequences; Thorlabs .oct."""
 
 import re
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePath
@@ -21,7 +20,6 @@ from scleraforce.units import to_si
 Axes = tuple[str, ...] | None
 Steps = tuple[Sourced | None, ...]
 
-GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
 SAME = 1e-3  # spacings that differ by less are rounded
 ORIENTATION = re.compile("[UMFNAD]{2,3}", re.IGNORECASE)  # XX: not known
 SEQUENCE = "Seq_Frame(\\d+)_{}"
@@ -49,13 +47,6 @@ def _data_file(path: Path, field: str, named: str) -> Path:
     if PurePath(named).name != named:
         raise FrameError(f"its pixels are said to be in {named!r}; import it where they lie beside it")
     return path.with_name(named)
-
-
-def _unpacked(packed: bytes, most: int) -> bytes:
-    data = zlib.decompressobj(GZIP_OR_ZLIB).decompress(packed, most + 1)
-    if len(data) > most:
-        raise FrameError("damaged: more is packed in it than its header says")
-    return data
 
 
 def _check_orientation(orientation: str, axes: Axes) -> None:
@@ -176,7 +167,7 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         scans.check_bytes(count)
         data = _data_file(path, "data file: ", str(header.get("data file", header.get("datafile", ""))))
         if header["encoding"].lower() in ("gzip", "gz"):
-            _unpacked(data.read_bytes()[start if data == path else 0 :], count)
+            scans.unpacked(data.read_bytes()[start if data == path else 0 :], count)
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
         _check_orientation(str(header.get("UltrasoundImageOrientation", "")), named)
@@ -351,7 +342,7 @@ def _pixels(path: Path, fields: dict[str, str], start: int, notes: list[str]) ->
     data = data_path.read_bytes()[(start if local else 0) + max(skipped, 0) :]
     if text:
         return _text_pixels(data, dtype.newbyteorder("=")).reshape(shape, order="F")
-    data = _unpacked(data, size) if packed else data
+    data = scans.unpacked(data, size) if packed else data
     if skipped == -1:
         data = data[len(data) - size :] if len(data) > size else data
     if len(data) != size:
