@@ -11,7 +11,6 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Floats
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
 from scleraforce.recording.pixels import AXES, METRES, SECONDS, Scan, Sourced, Times, array_scan, rising
@@ -96,7 +95,6 @@ SAMPLE_BYTES = 8  # of the widest type of NRRD
 NIFTI_UNITS = {0: "", 1: "m", 2: "mm", 3: "micron"}
 NRRD_AXES = ("", "???", "none", "domain", "space", "time", "list", "point", "stub")  # kinds other than components
 NRRD_IN_MM = re.compile(r"(left|right|scanner|[LR]A[SI]\b|[LR]P[SI]\b)", re.IGNORECASE)
-PACKED = ("gzip", "gz", "bzip2", "bz2")
 
 
 def read_nifti(path: Path, axes: Axes) -> Scan:
@@ -162,7 +160,9 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         with path.open("rb") as file:
             header = nrrd.read_header(file)
             start = file.tell()
-        _check_nrrd(header)
+        for axis, (kind, size) in enumerate(zip(header.get("kinds", []), header["sizes"], strict=False), start=1):
+            if size > 1 and kind.lower() not in NRRD_AXES:
+                raise FrameError(f"kinds: axis {axis} of {size} is {kind!r}; give grey frames, of one channel")
         count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
         scans.check_bytes(count)
         data = _data_file(path, "data file: ", str(header.get("data file", header.get("datafile", ""))))
@@ -174,18 +174,6 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         scan = array_scan(path, array, named, _nrrd_steps(header, array.ndim))
         scan = replace(scan, times=_nrrd_times(header, len(scan.names)))
         return _plus_sequence(scan, {name: str(value) for name, value in header.items()}).of_file(path)
-
-
-def _check_nrrd(header: Any) -> None:
-    if header["type"] == "block":
-        raise FrameError("type: block; give whole numbers or floats")
-    for axis, (kind, size) in enumerate(zip(header.get("kinds", []), header["sizes"], strict=False)):
-        if size > 1 and kind.lower() not in NRRD_AXES:
-            raise FrameError(f"kinds: axis {axis + 1} of {size} is {kind!r}; give grey frames, of one channel")
-    for field in ("byte skip", "line skip"):
-        skipped = header.get(field, header.get(field.replace(" ", ""), 0))
-        if skipped and header["encoding"].lower() in PACKED:
-            raise FrameError(f"{field}: {skipped} beside encoding: {header['encoding']}; {CONVERT}")
 
 
 def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
@@ -209,42 +197,22 @@ def _nrrd_times(header: Any, count: int) -> Times | None:
 def _nrrd_steps(header: Any, count: int) -> Steps:
     units = [str(unit) for unit in header.get("units", [""] * count)]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
-    _check_ends(header, spacings)
     if "space directions" not in header:
         return _stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
     directions = np.array(header["space directions"], dtype=np.float64)
     lengths = np.linalg.norm(directions, axis=1).tolist()
-    in_space = _space_units(header, directions)
+    anatomical = NRRD_IN_MM.match(str(header.get("space", "")))  # its unit is mm, as NRRD's programs take it
+    names = {str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""]}
+    if len(names) > 1:
+        raise FrameError(f"space units: {' and '.join(sorted(names))}; give all directions in one")
+    unit_m = METRES.get(names.pop())
     for axis, (spacing, length) in enumerate(zip(spacings, lengths, strict=True), start=1):
         if np.isfinite(spacing) and np.isfinite(length) and abs(spacing - length) > SAME * length:
             raise FrameError(f"axis {axis}: spacings states {spacing:g}, and space directions {length:g}; correct one")
-        if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != in_space[axis - 1]:
+        if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != unit_m:
             other = f"space units {header.get('space units', 'nothing')}"
             raise FrameError(f"axis {axis}: units states {units[axis - 1]!r}, and {other}; correct one of them")
-    return _stated_steps(lengths, in_space, "NRRD's space directions")
-
-
-def _check_ends(header: Any, spacings: Sequence[float]) -> None:
-    """Check that spacings are those between the first and the last sample, or between the edges of both."""
-    open_ends = [np.nan] * len(spacings)
-    ends = (header.get(f"axis {name}", header.get(f"axis{name}", open_ends)) for name in ("mins", "maxs"))
-    for axis, (step, size, low, high) in enumerate(zip(spacings, header["sizes"], *ends, strict=True), start=1):
-        fits = any(abs(abs(high - low) - step * steps) <= SAME * step * steps for steps in (size, size - 1))
-        if np.isfinite([step, low, high]).all() and not fits:
-            other = f"{size} samples from axis mins {low:g} to maxs {high:g} have another"
-            raise FrameError(f"axis {axis}: spacings states {step:g}, and {other}; correct one of them")
-
-
-def _space_units(header: Any, directions: Floats) -> list[float | None]:
-    """Return the unit of each axis, in m; of an anatomical space it is mm, as NRRD's programs take it."""
-    sides = directions.shape[1]
-    anatomical = NRRD_IN_MM.match(str(header.get("space", "")))
-    names = [str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""] * sides]
-    along = [{METRES.get(name) for name, part in zip(names, each, strict=True) if part} for each in directions]
-    for axis, (units, direction) in enumerate(zip(along, directions, strict=True), start=1):
-        if len(units) > 1 and np.isfinite(direction).all():
-            raise FrameError(f"axis {axis} runs along directions of several space units, {' '.join(names)}")
-    return [next(iter(units), None) for units in along]
+    return _stated_steps(lengths, [unit_m] * count, "NRRD's space directions")
 
 
 HEADER_BYTES = 2**26
@@ -253,6 +221,7 @@ TYPES = {
     "MET_LONG": "i4", "MET_ULONG": "u4", "MET_LONG_LONG": "i8", "MET_ULONG_LONG": "u8", "MET_FLOAT": "f4",
     "MET_DOUBLE": "f8",
 }  # fmt: skip
+BYTE_ORDERS = ("BinaryDataByteOrderMSB", "ElementByteOrderMSB")
 NOT_READ = ("HeaderSizePerSlice", "HeaderSizesPerDataFile")
 
 
@@ -308,16 +277,8 @@ def _check(fields: dict[str, str]) -> None:
             raise FrameError(f"{found}; put the whole scale into ElementSpacing")
 
 
-def _flag(fields: dict[str, str], *names: str) -> bool | None:
-    stated = {name: fields[name.lower()] for name in names if name.lower() in fields}
-    for name, value in stated.items():
-        if value[:1].lower() not in ("t", "f", "1", "0"):
-            raise FrameError(f"{name} = {value}; give True or False")
-    found = {value[:1].lower() in ("t", "1") for value in stated.values()}
-    if len(found) > 1:
-        listed = " and ".join(f"{name} = {value}" for name, value in stated.items())
-        raise FrameError(f"{listed}; correct one of them")
-    return next(iter(found), None)
+def _flag(fields: dict[str, str], name: str, default: bool) -> bool:
+    return fields[name.lower()][:1].lower() in ("t", "1") if name.lower() in fields else default
 
 
 def _pixels(path: Path, fields: dict[str, str], start: int, notes: list[str]) -> NDArray[Any]:
@@ -325,61 +286,46 @@ def _pixels(path: Path, fields: dict[str, str], start: int, notes: list[str]) ->
     kind = TYPES.get(fields["elementtype"].upper())
     if kind is None:
         raise FrameError(f"ElementType = {fields['elementtype']}; one of {', '.join(TYPES)}")
-    big = _flag(fields, "BinaryDataByteOrderMSB", "ElementByteOrderMSB")
-    dtype = np.dtype((">" if big else "<") + kind)
+    orders = {_flag(fields, name, False) for name in BYTE_ORDERS if name.lower() in fields}
+    if len(orders) > 1:
+        raise FrameError(f"{' and '.join(BYTE_ORDERS)} contradict each other; correct one of them")
+    dtype = np.dtype((">" if True in orders else "<") + kind)
     shape = [int(length) for length in fields["dimsize"].split()]
     size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
     scans.check_bytes(size)
     data_path = _data_file(path, "ElementDataFile = ", fields["elementdatafile"])
     local, skipped = data_path == path, int(fields.get("headersize", "0"))
-    packed = _flag(fields, "CompressedData")
+    packed = _flag(fields, "CompressedData", False)
     if skipped < -1 or (skipped > 0 and local) or (skipped and packed):
         where = "pixels in the same file" if local else "CompressedData = True"
         raise FrameError(f"HeaderSize = {skipped} beside {where}; {CONVERT}")
-    text = _flag(fields, "BinaryData") is False
-    if text and packed:
-        raise FrameError("BinaryData = False and CompressedData = True; correct one of them")
     data = data_path.read_bytes()[(start if local else 0) + max(skipped, 0) :]
-    if text:
-        return _text_pixels(data, dtype.newbyteorder("=")).reshape(shape, order="F")
+    if not _flag(fields, "BinaryData", True):
+        return np.array(data.split()).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
     data = scans.unpacked(data, size) if packed else data
     if skipped == -1:
         data = data[len(data) - size :] if len(data) > size else data
     if len(data) != size:
         stated = f"DimSize = {fields['dimsize']} of {fields['elementtype']} take {size} (HeaderSize = {skipped})"
         raise FrameError(f"damaged: {data_path.name} has {len(data)} bytes of pixels; {stated}")
-    if big is None and dtype.itemsize > 1:
-        notes.append("no BinaryDataByteOrderMSB; taken as False")
+    if not orders and dtype.itemsize > 1:
+        notes.append(f"no {BYTE_ORDERS[0]}; taken as False")
     return np.frombuffer(data, dtype).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
-
-
-def _text_pixels(data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return pixels written as text (BinaryData = False)."""
-    values = np.array(data.split()).astype(np.float64)
-    pixels = values.astype(dtype) if dtype.kind == "f" else np.clip(values, -(2.0**53), 2.0**53).astype(np.int64)
-    pixels = pixels.astype(dtype)
-    if dtype.kind != "f" and (wrong := np.flatnonzero(pixels != values)).size:
-        raise FrameError(f"pixel {wrong[0]} is {values[wrong[0]]:g}, which is not a number of type {dtype}")
-    return pixels
 
 
 def _steps(fields: dict[str, str], notes: list[str]) -> Steps:
     """Return the spacing in mm; the size of an element by default, as MetaIO takes it."""
-    found = {}
+    stated: dict[str, Steps] = {}
     for field in ("ElementSpacing", "ElementSize"):
         values = [float(value) for value in fields.get(field.lower(), "").split()]
         if values and len(values) != len(fields["dimsize"].split()):
             raise FrameError(f"{field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it")
-        steps = _stated_steps(values, [METRES["mm"]] * len(values), field)
-        if any(steps):
-            found[field] = (values, steps)
-    if not found:
-        return ()
-    name, (values, steps) = next(iter(found.items()))
-    sizes = found.get("ElementSize", (values,))[0]
-    if not np.allclose(sizes, values, rtol=SAME):
-        notes.append(f"ElementSize = {_listed(sizes)}, and {name} = {_listed(values)}, which is taken")
-    return steps
+        if any(steps := _stated_steps(values, [METRES["mm"]] * len(values), field)):
+            stated[field] = steps
+    pairs = zip(*stated.values(), strict=True) if len(stated) == 2 else ()
+    if any(one and other and abs(one.value - other.value) > SAME * one.value for one, other in pairs):
+        notes.append(f"ElementSize = {fields['elementsize']}, and ElementSpacing = {fields['elementspacing']} is taken")
+    return next(iter(stated.values()), ())
 
 
 HEADER, INTENSITY = "Header.xml", "Intensity"
