@@ -67,7 +67,7 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_ar
     ]:  # fmt: skip
         scan = read_nifti(nifti(tmp_path / "a.nii", steps=steps, unit=unit, sform=sform), IJK)
         assert sizes_of(scan) == ((None, None) if source is None else SIZE)
-        assert source is None or scan.depth_pixel_m.source == source
+        assert source is None or scan.size.source == source
         assert len(scan.notes) == notes
     with pytest.raises(FrameError, match=r"pixdim states .* 0\.015 x 0\.004 x 0\.1 and sform .* x 0\.008 x 0\.1"):
         read_nifti(nifti(tmp_path / "a.nii", sform=((0.015, 0.008, 0.1), 1)), IJK)

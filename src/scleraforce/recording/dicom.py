@@ -49,12 +49,11 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         maker = tuple(str(dataset.get(name, "")).strip() for name in ("Manufacturer", "ManufacturerModelName"))
         if maker in A_SCANS_ALONG_ROWS:
             notes.append("this scanner writes A-scans along the rows: rows and columns were exchanged")
-        depth, lateral, scale_fault = scans.one_size(_pixel_sizes(dataset))
+        size, scale_fault = scans.one_size(_pixel_sizes(dataset))
         times, times_fault = _times(dataset, count)
         names, bits = scans.frame_names(path, count), _bits(dataset)
         scan = Scan(names, rows, columns, lambda: _pictures(path, data, dark_large), bits=bits, notes=tuple(notes))
-        scan = replace(scan, depth_pixel_m=depth, lateral_pixel_m=lateral, scale_fault=scale_fault)
-        scan = replace(scan, times=times, times_fault=times_fault).of_file(path)
+        scan = replace(scan, size=size, scale_fault=scale_fault, times=times, times_fault=times_fault).of_file(path)
     return scan.turned() if maker in A_SCANS_ALONG_ROWS else scan
 
 

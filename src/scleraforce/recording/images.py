@@ -122,8 +122,8 @@ def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> S
 
 
 GREY_16 = b"Y1\0\x10"  # FFmpeg's tag of gray16le, the only deeper format that OpenCV leaves unchanged
-BITS_OF_TRIPLES = {12: 4, 15: 5, 16: 5, 36: 12, 48: 16, 64: 16}  # of a sample, by the bits of a pixel
-MATROSKA, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
+BITS_OF_PIXELS = (8, 24, 32)  # of 8 bits a sample, which some tags end in
+MATROSKA = b"\x1a\x45\xdf\xa3"
 EVEN = 0.05  # of their median, that steps of time may differ to be even
 
 
@@ -146,13 +146,12 @@ def read_film(path: Path) -> Scan:
         pace = f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
     notes = ["a film's compression changes grey levels and fine structure; its times are those at which it plays "
              "(--rate-hz where frames were taken at another rate)"]  # fmt: skip
-    with path.open("rb") as file:  # Matroska states no number of frames
-        known = "" if file.read(4) == MATROSKA else f"states {stated} frames, of which "
     count = len(times_ms)
-    if _ends_early(path):
-        notes.append(f"{known}{count} can be decoded: it was cut off, for it ends before the end that it states")
-    elif known and count < stated:
-        notes.append(f"holds {stated} frames and plays {count}; the others are empty, hidden or damaged")
+    with path.open("rb") as file:
+        if count < stated and file.read(4) != MATROSKA:  # which states no number of frames
+            notes.append(
+                f"states {stated} frames and plays {count}: cut off, or the others are empty, hidden or damaged"
+            )
     shape, bits, times = (rows, columns), None if deep else 8, Times(time_s, pace) if rising(time_s) else None
     scan = Scan(scans.frame_names(path, count), *shape, lambda: _pictures(path, shape, deep), bits=bits, times=times)
     return replace(scan, notes=tuple(notes)).of_file(path)
@@ -162,54 +161,21 @@ def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
     tag = (int(film.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF).to_bytes(4, "little")
     if tag == GREY_16:
         return True
-    if (bits := _bits_of(tag)) != 8:
-        found = f"pixels of {bits or 'an unknown number of'} bits (FFmpeg's pixel format {tag!r})"
+    if not _has_8_bits(tag):
         way = f"ffmpeg -i {path.name} -pix_fmt gray16le -c:v ffv1 grey.mkv"
-        raise FrameError(f"{found}; 8 bits, and 16 of grey, are read unchanged; write it so: {way}")
+        raise FrameError(
+            f"FFmpeg's pixel format {tag!r}; 8 bits, and 16 of grey, are read unchanged; write it so: {way}"
+        )
     return False
 
 
-def _bits_of(tag: bytes) -> int | None:
-    r"""Return the bits of a sample by FFmpeg's tag of the pixel format (libavcodec/raw.c); None: not known.
+def _has_8_bits(tag: bytes) -> bool:
+    r"""Return whether a sample has 8 bits by FFmpeg's tag of the pixel format (libavcodec/raw.c).
 
-    >>> _bits_of(b"I420"), _bits_of(b"Y1\0\x0a"), _bits_of(b"\x0c\x0b3Y"), _bits_of(b"P010"), _bits_of(bytes(4))
-    (8, 10, 12, 10, None)
+    >>> [_has_8_bits(tag) for tag in (b"I420", b"RGB\x18", b"Y1\0\x0a", b"\x0c\x0b3Y", b"P010", bytes(4))]
+    [True, True, False, False, False, False]
     """
-    for each in (tag, tag[::-1]):
-        if re.match(rb"[YG][1-4]|BA", each) and 0 < each[3] <= 32:
-            return each[3]
-        if each[:3] in (b"RGB", b"BGR", b"RBA", b"BRA", b"XYZ"):
-            return BITS_OF_TRIPLES.get(each[3], 8)
-    if deep := re.fullmatch(rb"[PYXv]\d(10|12|16)", tag):
-        return int(deep[1])
-    return 8 if tag.isalnum() or tag == b"PAL\x08" else None
-
-
-def _ends_early(path: Path) -> bool:
-    """Return whether the last part of a film (a RIFF chunk, an MP4 box, Matroska's segment) goes beyond its end."""
-    whole, at = path.stat().st_size, 0
-    with path.open("rb") as file:
-        while at < whole:
-            file.seek(at)
-            head = file.read(16)
-            if head[:4] in (MATROSKA, SEGMENT):
-                length = 9 - head[4].bit_length()
-                size = int.from_bytes(head[4 : 4 + length], "big") & ((1 << 7 * length) - 1)
-                if size == (1 << 7 * length) - 1:  # not known when it was written
-                    return False
-                at += 4 + length + size
-            elif head[:4] in (b"RIFF", b"JUNK"):
-                at += 8 + int.from_bytes(head[4:8], "little")
-                at += at % 2
-            elif head[4:8].isalnum():
-                size = int.from_bytes(head[:4], "big")
-                size = int.from_bytes(head[8:16], "big") if size == 1 else size
-                if size < 8:  # to the end
-                    return False
-                at += size
-            else:
-                return False
-    return at > whole + 1  # the last chunk may lack its padding
+    return (tag.isalnum() and not re.fullmatch(rb"[PYXv]\d(10|12|16)", tag)) or tag[3] in BITS_OF_PIXELS
 
 
 @contextmanager

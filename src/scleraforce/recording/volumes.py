@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
-from scleraforce.recording.pixels import AXES, METRES, SECONDS, Scan, Sourced, Times, array_scan, rising
+from scleraforce.recording.pixels import AXES, METRES, SECONDS, PixelSize, Scan, Times, array_scan, rising
 from scleraforce.units import to_si
 
 Axes = tuple[str, ...] | None
-Steps = tuple[Sourced | None, ...]
+Steps = tuple[Sequence[float | None], str]  # along each axis, m, and their source
 
 SAME = 1e-3  # spacings that differ by less are rounded
 ORIENTATION = re.compile("[UMFNAD]{2,3}", re.IGNORECASE)  # XX: not known
@@ -25,13 +25,11 @@ SEQUENCE = "Seq_Frame(\\d+)_{}"
 CONVERT = "save it as one file, .mha or .nrrd (3D Slicer, SimpleITK)"
 
 
-def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> Steps:
+def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None]) -> list[float | None]:
     if all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
-        return tuple(None for _ in steps)
-    return tuple(
-        Sourced(step * unit_m, source) if unit_m is not None and np.isfinite(step) and step > 0.0 else None
-        for step, unit_m in zip(steps, units_m, strict=True)
-    )
+        return [None for _ in steps]
+    each = zip(steps, units_m, strict=True)
+    return [step * unit_m if unit_m is not None and np.isfinite(step) and step > 0.0 else None for step, unit_m in each]
 
 
 def _listed(values: Sequence[float]) -> str:
@@ -111,7 +109,7 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         steps, notes = _nifti_steps(header, shape)
         if not unscaled:
             notes.append(f"pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}")
-        scan = replace(array_scan(path, array, axes, steps), notes=tuple(notes)).of_file(path)
+        scan = replace(array_scan(path, array, axes, *steps), notes=tuple(notes)).of_file(path)
         if len(shape) < 4 or axes is None or axes[-1] != "frame" or array.shape[3] != len(scan.names):
             return scan
         unit_s = SECONDS.get(header.get_xyzt_units()[1], 0.0)
@@ -138,19 +136,20 @@ def _nifti_steps(header: Any, shape: tuple[int, ...]) -> tuple[Steps, list[str]]
     unit_m = METRES.get(NIFTI_UNITS[code])
     pixdim = [float(step) for step in header.get_zooms()]
     affine, sform_code = header.get_sform(coded=True)
-    pixdim_steps = _stated_steps(pixdim, [unit_m] * len(pixdim), "NIfTI's pixdim")
+    pixdim_steps, source = _stated_steps(pixdim, [unit_m] * len(pixdim)), "NIfTI's pixdim"
     if affine is None or not sform_code:
-        return pixdim_steps, []
+        return (pixdim_steps, source), []
     sform = np.linalg.norm(affine[:3, :3], axis=0).tolist()[: len(pixdim)]
-    sform_steps = _stated_steps(sform, [unit_m] * len(sform), "NIfTI's sform")
+    sform_steps = _stated_steps(sform, [unit_m] * len(sform))
     both = f"pixdim states a spacing of {_listed(pixdim[:3])} and sform (code {sform_code}) of {_listed(sform)}"
     if not any(sform_steps):
-        return pixdim_steps, [f"{both}, as programs write by default; pixdim is taken"] if any(pixdim_steps) else []
+        by_default = [f"{both}, as programs write by default; pixdim is taken"]
+        return (pixdim_steps, source), by_default if any(pixdim_steps) else []
     if not any(pixdim_steps):
-        return (*sform_steps, *pixdim_steps[3:]), [f"{both}; sform is taken"]
+        return ([*sform_steps, *pixdim_steps[3:]], "NIfTI's sform"), [f"{both}; sform is taken"]
     if any(abs(a - b) > SAME * b for a, b, size in zip(pixdim, sform, shape, strict=False) if size > 1):
         raise FrameError(f"{both}; correct one of them")
-    return pixdim_steps, []
+    return (pixdim_steps, source), []
 
 
 def read_nrrd(path: Path, axes: Axes) -> Scan:
@@ -171,7 +170,7 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
         _check_orientation(str(header.get("UltrasoundImageOrientation", "")), named)
-        scan = array_scan(path, array, named, _nrrd_steps(header, array.ndim))
+        scan = array_scan(path, array, named, *_nrrd_steps(header, array.ndim))
         scan = replace(scan, times=_nrrd_times(header, len(scan.names)))
         return _plus_sequence(scan, {name: str(value) for name, value in header.items()}).of_file(path)
 
@@ -198,7 +197,7 @@ def _nrrd_steps(header: Any, count: int) -> Steps:
     units = [str(unit) for unit in header.get("units", [""] * count)]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
     if "space directions" not in header:
-        return _stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
+        return _stated_steps(spacings, [METRES.get(unit) for unit in units]), "NRRD's spacings"
     directions = np.array(header["space directions"], dtype=np.float64)
     lengths = np.linalg.norm(directions, axis=1).tolist()
     anatomical = NRRD_IN_MM.match(str(header.get("space", "")))  # its unit is mm, as NRRD's programs take it
@@ -212,7 +211,7 @@ def _nrrd_steps(header: Any, count: int) -> Steps:
         if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != unit_m:
             other = f"space units {header.get('space units', 'nothing')}"
             raise FrameError(f"axis {axis}: units states {units[axis - 1]!r}, and {other}; correct one of them")
-    return _stated_steps(lengths, [unit_m] * count, "NRRD's space directions")
+    return _stated_steps(lengths, [unit_m] * count), "NRRD's space directions"
 
 
 HEADER_BYTES = 2**26
@@ -236,7 +235,7 @@ def read_metaimage(path: Path, axes: Axes) -> Scan:
         array = _pixels(path, fields, start, notes)
         steps = _steps(fields, notes)
         _check_orientation(orientation, axes)
-        scan = replace(array_scan(path, array, axes, steps), notes=tuple(notes))
+        scan = replace(array_scan(path, array, axes, *steps), notes=tuple(notes))
         return _plus_sequence(scan, fields).of_file(path)
 
 
@@ -315,17 +314,17 @@ def _pixels(path: Path, fields: dict[str, str], start: int, notes: list[str]) ->
 
 def _steps(fields: dict[str, str], notes: list[str]) -> Steps:
     """Return the spacing in mm; the size of an element by default, as MetaIO takes it."""
-    stated: dict[str, Steps] = {}
+    stated: dict[str, Sequence[float | None]] = {}
     for field in ("ElementSpacing", "ElementSize"):
         values = [float(value) for value in fields.get(field.lower(), "").split()]
         if values and len(values) != len(fields["dimsize"].split()):
             raise FrameError(f"{field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it")
-        if any(steps := _stated_steps(values, [METRES["mm"]] * len(values), field)):
+        if any(steps := _stated_steps(values, [METRES["mm"]] * len(values))):
             stated[field] = steps
     pairs = zip(*stated.values(), strict=True) if len(stated) == 2 else ()
-    if any(one and other and abs(one.value - other.value) > SAME * one.value for one, other in pairs):
+    if any(one and other and abs(one - other) > SAME * one for one, other in pairs):
         notes.append(f"ElementSize = {fields['elementsize']}, and ElementSpacing = {fields['elementspacing']} is taken")
-    return next(iter(stated.values()), ())
+    return next(((steps, field) for field, steps in stated.items()), ((), ""))
 
 
 HEADER, INTENSITY = "Header.xml", "Intensity"
@@ -350,9 +349,10 @@ def read_thorlabs(path: Path) -> Scan:
         if count < 1 or stated != rows * columns * count * SAMPLE.itemsize:
             raise FrameError(f"{name} has {stated} bytes; the header says {rows} x {columns} x {count} floats")
         depth_m, lateral_m = _pixel_m(header, entry, "Z", rows), _pixel_m(header, entry, "X", columns)
+        size = PixelSize("Thorlabs' Range", depth_m=depth_m, lateral_m=lateral_m)
         notes = tuple(f"{HEADER} states RefractiveIndex = {each.text}" for each in header.iter("RefractiveIndex"))
         scan = Scan(scans.frame_names(path, count), rows, columns, lambda: _pictures(path, name, (columns, rows)))
-        return replace(scan, depth_pixel_m=depth_m, lateral_pixel_m=lateral_m, notes=notes).of_file(path)
+        return replace(scan, size=size, notes=notes).of_file(path)
 
 
 def _oct_header(archive: ZipFile) -> ElementTree.Element:
@@ -376,12 +376,12 @@ def _intensity(archive: ZipFile, header: ElementTree.Element) -> tuple[ElementTr
     return found[0]
 
 
-def _pixel_m(header: ElementTree.Element, entry: ElementTree.Element, axis: str, count: int) -> Sourced | None:
+def _pixel_m(header: ElementTree.Element, entry: ElementTree.Element, axis: str, count: int) -> float | None:
     of_image, of_file = header.findtext(f".//Image/SizeReal/Size{axis}"), entry.get(f"Range{axis}")
     if of_image and of_file and not np.isclose(float(of_image), float(of_file), rtol=SAME):
         raise FrameError(f"{HEADER}: SizeReal states Size{axis} {of_image} mm, and Range{axis} is {of_file} mm")
     range_mm = float(of_file or "0")
-    return Sourced(to_si(range_mm, "mm") / count, f"Thorlabs' Range{axis}") if range_mm > 0.0 else None
+    return to_si(range_mm, "mm") / count if range_mm > 0.0 else None
 
 
 def _pictures(path: Path, name: str, shape: tuple[int, int]) -> scans.PictureStream:
