@@ -1,5 +1,6 @@
 """Settings of Sphinx for these pages: `make docs` builds them to out/site, warnings are errors, nothing is fetched."""
 
+import subprocess
 import sys
 from importlib.metadata import version as installed_version
 from pathlib import Path
@@ -10,6 +11,11 @@ project = "scleraforce"
 author = "the scleraforce authors"
 version = release = installed_version("scleraforce")
 project_copyright = author
+try:  # every page says which commit it describes
+    git = ["git", "log", "-1", "--abbrev=8", f"--format=%cs (scleraforce {version}, commit %h)"]
+    html_last_updated_fmt = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()
+except (OSError, subprocess.CalledProcessError):  # not a clone
+    html_last_updated_fmt = f"%Y-%m-%d (scleraforce {version})"
 
 extensions = [
     *("myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"),

@@ -2,11 +2,13 @@
 
 import ast
 import os
+import platform
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
@@ -15,6 +17,7 @@ from zipfile import ZipFile
 import cv2
 import numpy as np
 import pytest
+import rattler_build
 import yaml
 from analytic_frames import image, tip_of, wall_section
 from effects import cache_of_its_own, fresh_home
@@ -23,6 +26,13 @@ from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
+
+
+def run(*command: object, cwd: Path = ROOT, env: Mapping[str, str] | None = None) -> str:
+    """Return what a command printed."""
+    done = subprocess.run(list(map(str, command)), cwd=cwd, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
 
 
 def built(source: Path, out: Path) -> Path:
@@ -62,15 +72,98 @@ def test_two_builds_are_the_same_bytes_of_every_file_of_the_package(wheel: Path,
 
 
 @pytest.mark.slow
-def test_an_unpacked_wheel_reads_a_frame_and_writes_a_study(wheel: Path, tmp_path: Path) -> None:
-    ZipFile(wheel).extractall(tmp_path / "site")
+def test_two_commands_in_a_clean_environment_answer_a_first_frame(wheel: Path, tmp_path: Path) -> None:
+    """The wheel names all packages; they come from PyPI, in the versions of the lock."""
+    clean, locked = tmp_path / "clean" / "bin", tmp_path / "constraints"
+    locked.write_text(re.sub(r"(?m)^setuptools.*\n", "", (ROOT / "requirements.lock").read_text()))
+    run(sys.executable, "-m", "venv", "--without-pip", clean.parent)
+    run(sys.executable, "-m", "pip", "-q", "--python", clean / "python", "install", "-c", locked, wheel)
     cv2.imwrite(str(tmp_path / "1.png"), image(wall_section(tip_of(0.020))))
-    environment = fresh_home(tmp_path) | {"PYTHONPATH": str(tmp_path / "site")}
-    script = ("import sys, scleraforce; from scleraforce.cli.main import run; assert "
-              f"scleraforce.__file__.startswith({str(tmp_path)!r}); sys.exit(run(sys.argv[1:]))")  # fmt: skip
     for line in ("read default 1.png --width-mm 15 --depth-mm 4", "init study"):
-        subprocess.run([sys.executable, "-c", script, *line.split()], env=environment, cwd=tmp_path, check=True)
+        run(clean / "scleraforce", *line.split(), cwd=tmp_path, env=fresh_home(tmp_path))
     assert (tmp_path / "study" / "study.toml").exists()
+    assert f"-{run(clean / 'scleraforce', '--version').split()[-1]}-" in wheel.name
+
+
+def test_the_version_is_that_of_the_last_tag_else_that_of_the_citation(tmp_path: Path) -> None:
+    shutil.copyfile(ROOT / "pyproject.toml", tmp_path / "pyproject.toml")
+
+    def version() -> str:
+        return run(sys.executable, "-m", "setuptools_scm", cwd=tmp_path)
+
+    def commit() -> None:
+        author = ("-c", "user.name=A", "-c", "user.email=a@b.c")
+        run("git", *author, "commit", "-q", "--allow-empty", "-m", "A change", cwd=tmp_path)
+
+    stated = yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"]
+    assert version() == stated
+    run("git", "init", "-q", cwd=tmp_path)
+    commit()
+    assert version() == stated
+    run("git", "tag", "v7.8.9", cwd=tmp_path)
+    assert version() == "7.8.9"
+    commit()
+    assert version() == "7.8.9"
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clone of the last commit alone, without tags, in which `.ci/dist` has run."""
+    folder = tmp_path_factory.mktemp("clone") / "scleraforce"
+    run("git", "clone", "-q", "--no-tags", "--depth=1", ROOT.as_uri(), folder)
+    (folder / ".venv").symlink_to(sys.prefix)
+    run(folder / ".ci" / "dist")
+    return folder
+
+
+@pytest.mark.slow
+def test_the_files_of_a_commit_without_a_tag_name_it(clone: Path) -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    name = f"scleraforce-{citation['version']}+g{run('git', 'rev-parse', '--short=8', 'HEAD', cwd=clone)}"
+    assert {path.name for path in (clone / "dist").iterdir()} == {f"{name}.tar.gz", f"{name}-py3-none-any.whl"}
+
+
+RECIPE = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text())
+ON_CONDA = {"matplotlib": "matplotlib-base", "opencv-python-headless": "py-opencv"}
+
+
+def test_the_recipe_for_conda_has_the_dependencies_of_the_project() -> None:
+    whole = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    wanted = [Requirement(line) for line in whole["project"]["dependencies"]]
+    names = [f"{ON_CONDA.get(one.name, one.name)} {one.specifier}" for one in wanted]
+    python = f"python {whole['project']['requires-python']}"
+    assert sorted(RECIPE["requirements"]["run"]) == sorted([python, *names])
+    build = [Requirement(line) for line in whole["build-system"]["requires"]]
+    assert RECIPE["requirements"]["host"] == [python, "pip", *(f"{one.name} {one.specifier}" for one in build)]
+
+
+def make_channel(channel: Path, folder: Path) -> None:
+    """Make a channel of empty packages and of a Python that finds this one's: conda-forge may be out of reach."""
+    run(sys.executable, "-m", "venv", "--without-pip", folder / "python")
+    (site,) = folder.glob("python/lib/*/site-packages")
+    (site / "this.pth").write_text(f"{Path(pytest.__file__).parents[1]}\n")
+    (folder / "empty").mkdir()
+    (folder / "empty" / "nothing").touch()
+    for line in {*RECIPE["requirements"]["host"], *RECIPE["requirements"]["run"]}:
+        name, _, bound = line.partition(" >=")
+        files = folder / ("python" if name == "python" else "empty")
+        version = platform.python_version() if name == "python" else bound or "1"
+        rattler_build.assemble_package(name, version, "linux-64", "0", channel / "linux-64", files_dir=files)
+
+
+@pytest.mark.slow
+def test_the_recipe_for_conda_builds_the_sdist(clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (sdist,) = (clone / "dist").glob("*.tar.gz")
+    version = sdist.name.removeprefix("scleraforce-").removesuffix(".tar.gz")
+    monkeypatch.setenv("SCLERAFORCE_VERSION", version)
+    make_channel(tmp_path / "channel", tmp_path)
+    (variant,) = rattler_build.Stage0Recipe.from_file(clone / "conda" / "recipe.yaml").render()
+    (built_file,) = variant.run_build(output_dir=tmp_path / "channel", channels=[]).packages
+    package = rattler_build.Package.from_file(built_file)
+    assert (package.name, package.version) == ("scleraforce", version)
+    assert set(package.depends) == set(RECIPE["requirements"]["run"])
+    files = {name.removeprefix("site-packages/scleraforce/") for name in package.files}
+    assert {"__init__.py", "shipped/default/model.onnx"} <= files
 
 
 def test_the_scripts_of_the_package_can_be_run() -> None:
@@ -85,7 +178,7 @@ def test_the_page_on_installation_names_the_extras_and_the_citation_this_version
     assert {name for name in project["optional-dependencies"] if f"| `{name}` |" not in page} <= {"dev", "docs"}
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert citation["cff-version"] == "1.2.0"
-    assert (citation["version"], citation["license"]) == (project["version"], project["license"])
+    assert citation["license"] == project["license"]
     assert {"message", "title", "authors"} <= citation.keys()
 
 

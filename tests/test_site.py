@@ -44,6 +44,13 @@ def test_every_page_of_the_folder_is_in_the_side_bar(site: Path) -> None:
     assert sorted(map(Path, links)) == [page for page in PAGES if page != Path("index.html")]
 
 
+def test_every_page_states_version_commit_and_date(site: Path) -> None:
+    git = ["git", "log", "-1", "--abbrev=8", "--format=%cs %h"]
+    date, commit = subprocess.run(git, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
+    stamp = f"Last updated on {date} (scleraforce {scleraforce.__version__}, commit {commit})"
+    assert [page for page in PAGES if stamp not in (site / page).read_text(encoding="utf-8")] == []
+
+
 def test_the_reference_has_every_public_function_and_every_command(site: Path) -> None:
     functions = (site / "reference" / "functions.html").read_text(encoding="utf-8")
     for name in set(scleraforce.__all__) - {"__version__"}:
