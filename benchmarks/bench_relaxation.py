@@ -20,9 +20,9 @@ from scipy.optimize import nnls
 
 from elastic_sections import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M, ElasticSections, surfaces
 from scleraforce.mechanics.continuation import pressurise
+from scleraforce.mechanics.elements import factored
 from scleraforce.mechanics.equilibrium import Dent, Solve, solve_balance
 from scleraforce.mechanics.finite_strain import FiniteWall, WallEquilibrium
-from scleraforce.mechanics.frontal import FrontalFactor, one_blas_thread
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import Needle, needle_at
 from scleraforce.mechanics.material import PronySeries, lame_constants, line_weights
@@ -84,7 +84,7 @@ class RelaxingWall(WallEquilibrium):
         for i in range(3):
             elements[:, i, :, i] -= lost_enn
         self._finite.inner.add_tangent(elements, displaced_nc, -pressure)
-        return FrontalFactor(self._finite.dissection, elements).solve
+        return factored(self._finite.mesh, self._finite.held_nc, elements)
 
     def _gradient(self, u: Floats) -> Floats:
         local_enc, gradients_epnc = (
@@ -183,9 +183,8 @@ def main() -> None:
     print("Forces in mN after holds of 1, 10 and 100 s; held: elastic force of the dent; misfit of the section in um")
     print("| E, IOP | lost | held | felt | Fe read | misfit | error by the tissue's g | by g found at 20 mN |")
     print("|---|---|---|---|---|---|---|---|")
-    with one_blas_thread():
-        for eye in EYES[: given.rows]:
-            print_rows(wall, needle, eye, given.rows, given.samples)
+    for eye in EYES[: given.rows]:
+        print_rows(wall, needle, eye, given.rows, given.samples)
 
 
 if __name__ == "__main__":

@@ -199,12 +199,13 @@ def _library_items(study: Study) -> Fingerprint:
     grid = replace(study.library, thicknesses=4, tensions=4, stiffenings=1, tips=6, elements=8)
     small = plan_library(replace(study, library=grid))
     with TemporaryDirectory() as folder:
-        store = create_library(Path(folder) / "library.zarr", small)
+        path = Path(folder) / "library.zarr"
+        store = create_library(path, small)
         for unit in range(small.units):
             write_library_unit(store, unit, *solve_path(small, unit))
         store.finish()
         file = BytesIO()
-        save_library(open_library(store.path), file)
+        save_library(open_library(path), file)
     library = load_library("library.npz", file.getvalue())
     ratio = library.tension[1] * library.thickness_m[1:3] / library.radius_m
     walls = library.curves(library.thickness_m[1:3], ratio, np.array([0.1, 0.3]) * library.max_force_ratio)

@@ -20,7 +20,7 @@ from scleraforce.study.eye import MeshStudy
 
 @styled
 def draw() -> Figure:
-    """Draw a frame with a needle, and what was found in it: surface red, inner boundary green, the shaft yellow."""
+    """Draw a frame with a needle, and what was found in it: surface orange, inner boundary blue, the shaft purple."""
     study = replace(
         sf.Study(), mesh=MeshStudy(divisions=8, level=0), phantom=replace(sf.Study().phantom, needle_count=fixed(1))
     )

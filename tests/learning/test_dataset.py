@@ -188,12 +188,11 @@ def test_metadata_is_complete_and_is_the_plan(made):
     ("file", "old", "new", "message"),
     [
         ("slices/c/1/0/0", None, 0, "slices/c/1/0/0"), ("validation/c/0", None, -2, "validation/c/0"),
-        ("slices/c/2/0/0", None, None, "slices: 1 of 3 chunks are missing"),
+        ("slices/c/2/0/0", None, None, "slices/c/2/0/0: No such file"),
         ("zarr.json", b'"complete": true', b'"complete": false', "not complete"),
         ("zarr.json", b"max_force_mn = 45.0", b"max_force_mn = 46.0", "hash"),
         ("zarr.json", b"scleraforce-dataset-2", b"scleraforce-dataset-9", "schema"),
-        ("zarr.json", b"{", b"", "not a data set"), ("force_n/zarr.json", b"float64", b"float32", "float32"),
-        ("force_n/zarr.json", b"{", b"", "force_n"),
+        ("zarr.json", b"{", b"", "not a data set"),
     ],
 )  # fmt: skip
 def test_a_damaged_store_is_refused_and_the_damage_named(copy, file, old, new, message):
@@ -239,16 +238,17 @@ def test_impossible_values_are_refused_even_where_the_hashes_agree(copy, name, v
 def test_a_special_file_within_a_begun_data_set_is_refused(tmp_path):
     partial_store(tmp_path / "d")
     os.mkfifo(tmp_path / "d" / "slices" / "c")
-    with pytest.raises(DatasetError, match="slices/c: neither a regular file nor a folder"):
-        partial_store(tmp_path / "d")
+    with pytest.raises(DatasetError, match="slices/c/0/0/0: "):
+        partial_store(tmp_path / "d").write(0, {SLICES: np.zeros((200, 40, 140), np.uint8)})
 
 
 def test_a_chunk_that_would_decode_to_more_than_a_chunk_takes_no_memory(copy):
-    bomb = CRC32C(location="end").encode(Zstd().encode(np.zeros(2**28, np.uint8)))
-    (copy / "slices/c/1/0/0").write_bytes(bomb)
-    rehash_store(copy)
-    with pytest.raises(DatasetError, match=r"slices/c/1/0/0: damaged .*would decode to 268435456"):
-        _ = open_dataset(copy).slices
+    whole = Zstd().encode(np.zeros((200, 40, 140), np.uint8))
+    for bomb in (Zstd().encode(np.zeros(2**28, np.uint8)), 240 * bytes(whole)):  # one frame, or many whole ones
+        (copy / "slices/c/1/0/0").write_bytes(CRC32C(location="end").encode(bomb))
+        rehash_store(copy)
+        with pytest.raises(DatasetError, match=r"slices/c/1/0/0: damaged .*at least 268[48]\d*, got 1120000"):
+            _ = open_dataset(copy).slices
 
 
 def test_no_store_another_thing_and_a_complete_store_are_refused(made, tmp_path):
@@ -279,7 +279,7 @@ def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
         "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
     }  # fmt: skip
     for name, other in {"study": small_study(seed=1), "youngs_modulus_pa": 0.31e6, "calibration": None}.items():
-        with pytest.raises(DatasetError, match="study_hash" if name == "study" else name):
+        with pytest.raises(DatasetError, match=f"another {name}"):
             partial_store(tmp_path / "d", **{"calibration": calibration, name: other})
 
 
@@ -290,7 +290,7 @@ def test_the_units_before_a_kill_are_reused(tmp_path):
         store.write(unit, {SLICES: np.zeros((samples.stop - samples.start, 40, 140), np.uint8)})
     chunk = path / "slices" / "c" / "1" / "0" / "0"
     chunk.write_bytes(chunk.read_bytes()[:50])  # a disk that lost power
-    chunk.with_suffix(".1234.partial").write_bytes(b"half")
+    chunk.with_suffix(".1234.part").write_bytes(b"half")
     shutil.rmtree(path / "force_n")  # killed while the metadata was written
     store = partial_store(path)
     assert store.missing() == [1]
@@ -298,7 +298,7 @@ def test_the_units_before_a_kill_are_reused(tmp_path):
         store.finish()
     store.write(1, {SLICES: np.zeros((200, 40, 140), np.uint8)})
     store.finish()
-    assert not list(path.rglob("*.partial"))
+    assert not list(path.rglob("*.part"))
     assert open_dataset(path).images == 465
 
 

@@ -1,4 +1,4 @@
-"""Linear walls: exact solutions, convergence, CalculiX, and the frontal factor."""
+"""Linear walls: exact solutions, convergence, CalculiX, and the factor of a matrix."""
 
 from functools import cache
 from pathlib import Path
@@ -10,8 +10,7 @@ from reference_r1 import gaussian_load
 from reference_walls import stiffness_matrix, symmetric_base, wall_mesh
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import element_stiffness, volume_points
-from scleraforce.mechanics.frontal import FrontalFactor, dissect
+from scleraforce.mechanics.elements import element_stiffness, factored, volume_points
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import clamped_base, gravity_load, needle_loads, pressure_load
@@ -126,16 +125,6 @@ def test_reactions_balance_the_loads(load: str) -> None:
     np.testing.assert_allclose(moments, 0.0, atol=1e-8 * size * R)
 
 
-@pytest.mark.parametrize("contacts", [1, 3])
-def test_wanted_nodes_equal_the_full_solution_to_the_last_bit(contacts: int) -> None:
-    wall = coarse_wall()
-    pressed = [Contact(polar_rad=0.4, azimuth_rad=azimuth) for azimuth in range(contacts)]
-    nodes = np.flatnonzero(np.abs(wall.mesh.points_nc @ CONTACT.parallel) < 2e-3)
-    some, every = wall.needle_cnc(pressed, NEEDLE, nodes), wall.needle_cnc(pressed, NEEDLE)
-    np.testing.assert_array_equal(some[:, nodes], every[:, nodes])
-    assert np.isnan(np.delete(some, nodes, axis=1)).all()
-
-
 def test_superposition_is_the_solution_for_the_sum_of_the_loads() -> None:
     wall = coarse_wall()
     needle = wall.needle_cnc([CONTACT], NEEDLE)[0]
@@ -196,7 +185,7 @@ def test_displacements_agree_with_calculix(tmp_path: Path, element: str, kind: d
 
 FARTHER = Contact(polar_rad=0.5, azimuth_rad=1.0)
 MESHES = {
-    "one element a front": build_mesh(R, T, divisions=2, level=0, order=1),
+    "8 nodes, one layer": build_mesh(R, T, divisions=2, level=0, order=1),
     "8 nodes, two layers": build_mesh(R, T, divisions=6, level=0, layers=2, order=1),
     "27 nodes": build_mesh(R, T, divisions=4, level=0),
     "graded": graded_mesh(R, T, FARTHER, core=2, rings=5),
@@ -227,51 +216,25 @@ def test_answers_agree_with_the_full_matrix(kind: str, shift: float) -> None:
     K = stiffness_matrix(mesh, elements).toarray()[np.ix_(free, free)]
     assert (np.linalg.eigvalsh(K)[0] < 0.0) == (shift > 0.0)
     loads = np.random.default_rng(1).normal(size=(len(free), 3))
-    loads[10:, 2] = 0.0  # fronts without a load are left out
-    factor = FrontalFactor(dissect(mesh, held_nc), elements)
+    solve = factored(mesh, held_nc, elements)
     expected = np.linalg.solve(K, loads)
     tolerance = 1e-11 * np.linalg.cond(K, 1) ** 0.5
-    np.testing.assert_allclose(factor.solve(loads), expected, atol=tolerance * np.abs(expected).max())
-    for column in range(3):
-        one, atol = expected[:, column], tolerance * np.abs(expected[:, column]).max()
-        np.testing.assert_allclose(factor.solve(loads[:, column]), one, atol=atol)
-        np.testing.assert_allclose(factor.solve(loads[:, column, None])[:, 0], one, atol=atol)
+    np.testing.assert_allclose(solve(loads), expected, atol=tolerance * np.abs(expected).max())
+    np.testing.assert_allclose(solve(loads[:, 0]), expected[:, 0], atol=tolerance * np.abs(expected[:, 0]).max())
 
 
 def test_single_precision_is_exact_to_its_rounding() -> None:
     mesh = MESHES["27 nodes"]
     held_nc, elements = held(mesh), elements_of(mesh)
     load = np.random.default_rng(1).normal(size=np.count_nonzero(~held_nc))
-    exact, single = (FrontalFactor(dissect(mesh, held_nc), values) for values in (elements, elements.astype("f4")))
-    expected = exact.solve(load)
-    error = np.abs(single.solve(load) - expected).max() / np.abs(expected).max()
+    exact, single = (factored(mesh, held_nc, values) for values in (elements, elements.astype("f4")))
+    expected = exact(load)
+    error = np.abs(single(load) - expected).max() / np.abs(expected).max()
     assert 1e-8 < error < 1e-3
 
 
-@pytest.mark.parametrize("fault", [0.0, np.nan])
-def test_a_matrix_without_a_factor_is_refused(fault: float) -> None:
+@pytest.mark.parametrize(("fault", "message"), [(0.0, "singular"), (np.nan, "not finite")])
+def test_a_matrix_without_a_factor_is_refused(fault: float, message: str) -> None:
     mesh = MESHES["8 nodes, two layers"]
-    with pytest.raises(SolverError, match="singular"):
-        FrontalFactor(dissect(mesh, held(mesh)), fault * elements_of(mesh))
-
-
-@pytest.mark.parametrize("kind", MESHES)
-def test_every_free_unknown_is_eliminated_once_and_before_what_it_is_shared_with(kind: str) -> None:
-    mesh = MESHES[kind]
-    fronts, number_u = dissect(mesh, held(mesh))
-    assert sorted(number_u) == list(range(len(number_u)))
-    assert [front.own.start for front in fronts[1:]] == [front.own.stop for front in fronts[:-1]]
-    assert not len(fronts[-1].shared)
-    for front in fronts:
-        assert np.all(front.shared >= front.own.stop)
-        assert np.all(np.diff(front.shared) > 0)
-    elements = np.concatenate([front.elements for front in fronts])
-    assert sorted(elements) == list(range(len(mesh.cells_en)))
-
-
-def test_a_graded_wall_of_13185_unknowns_has_fronts_of_at_most_960() -> None:
-    """The cost of a factor grows with the third power of the largest front."""
-    mesh = graded_mesh(R, T, FARTHER)
-    fronts, _ = dissect(mesh, clamped_base(mesh))
-    assert fronts[-1].own.stop == 13_185
-    assert max(front.own.stop - front.own.start + len(front.shared) for front in fronts) <= 960
+    with pytest.raises(SolverError, match=message):
+        factored(mesh, held(mesh), fault * elements_of(mesh))

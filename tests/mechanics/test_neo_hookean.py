@@ -16,10 +16,9 @@ from scleraforce.errors import SolverError
 from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.mechanics.elements import element_stiffness, volume_points
+from scleraforce.mechanics.elements import element_stiffness, factored, volume_points
 from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.frontal import FrontalFactor, dissect
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import needle_at, pressure_load
@@ -462,7 +461,7 @@ def test_a_thick_fibred_sphere_swells_under_pressure_as_the_closed_form_says() -
     tangents = NeoHookeanSolid(mesh, NU, fibres=law).tangents(np.zeros_like(mesh.points_nc))
     u_nc = np.zeros(mesh.points_nc.size)
     free = ~held_nc.ravel()
-    u_nc[free] = FrontalFactor(dissect(mesh, held_nc), tangents).solve(pressure_load(mesh).ravel()[free])
+    u_nc[free] = factored(mesh, held_nc, tangents)(pressure_load(mesh).ravel()[free])
     C = hooke(law)
     root = np.sqrt(0.25 + 2.0 * (C[0, 0] + C[0, 1] - C[0, 2]) / C[2, 2])
     powers = np.array([-0.5 + root, -0.5 - root])

@@ -20,7 +20,7 @@ from small_recordings import write_small_recording
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording import pixels
 from scleraforce.recording.importing import answers_like, given_times
-from scleraforce.recording.pixels import AXES, Scan, Sourced, Times, UnansweredError
+from scleraforce.recording.pixels import AXES, PixelSize, Scan, Times, UnansweredError
 from scleraforce.recording.sources import ImportOptions, files_of, gather, on_one_clock, read_scan, source_kind
 
 nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
@@ -247,8 +247,8 @@ def test_files_of_another_kind_are_refused_with_both_values() -> None:
     for other, found in [
         ({"bits": 8}, "bits 8, where 0.png has not stated"),
         ({"rows": ROWS + 1}, "rows 25, where 0.png has 24"),
-        ({"depth_pixel_m": Sourced(1e-6, "tag")}, "depth of a pixel .* 1, where 0.png has not stated"),
-        ({"lateral_pixel_m": Sourced(2e-6, "")}, "width of a pixel .* 2, where 0.png has not stated"),
+        ({"size": PixelSize("tag", depth_m=1e-6, lateral_m=None)}, "depth of a pixel .* 1, where 0.png has not stated"),
+        ({"size": PixelSize("", depth_m=None, lateral_m=2e-6)}, "width of a pixel .* 2, where 0.png has not stated"),
     ]:
         with pytest.raises(FrameError, match=rf"1\.png: {found}"):
             pixels.joined([single(0), replace(single(1), **other)])
@@ -269,11 +269,11 @@ def test_frames_that_a_file_does_not_state_are_damage() -> None:
 def test_any_order_of_the_axes_gives_the_same_frames_and_scale() -> None:
     for order in list(permutations(AXES)):
         array = np.transpose(FRAMES, [AXES.index(name) for name in order])[:, np.newaxis]  # an axis of one: no axis
-        steps = {"frame": Sourced(9.0, ""), "depth": Sourced(1e-6, "d"), "lateral": Sourced(2e-6, "l")}
-        first, *others = (steps[name] for name in order)
-        scan = pixels.array_scan(Path("a.npy"), array, order, (first, None, *others))
+        steps_m = {"frame": 9.0, "depth": 1e-6, "lateral": 2e-6}
+        first, *others = (steps_m[name] for name in order)
+        scan = pixels.array_scan(Path("a.npy"), array, order, (first, None, *others), "a field")
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-        assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (steps["depth"], steps["lateral"])
+        assert scan.size == PixelSize("a field", depth_m=1e-6, lateral_m=2e-6)
 
 
 def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:

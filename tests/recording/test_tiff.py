@@ -102,12 +102,12 @@ def test_what_is_not_read_is_refused_by_its_field(tmp_path: Path) -> None:
         with pytest.raises(FrameError, match=found):
             read_tiff(pages_of(tmp_path, *pages, each=options))
     cv2.imwrite(str(tmp_path / "a.tif"), BYTES, [cv2.IMWRITE_TIFF_COMPRESSION, 5])
-    with pytest.raises(FrameError, match=r"a\.tif: compressed as LZW; save it without compression, .* imagecodecs"):
+    with pytest.raises(FrameError, match=r"a\.tif: .*LZW.* requires the 'imagecodecs' package"):
         read_frame(tmp_path / "a.tif")
     tifffile.imwrite(tmp_path / "a.tif", RAMP, compression="zlib", predictor=True)
     with tifffile.TiffFile(tmp_path / "a.tif", mode="r+") as file:
         file.pages.first.tags["Predictor"].overwrite(3)
-    with pytest.raises(FrameError, match=r"Predictor is FLOATINGPOINT.*imagecodecs"):
+    with pytest.raises(FrameError, match=r"FLOATINGPOINT.* requires the 'imagecodecs' package"):
         read_frame(tmp_path / "a.tif")
 
 
@@ -133,9 +133,9 @@ def test_a_scale_is_taken_from_the_tags_where_it_is_one(tmp_path: Path) -> None:
         assert sizes_of(scan_of(tmp_path, RAMP, **options)) == size
 
 
-def tiff(rows: int, columns: int, strip: bytes, compression: int = 8, **tags: int) -> bytes:
+def tiff(rows: int, columns: int, strip: bytes, **tags: int) -> bytes:
     """Return a TIFF of 8 bits with one strip, whatever its tags say."""
-    values = {256: columns, 257: rows, 258: 8, 259: compression, 262: 1, 273: 8, 277: 1, 278: rows, 279: len(strip)}
+    values = {256: columns, 257: rows, 258: 8, 259: 8, 262: 1, 273: 8, 277: 1, 278: rows, 279: len(strip)}
     values |= {int(name.removeprefix("tag")): value for name, value in tags.items()}
     entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in sorted(values.items()))
     begin = struct.pack("<2sHI", b"II", 42, 8 + len(strip))
@@ -149,7 +149,6 @@ def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
         (tiff(60_000, 60_000, zlib.compress(bytes(100))), "60000 x 60000 pixels; a frame may have 64 million"),
         (tiff(64, 64, zlib.compress(bytes(100)), tag277=60_000), "with 60000 samples each; a frame may have"),
         (tiff(64, 64, zlib.compress(bytes(50_000_000))), "more is packed in it than"),
-        (tiff(64, 64, bytes([129, 0]) * 400_000, compression=32773), "more is packed in it than"),
     ]:
         tifffile.TiffFile(io.BytesIO(content)).close()  # it is a TIFF
         with less_than(10e6), pytest.raises(FrameError, match=message):
@@ -274,7 +273,7 @@ def test_a_stack_has_the_scale_and_times_of_imagej_or_ome(tmp_path: Path) -> Non
         scan = scan_of(tmp_path, FRAMES, **options)
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
         assert sizes_of(scan) == pytest.approx((DEPTH_M, LATERAL_M))
-        assert scan.depth_pixel_m.source == source
+        assert scan.size.source == source
         np.testing.assert_allclose(scan.times.time_s, time_s)
         assert note in " ".join(scan.notes)
 
@@ -286,7 +285,7 @@ def test_json_axes_count_where_they_fit_the_pixels(tmp_path: Path) -> None:
         axes = {"z": {"values": values, "units": "mm"}, "x": across}
         scan = scan_of(tmp_path, FRAMES[0], software=json.dumps({"metadata": axes}))
         assert sizes_of(scan) == (depth_m and pytest.approx(depth_m), pytest.approx(1e-5))
-        assert scan.lateral_pixel_m.source == "JSON axes in the Software tag"
+        assert scan.size.source == "JSON axes in the Software tag"
 
 
 def test_a_stack_that_was_cut_off_is_damaged(tmp_path: Path) -> None:

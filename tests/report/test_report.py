@@ -42,6 +42,7 @@ from scleraforce.report.frame_figures import (  # isort: skip
 )  # fmt: skip
 from scleraforce.report.html import MOST_PICTURES, Html, frame_pictures, shown_frames, write_evaluation_html, write_page
 from scleraforce.report.recording_figures import draw_log
+from scleraforce.segmentation.found import INNER, draw_overlay
 
 MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
 
@@ -270,12 +271,21 @@ def test_a_picture_is_to_scale_and_has_surface_and_inner_boundary_where_they_wer
     rows, columns = picture.shape[:2]
     width_m, depth_m = looks[0].extent_m
     assert abs(rows / columns - depth_m / width_m) < 0.5 / columns
-    blue, green, red = (picture[:, columns // 2, channel].astype(int) for channel in range(3))
+    blue, red = (picture[:, columns // 2, channel].astype(int) for channel in (0, 2))
     scale = rows / len(looks[0].frame)
     middle = looks[0].frame.shape[1] // 2
-    for colour, other, boundary in ((red, green, looks[0].found.outer_row), (green, red, looks[0].found.inner_row)):
-        assert abs(int(np.argmax(colour - other)) - (boundary[middle] + 0.5) * scale) < 2.0
-    assert (blue - green).max() < 60
+    for orange_or_blue, boundary in ((red - blue, looks[0].found.outer_row), (blue - red, looks[0].found.inner_row)):
+        assert abs(int(np.argmax(orange_or_blue)) - (boundary[middle] + 0.5) * scale) < 2.0
+
+
+def test_an_inner_boundary_that_is_not_seen_is_dashed(tmp_path: Path) -> None:
+    (one,) = looked_at_frames(tmp_path, 1)
+    grey = np.zeros_like(one.frame)
+    blues = [
+        np.count_nonzero((draw_overlay(grey, replace(one.found, inner_found=seen)) == INNER).all(axis=2).any(axis=0))
+        for seen in (True, False)
+    ]
+    assert blues[1] == pytest.approx(blues[0] / 2, rel=0.1)
 
 
 def test_below_a_picture_are_the_measured_and_the_read_force_and_misread_ones_are_marked(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ def pictures_of(scan) -> np.ndarray:
 
 def sizes_of(scan) -> tuple[float | None, float | None]:
     """Return the depth and the width of a pixel, m."""
-    return tuple(size and size.value for size in (scan.depth_pixel_m, scan.lateral_pixel_m))
+    return scan.size.depth_m, scan.size.lateral_m
 
 
 def options_of(*options: object) -> list[str]:

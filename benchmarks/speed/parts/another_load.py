@@ -18,10 +18,9 @@ GOAL_MS, FIRST_GOAL_MS = 2.0, 5.0  # the second: of a single contact
 PEER = "SciPy's factor of scikit-fem's matrix"
 TOGETHER = 32  # right-hand sides in one triangular solve, as the data set's walls are solved
 MANY = f"another contact, of {TOGETHER} together"
-SECTION, SECTION_M = "another contact, section only", 1.5e-3
 SOFA_MS = 26.0
 SETTINGS = """An eye of 0.5 mm, prepared: mesh made, matrix factored. What is timed is the displacement of all
-nodes (of the section alone where the row says so), and its value under the needle. In turns, in one process."""
+nodes, and its value under the needle. In turns, in one process."""
 
 
 def measure(run: Run) -> Table:
@@ -34,10 +33,9 @@ def measure(run: Run) -> Table:
     factor = splu(peer.stiffness[free][:, free].tocsc(), permc_spec="MMD_AT_PLUS_A")
     load = peer.load[free]
 
-    def contacts(count: int, *, section: bool = False) -> list[float]:
+    def contacts(count: int) -> list[float]:
         pressed = [Contact(polar_rad=polar, azimuth_rad=azimuth) for polar, azimuth in islice(others, count)]
-        nodes = np.flatnonzero(np.abs(wall.mesh.points_nc @ pressed[0].parallel) < SECTION_M) if section else None
-        moved_cnc = wall.needle_cnc(pressed, NEEDLE_RADIUS_M, nodes)
+        moved_cnc = wall.needle_cnc(pressed, NEEDLE_RADIUS_M)
         return [
             tip_displacement(wall.mesh, contact, FORCE_N / E_PA * moved_nc)
             for contact, moved_nc in zip(pressed, moved_cnc, strict=True)
@@ -49,7 +47,6 @@ def measure(run: Run) -> Table:
 
     work = {
         "another contact": lambda: contacts(1),
-        SECTION: lambda: contacts(1, section=True),
         MANY: lambda: contacts(TOGETHER),
         "another force": another_force,
         PEER: lambda: factor.solve(load),
@@ -61,7 +58,6 @@ def measure(run: Run) -> Table:
     }
     settings = {
         "another contact": "the needle at a contact that was not seen before: one more right-hand side",
-        SECTION: f"the same, of nodes within {1e3 * SECTION_M:g} mm of the needle's plane, from base to base",
         MANY: "the same for each of them: one solve for all, which reads the factor once",
         "another force": "the same contact, with pressure and weight: superposition of known solutions",
         PEER: "`splu` with its ordering for symmetric matrices, a right-hand side that is ready",
@@ -73,7 +69,7 @@ def measure(run: Run) -> Table:
             **found,
             beside="" if name == PEER else PEER,
             beside_value=None if name == PEER else taken[PEER]["value"],
-            goal={PEER: None, "another contact": FIRST_GOAL_MS, SECTION: FIRST_GOAL_MS}.get(name, GOAL_MS),
+            goal={PEER: None, "another contact": FIRST_GOAL_MS}.get(name, GOAL_MS),
             settings=settings[name],
         )
         for name, found in taken.items()

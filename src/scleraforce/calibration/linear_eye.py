@@ -57,7 +57,7 @@ def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeCo
     quads, weights = locate(mesh, world.reshape(-1, 3))
     outer, inner = np.split(quads, 2)
     nodes = np.concatenate([mesh.outer_qn[outer], mesh.inner_qn[inner]])
-    needle = wall.needle_cnc([contact], study.needle.outer_diameter_m / 2, nodes)[0]
+    needle = wall.needle_cnc([contact], study.needle.outer_diameter_m / 2)[0]
     solutions = np.stack([wall.pressure_nc, wall.gravity_nc, needle])
     moved = np.einsum("pn,fpnc->fpc", weights, solutions[:, nodes])
     stood = np.einsum("pn,pnc->pc", weights, mesh.points_nc[nodes]) + mesh.radius_m * axes[2]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.arrays import Bytes, Flags, Floats, Places
-from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
+from scleraforce.checked_store import CheckedStore, Layout, StoreKind, layout
 from scleraforce.errors import DatasetError
 from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.library import OUTER, Library
@@ -150,9 +150,7 @@ def unit_samples(study: Study) -> list[slice]:
 
 
 KIND = StoreKind(
-    noun="data set", command="generate", verb="generate", parts="parts", schema="scleraforce-dataset-2", recipe="study",
-    required=frozenset({"complete", "study", "study_hash", "youngs_modulus_pa", "calibration", "versions"}),
-    same=("study_hash", "youngs_modulus_pa", "mechanics", "calibration", "versions"),
+    noun="data set", command="generate", parts="parts", schema="scleraforce-dataset-2", recipe="study",
     others={"scleraforce-library": "a response library and no data set; `train --kind reader` learns from it"},
     error=DatasetError,
 )  # fmt: skip
@@ -167,7 +165,7 @@ DTYPES = {
 
 @dataclass(frozen=True)
 class Dataset:
-    """A complete data set, checked on opening; its arrays are read on first use.
+    """A complete data set; its arrays are read, and checked, on first use.
 
     `attributes` are the store's (seed, versions, calibration ...); the modulus is that of the simulated walls.
     """
@@ -204,10 +202,10 @@ class Dataset:
 
     def read(self, name: str) -> NDArray[Any]:
         """Read a whole array, `slices` or a metadata's name; raise a DatasetError if it is damaged or impossible."""
-        store = CheckedStore(KIND, self.path, _arrays(self.study), attributes=self.attributes)
-        if name not in store.arrays:
-            raise DatasetError(f"{self.path}: no array {name!r}; there are {', '.join(store.arrays)}")
-        values = store.read(name)
+        layouts = _layouts(self.study)
+        if name not in layouts:
+            raise DatasetError(f"{self.path}: no array {name!r}; there are {', '.join(layouts)}")
+        values = CheckedStore(KIND, self.path, {name: layouts[name]}, attributes=self.attributes).read(name)
         if wrong := _impossible(name, values, self.study):
             raise DatasetError(f"{self.path / name}: {wrong}; generate the data set again")
         return values
@@ -226,20 +224,19 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
     """
     path = Path(path)
     attributes = KIND.complete_attributes(path)
-    modulus_pa = attributes["youngs_modulus_pa"]
+    modulus_pa = attributes.get("youngs_modulus_pa")
     if isinstance(modulus_pa, bool) or not isinstance(modulus_pa, int | float) or not 0.0 < modulus_pa < MAX_MODULUS_PA:
         raise DatasetError(f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; must be a number of Pa above 0")
     study = parse_study(attributes["study"], f"{path}: study")
-    CheckedStore(KIND, path, _arrays(study), attributes=attributes).check()
     return Dataset(path, study, float(modulus_pa), attributes)
 
 
-def _arrays(study: Study) -> dict[str, StoredArray]:
-    """Return the arrays of a data set: the slices, a unit of work in each chunk, and the metadata of all samples."""
+def _layouts(study: Study) -> dict[str, Layout]:
+    """Return the layouts of a data set's arrays: slices, a unit of work in each chunk, and the metadata of samples."""
     units, size = unit_samples(study), (study.slice.rows, study.slice.columns)
     images = units[-1].stop
-    slices = StoredArray(SLICES, (images, *size), (units[0].stop, *size), "uint8", compressed=True)
-    return {SLICES: slices, **{name: StoredArray(name, (images,), (images,), dtype) for name, dtype in DTYPES.items()}}
+    slices = layout((images, *size), (units[0].stop, *size), "uint8", compressed=True)
+    return {SLICES: slices, **{name: layout((images,), (images,), dtype) for name, dtype in DTYPES.items()}}
 
 
 def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
@@ -275,7 +272,7 @@ def create_dataset(
         "mechanics": mechanics, "youngs_modulus_pa": youngs_modulus_pa, "calibration": modulus,
         "versions": {name: version(name) for name in packages},
     }  # fmt: skip
-    store = CheckedStore(KIND, path, _arrays(study), [{SLICES: (unit,)} for unit in range(len(unit_samples(study)))])
+    store = CheckedStore(KIND, path, _layouts(study), [{SLICES: (unit,)} for unit in range(len(unit_samples(study)))])
     store.begin(described, vars(plan))
     return store
 

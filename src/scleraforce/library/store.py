@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
 from scleraforce.arrays import Floats
-from scleraforce.checked_store import CheckedStore, StoredArray, StoreKind
+from scleraforce.checked_store import CheckedStore, Layout, StoreKind, layout
 from scleraforce.errors import InputError
 from scleraforce.library.base import base_stiffness
 from scleraforce.library.plan import LibraryPlan, parse_plan, plan_library
@@ -39,8 +39,7 @@ FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curv
 AXES = ("stiffening", "thickness_m", "tension", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")
 KIND = StoreKind(
-    noun="library", command="library", verb="make", parts="load paths", schema="scleraforce-library-4", recipe="plan",
-    required=frozenset({"complete", "plan", "plan_hash", "key", "seed", "versions"}), same=("plan", "key", "versions"),
+    noun="library", command="library", parts="load paths", schema="scleraforce-library-4", recipe="plan",
     others={"scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"},
     error=InputError,
 )  # fmt: skip
@@ -52,7 +51,7 @@ def library_store(path: Path, plan: LibraryPlan) -> CheckedStore:
         dict.fromkeys((CURVES, DISPLACED, FORCES) if unit < plan.paths else (SUPPORT_FORCES,), plan.place(unit))
         for unit in range(plan.units)
     ]
-    return CheckedStore(KIND, path, _arrays(plan), units)
+    return CheckedStore(KIND, path, _layouts(plan), units)
 
 
 def create_library(path: Path, plan: LibraryPlan) -> CheckedStore:
@@ -94,8 +93,7 @@ def open_library(path: str | PathLike[str]) -> Library:
     path = Path(path)
     attributes = KIND.complete_attributes(path)
     plan = parse_plan(attributes["plan"], f"{path}: plan")
-    store = CheckedStore(KIND, path, _arrays(plan), attributes=attributes)
-    store.check()
+    store = CheckedStore(KIND, path, _layouts(plan), attributes=attributes)
     arrays = {name: store.read(name) for name in store.arrays}
     for name in AXES:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
@@ -115,18 +113,15 @@ def open_library(path: str | PathLike[str]) -> Library:
     )  # fmt: skip
 
 
-def _arrays(plan: LibraryPlan) -> dict[str, StoredArray]:
-    """Return the arrays of a library by name: the axes, and what a load path has a chunk of."""
+def _layouts(plan: LibraryPlan) -> dict[str, Layout]:
+    """Return the layouts of a library's arrays: the axes, and what a load path has a chunk of."""
     shape = (len(plan.stiffening), len(plan.thickness_m), len(plan.tension), len(plan.tip_m))
-    supports = (*plan.support_shape, plan.support_tips)
-    axes = [StoredArray(name, (size,), (size,), "float64") for name, size in zip(AXES, shape, strict=True)]
-    paths = (
-        StoredArray(CURVES, (*shape, 2, plan.nodes, 2), (1, 1, 1, shape[3], 2, plan.nodes, 2), "float32"),
-        StoredArray(FORCES, shape, (1, 1, 1, shape[3]), "float64"),
-        StoredArray(DISPLACED, shape, (1, 1, 1, shape[3]), "float64"),
-        StoredArray(SUPPORT_FORCES, supports, (1, 1, 1, *supports[3:]), "float64"),
-    )
-    return {array.name: array for array in (*axes, *paths)}
+    supports, path = (*plan.support_shape, plan.support_tips), (1, 1, 1, shape[3])
+    return {name: layout((size,), (size,), "float64") for name, size in zip(AXES, shape, strict=True)} | {
+        CURVES: layout((*shape, 2, plan.nodes, 2), (*path, 2, plan.nodes, 2), "float32"),
+        FORCES: layout(shape, path, "float64"), DISPLACED: layout(shape, path, "float64"),
+        SUPPORT_FORCES: layout(supports, (1, 1, 1, *supports[3:]), "float64"),
+    }  # fmt: skip
 
 
 SOLVED_FORCES = 2.0  # over the largest F/E of the library: what is done beyond it is not felt below

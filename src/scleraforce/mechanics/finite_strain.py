@@ -18,9 +18,9 @@ from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import InputError, SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import Progress, pressurise, trace
+from scleraforce.mechanics.elements import factored
 from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.form import element_modulus, form_mesh
-from scleraforce.mechanics.frontal import FrontalFactor, dissect, one_blas_thread
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, study_globe
 from scleraforce.mechanics.graded import graded_eye
 from scleraforce.mechanics.loads import (
@@ -124,7 +124,7 @@ class LoadPath:
 
 
 class FiniteWall:
-    """A wall at finite strain; the order in which its unknowns are eliminated is found once for all paths."""
+    """A wall at finite strain: its mesh, material, supports and loads, which all paths share."""
 
     def __init__(
         self, mesh: HexMesh, poisson_ratio: float, held_nc: Flags | None = None, *,
@@ -145,7 +145,6 @@ class FiniteWall:
         self.springs = springs
         _check_supports(mesh, self.held_nc, springs)
         self.free = np.flatnonzero(~self.held_nc.ravel())
-        self.dissection = dissect(mesh, self.held_nc)
 
     def load_path(
         self, needle: Needle, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float, max_force_n: float,
@@ -163,12 +162,11 @@ class FiniteWall:
             raise InputError("sealed globe: its pressure has to follow the wall; leave the dead pressure out")
         problem = WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
         pressure = iop_pa / youngs_modulus_pa
-        with one_blas_thread():
-            states = trace(
-                problem, pressurise(problem, pressure), pressure, max_tip_m=max_tip_m,
-                max_force=max_force_n / youngs_modulus_pa, max_travel_m=max_travel_m, largest_step_m=largest_step_m,
-                globe=globe.over(youngs_modulus_pa), as_far_as_found=as_far_as_found, progress=progress,
-            )  # fmt: skip
+        states = trace(
+            problem, pressurise(problem, pressure), pressure, max_tip_m=max_tip_m,
+            max_force=max_force_n / youngs_modulus_pa, max_travel_m=max_travel_m, largest_step_m=largest_step_m,
+            globe=globe.over(youngs_modulus_pa), as_far_as_found=as_far_as_found, progress=progress,
+        )  # fmt: skip
         displacement_snc = np.stack([self.full_nc(u) for u in states.displacement_su])
         forces_n, pressures_pa = states.force * youngs_modulus_pa, states.pressure * youngs_modulus_pa
         rises_m = (states.displacement_su[0] - states.undented_su) @ problem.tip
@@ -227,13 +225,13 @@ class WallEquilibrium:
         if wall.springs is not None:
             wall.springs.add_to(elements, self._per_modulus)
         try:
-            factor = FrontalFactor(wall.dissection, elements)
+            of_size_one = factored(wall.mesh, wall.held_nc, elements)
         except SolverError as fault:
             raise SolverError(f"tangent: {fault}; add supports against rigid motion") from fault
 
         def solve(load: Floats) -> Floats:
             size = float(np.abs(load).max()) or 1.0  # single precision ends at 1e-38
-            return factor.solve(load / size) * size
+            return of_size_one(load / size) * size
 
         return solve
 

@@ -5,11 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from scleraforce.arrays import Flags, Floats, Integers
+from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import element_stiffness, volume_points
-from scleraforce.mechanics.frontal import FrontalFactor, dissect
+from scleraforce.mechanics.elements import element_stiffness, factored, volume_points
 from scleraforce.mechanics.loads import Springs, clamped_base, gravity_load, needle_loads, pressure_load, tip_at
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh
@@ -42,11 +41,11 @@ class LinearWall:
         if springs is not None:
             springs.add_to(elements, 1.0 / springs_modulus_pa)
         try:
-            self._factor = FrontalFactor(dissect(mesh, self.held_nc), elements)
+            self._solve = factored(mesh, self.held_nc, elements)
         except SolverError as fault:
             raise SolverError(f"stiffness: {fault}; add supports against rigid motion") from fault
         probe = np.random.default_rng(0).normal(size=len(self._free))
-        softest = float(np.linalg.norm(self._factor.solve(probe)) / np.linalg.norm(probe))
+        softest = float(np.linalg.norm(self._solve(probe)) / np.linalg.norm(probe))
         if not softest * float(elements.max()) < SINGULAR:
             raise SolverError("stiffness: the wall may move as a rigid body; add supports against that")
 
@@ -60,29 +59,21 @@ class LinearWall:
         """Displacement under 1 N/m^3 of weight (density times g, along -z) at E = 1 Pa, (node, 3) in m."""
         return self.solve_one(gravity_load(self.mesh, self._points))
 
-    def needle_cnc(self, contacts: Sequence[Contact], needle_radius_m: float, nodes: Integers | None = None) -> Floats:
+    def needle_cnc(self, contacts: Sequence[Contact], needle_radius_m: float) -> Floats:
         """Displacements under 1 N through the needle at each contact at E = 1 Pa, (contact, node, 3) in m.
 
-        `nodes`: the wanted ones, by default all; others get NaN, and take less time. A needle that reaches over the
-        base plane is an `InputError`.
+        A needle that reaches over the base plane is an `InputError`.
         """
         answer = np.empty((len(contacts), *self.mesh.points_nc.shape))
         for start in range(0, len(contacts), LOADS_AT_ONCE):
             part = slice(start, start + LOADS_AT_ONCE)
-            answer[part] = self.solve(needle_loads(self.mesh, contacts[part], needle_radius_m), nodes)
+            answer[part] = self.solve(needle_loads(self.mesh, contacts[part], needle_radius_m))
         return answer
 
-    def solve(self, loads_lnc: Floats, nodes: Integers | None = None) -> Floats:
-        """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; `nodes` as in `needle_cnc`."""
+    def solve(self, loads_lnc: Floats) -> Floats:
+        """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same shape, in m."""
         answer = np.zeros((len(loads_lnc), 3 * len(self.mesh.points_nc)))
-        wanted_nc = np.full(self.mesh.points_nc.shape, nodes is None)
-        wanted_nc[[] if nodes is None else nodes] = True
-        wanted_u = None if nodes is None else wanted_nc.ravel()[self._free]
-        for start in range(0, len(loads_lnc), LOADS_AT_ONCE):
-            part = slice(start, start + LOADS_AT_ONCE)
-            loads = loads_lnc[part].reshape(-1, answer.shape[1])[:, self._free]
-            answer[part, self._free] = self._factor.solve(loads.T, wanted_u).T
-        answer[:, ~wanted_nc.ravel()] = np.nan
+        answer[:, self._free] = self._solve(loads_lnc.reshape(answer.shape)[:, self._free].T).T
         return answer.reshape(loads_lnc.shape)
 
     def solve_one(self, load_nc: Floats) -> Floats:

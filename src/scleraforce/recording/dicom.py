@@ -1,7 +1,7 @@
 """DICOM, one image or many frames: bright or dark as zero, palettes, colour; the size of its pixels and its times."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime, tzinfo
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
-from scleraforce.recording.pixels import PixelSize, Scan, Times, inverted, one_grey, rising, unpacked_bytes
+from scleraforce.recording.pixels import PixelSize, Scan, Times, inverted, one_grey, rising
 from scleraforce.units import to_si
 
 if TYPE_CHECKING:
@@ -23,17 +23,13 @@ if TYPE_CHECKING:
 GREY_KINDS = ("MONOCHROME1", "MONOCHROME2")
 KINDS_READ = (*GREY_KINDS, "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
 SAMPLES = dict.fromkeys((*GREY_KINDS, "PALETTE COLOR"), 1)  # the others have three
-OVERLAYS = range(0x6000, 0x6020, 2)  # groups
 # What turns stored values into grey levels in another way than along a straight line.
 TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}  # by manufacturer and model
-DEFLATED = b"1.2.840.10008.1.2.1.99"  # the transfer syntax of a file that is inflated as a whole
-HEAD_BYTES = 1024  # in which the transfer syntax is
 NEEDED = ("Rows", "Columns", "BitsAllocated", "BitsStored", "PixelRepresentation", "PixelData")  # to know the pixels
 FLOATS = ("FloatPixelData", "DoubleFloatPixelData")
 CELL_BITS = (8, 16, 32)  # BitsAllocated
-RLE_HEADER = 64  # bytes, the number and the places of the segments
 JPEG_BEGINS = (b"\xff\xd8\xff", b"\xff\x4f\xff\x51")
 SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
 CENTIMETRES, IMAGE_2D = 3, 1  # of a region of ultrasound: its units, its spatial format
@@ -53,12 +49,11 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         maker = tuple(str(dataset.get(name, "")).strip() for name in ("Manufacturer", "ManufacturerModelName"))
         if maker in A_SCANS_ALONG_ROWS:
             notes.append("this scanner writes A-scans along the rows: rows and columns were exchanged")
-        depth, lateral, scale_fault = scans.one_size(_pixel_sizes(dataset))
+        size, scale_fault = scans.one_size(_pixel_sizes(dataset))
         times, times_fault = _times(dataset, count)
         names, bits = scans.frame_names(path, count), _bits(dataset)
         scan = Scan(names, rows, columns, lambda: _pictures(path, data, dark_large), bits=bits, notes=tuple(notes))
-        scan = replace(scan, depth_pixel_m=depth, lateral_pixel_m=lateral, scale_fault=scale_fault)
-        scan = replace(scan, times=times, times_fault=times_fault).of_file(path)
+        scan = replace(scan, size=size, scale_fault=scale_fault, times=times, times_fault=times_fault).of_file(path)
     return scan.turned() if maker in A_SCANS_ALONG_ROWS else scan
 
 
@@ -67,12 +62,7 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[FileDataset]":
     from pydicom import config, dcmread  # here, so that reading PNG needs OpenCV only
 
     with config.disable_value_validation(), scans.named_faults(path, "DICOM"):
-        with path.open("rb") if data is None else BytesIO(data) as file:
-            if DEFLATED in file.read(HEAD_BYTES):
-                raise FrameError("a deflated DICOM file, whose size is not known before; save it uncompressed")
-            file.seek(0)
-            dataset = dcmread(file)
-        yield dataset
+        yield dcmread(path if data is None else BytesIO(data))
 
 
 def _grey_kind(dataset: "Dataset") -> str:
@@ -122,61 +112,32 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
 
 
 def _check_compressed(dataset: "FileDataset", frames: int) -> None:
+    """Check what pydicom does not: images beyond NumberOfFrames, and JPEG 2000 of another type than the header's."""
     from pydicom.encaps import generate_fragments, generate_frames
-    from pydicom.pixels.decoders.base import get_decoder
-    from pydicom.uid import RLELossless
+    from pydicom.pixels.utils import get_j2k_parameters
+    from pydicom.uid import JPEG2000TransferSyntaxes, RLELossless
 
     syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, _cell(dataset)
-    try:
-        there = get_decoder(syntax).is_available
-    except NotImplementedError as fault:
-        raise FrameError(f"compressed as {syntax.name}, which no package reads; save it uncompressed") from fault
-    if not there:
-        raise FrameError(f"compressed as {syntax.name}; reading it takes a package: pip install 'scleraforce[formats]'")
-    if syntax == RLELossless:
-        count = sum(1 for _ in generate_fragments(dataset.PixelData)) - 1  # but for the table of offsets
-    else:
-        count = sum(packed.startswith(JPEG_BEGINS) for packed in generate_fragments(dataset.PixelData))
-        if high != stored - 1:
-            found = f"HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}"
-            raise FrameError(f"{found}; save it uncompressed")
+    if high != stored - 1 and syntax != RLELossless:
+        found = f"HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}"
+        raise FrameError(f"{found}; save it uncompressed")
+    table, *packed = generate_fragments(dataset.PixelData)
+    count = len(packed) if syntax == RLELossless else sum(each.startswith(JPEG_BEGINS) for each in (table, *packed))
     if count > frames:
         raise FrameError(f"damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images")
-    for packed in generate_frames(dataset.PixelData, number_of_frames=frames):
-        if syntax == RLELossless:
-            _check_rle(packed, int(dataset.Rows) * int(dataset.Columns))
-        else:
-            _check_jpeg(dataset, packed)
-
-
-def _check_jpeg(dataset: "FileDataset", packed: bytes) -> None:
-    from pydicom.uid import JPEG2000TransferSyntaxes, JPEGExtended12Bit
-
-    syntax, stored, signs = dataset.file_meta.TransferSyntaxUID, int(dataset.BitsStored), ("unsigned", "signed")
-    header, frame = (int(dataset.Rows), int(dataset.Columns)), scans.jpeg_frame(packed)
-    if frame is None or frame[:2] != header:
-        raise FrameError(f"damaged: the compressed image is of {frame and frame[:2]} pixels, the header says {header}")
-    bits, signed = frame[2:]
-    if syntax == JPEGExtended12Bit and (bits, stored) != (8, 8):
-        found = f"compressed as {syntax.name} ({syntax}) with {bits} bits a pixel, of which only 8 are read"
-        raise FrameError(f"{found}; save it uncompressed")
     if syntax not in JPEG2000TransferSyntaxes:
         return
-    if signed != bool(stated := dataset.PixelRepresentation):
-        found = f"PixelRepresentation is {stated} ({signs[bool(stated)]})"
-        raise FrameError(f"{found}, its JPEG 2000 image has {signs[signed]} pixels; save it uncompressed")
-    # Values of more bits are right where they fit, which `_stored_values` checks.
-    if bits < stored:
-        raise FrameError(f"BitsStored is {stored}, its JPEG 2000 image has {bits} bits; save it uncompressed")
-
-
-def _check_rle(packed: bytes, largest: int) -> None:
-    """Check that no segment, one byte of each pixel, gives more bytes than there are pixels (and one to be even)."""
-    count = int.from_bytes(packed[:4], "little")
-    places = np.frombuffer(packed[4:RLE_HEADER], dtype="<u4")[: min(count, 15)].tolist()
-    for begin, end in zip(places, [*places[1:], len(packed)], strict=True):
-        if unpacked_bytes(packed[begin:end], largest + 1) > largest + 1:
-            raise FrameError(f"damaged: more is packed in it than the {largest} pixels that its header says")
+    signs = ("unsigned", "signed")
+    for image in map(get_j2k_parameters, generate_frames(dataset.PixelData, number_of_frames=frames)):
+        if image["is_signed"] != bool(stated := dataset.PixelRepresentation):
+            found = f"PixelRepresentation is {stated} ({signs[bool(stated)]})"
+            raise FrameError(
+                f"{found}, its JPEG 2000 image has {signs[image['is_signed']]} pixels; save it uncompressed"
+            )
+        # Values of more bits are right where they fit, which `_stored_values` checks.
+        if image["precision"] < stored:
+            found = f"BitsStored is {stored}, its JPEG 2000 image has {image['precision']} bits"
+            raise FrameError(f"{found}; save it uncompressed")
 
 
 def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
@@ -210,9 +171,6 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
     _, stored, high = _cell(dataset)
     if high != stored - 1:
         notes.append(f"HighBit is {high}, BitsStored {stored}: pixels were shifted")
-    if overlays := _overlay_bits(dataset):
-        bits = ", ".join(map(str, overlays))
-        notes.append(f"OverlayBitPosition {bits}: overlays in the pixels' bits were left out")
     if (padding := dataset.get("PixelPaddingValue", None)) is not None:
         notes.append(f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame")
     return len(turns) == 1, notes
@@ -233,17 +191,6 @@ def _slope(dataset: "Dataset") -> float:
     if not np.isfinite(slope) or slope == 0.0:
         raise FrameError(f"RescaleSlope: {slope:g}; it is a number other than 0")
     return slope
-
-
-def _overlay_bits(dataset: "Dataset") -> list[int]:
-    """Return the bits beside BitsStored in which overlays are stored, as older files have them."""
-    _, stored, high = _cell(dataset)
-    found: list[int] = []
-    for group in OVERLAYS:
-        position, data = dataset.get((group, 0x0102), None), dataset.get((group, 0x3000), None)
-        if position is not None and data is None and position.value is not None:
-            found += [] if high - stored < int(position.value) <= high else [int(position.value)]
-    return found
 
 
 def _bits(dataset: "Dataset") -> int | None:
@@ -272,21 +219,16 @@ def _pictures(path: Path, data: bytes | None, dark_large: bool) -> scans.Picture
 
 
 def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
-    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1)."""
+    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1); no other bit may be set."""
     allocated, stored, high = _cell(dataset)
     if stored == allocated or cells.dtype.itemsize * 8 != allocated:  # codecs give smaller cells where these suffice
         return cells
     cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
-    shift = high + 1 - stored
     values = (cells << (allocated - high - 1)) >> (allocated - stored)  # keeps the sign of signed ones
-    above, below = (1 << allocated) - (1 << (high + 1)), (1 << shift) - 1
-    drawn = sum(1 << bit for bit in _overlay_bits(dataset))
-    plain = cells.view(f"u{cells.dtype.itemsize}")
-    stray = plain & plain.dtype.type((above | below) & ~drawn)
-    if cells.dtype.kind == "i":
-        stray[(values < 0) & (stray == (above & ~drawn))] = 0
+    plain, shown = (each.view(f"u{each.dtype.itemsize}") for each in (cells, values << (high + 1 - stored)))
+    stray = (plain != shown) & (plain != shown & plain.dtype.type((1 << (high + 1)) - 1))  # a sign may end at HighBit
     if stray.any():
-        found = f"a pixel is {int(plain[stray != 0][0]):#x}"
+        found = f"a pixel is {int(plain[stray][0]):#x}"
         raise FrameError(f"BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew")
     return values
 
@@ -310,7 +252,7 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
     sizes = []
     for place, item in _places(dataset, "PixelMeasuresSequence"):
         for name in SPACINGS:
-            spacing = [float(value) for value in _several(item.get(name, None))]
+            spacing = _numbers(item, name)
             if len(spacing) == 2 and min(spacing) > 0.0:
                 depth_m, lateral_m = (to_si(length, "mm") for length in spacing)
                 sizes.append(PixelSize(f"DICOM's {name}{place}", depth_m=depth_m, lateral_m=lateral_m))
@@ -323,16 +265,16 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
                 to_si(10.0 * abs(float(region.get(f"PhysicalDelta{axis}", 0.0))), "mm") for axis in "YX"
             )
             sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m=depth_m, lateral_m=lateral_m))
-    ratio = [float(value) for value in _several(dataset.get("PixelAspectRatio", None))]
+    ratio = _numbers(dataset, "PixelAspectRatio")
     if len(ratio) == 2 and min(ratio) > 0.0:
         depth_m, source = sizes[0].depth_m or 0.0, f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}"
         sizes.append(PixelSize(source, depth_m=depth_m, lateral_m=depth_m * ratio[1] / ratio[0]))
     return sizes
 
 
-def _several(value: Any) -> Sequence[Any]:
-    several = isinstance(value, Sequence) and not isinstance(value, str)
-    return list(value) if several else [] if value is None else [value]
+def _numbers(item: "Dataset", name: str) -> list[float]:
+    value = item.get(name, None)
+    return [] if value is None else np.atleast_1d(value).astype(np.float64).tolist()
 
 
 def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
@@ -347,9 +289,8 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
     if count == 1:
         moment = _seconds(dataset.get("AcquisitionDateTime", None), zone)
         return None if moment is None else Times(np.array([moment]), "DICOM's AcquisitionDateTime"), None
-    steps_ms = [float(step) for step in _several(dataset.get("FrameTimeVector", None))]
+    steps_ms, pointers = _numbers(dataset, "FrameTimeVector"), _numbers(dataset, "FrameIncrementPointer")
     step_ms = float(dataset.get("FrameTime", None) or 0.0)
-    pointers = [int(tag) for tag in _several(dataset.get("FrameIncrementPointer", None))]
     by_step = step_ms > 0.0 and (FRAME_TIME in pointers or not steps_ms)
     if steps_ms and not by_step:
         if len(steps_ms) != count:

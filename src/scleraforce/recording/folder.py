@@ -408,9 +408,8 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
     info = None if recording is None else read_info(recording / "recording.toml")
     if info is not None:
         check_frame(pixels, info.oct, path)
-    lateral, depth = image.lateral_pixel_m, image.depth_pixel_m
-    width_m = None if lateral is None else lateral.value * image.columns
-    file = Scanner(width_m=width_m, depth_m=None if depth is None else depth.value * image.rows)
+    lateral_m, depth_m = image.size.lateral_m, image.size.depth_m
+    file = Scanner(width_m=lateral_m and lateral_m * image.columns, depth_m=depth_m and depth_m * image.rows)
     stated = ((given, "option"), (info.oct if info else Scanner(), "recording.toml"), (file, "file"), assumed)
     width, depth, index = (
         next((Sourced(value, source) for scanner, source in stated if (value := getattr(scanner, name))), None)

@@ -2,13 +2,13 @@
 
 import os
 import re
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ from scleraforce.units import to_si
 from scleraforce.whole_files import KINDS, read_bytes
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-JPEG_EXIF = b"Exif\0\0"
+JPEG_SIGNATURE = b"\xff\xd8\xff"
 ORIENTATION_TAG, UPRIGHT = 0x0112, 1
 TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
@@ -65,13 +65,11 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
 
 def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
     with named_faults(path, "image"):
-        if data.startswith(PNG_SIGNATURE):
-            orientation, flags = _check_png(data), cv2.IMREAD_UNCHANGED
-        elif data.startswith(b"\xff\xd8\xff"):
-            orientation, flags = _check_jpeg(data), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
-        else:
+        if not data.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
             found = "an empty file" if not data else "not an image that can be read"
             raise FrameError(f"{found}; give a PNG, TIFF, JPEG or a single DICOM image")
+        orientation, of_jpeg = _checked_orientation(data), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        flags = of_jpeg if data.startswith(JPEG_SIGNATURE) else cv2.IMREAD_UNCHANGED
         decoded = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
         if decoded is None:
             raise FrameError("damaged: it starts like an image but cannot be decoded")
@@ -85,50 +83,23 @@ def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
     return grey, scan.of_file(path)
 
 
-def _check_png(data: bytes) -> int:
-    """Walk the chunks of a PNG and return its EXIF Orientation: OpenCV would fill what is missing with black."""
-    at, orientation = len(PNG_SIGNATURE), UPRIGHT
-    while at + 12 <= len(data):
-        length = int.from_bytes(data[at : at + 4], "big")
-        chunk, check = data[at + 4 : at + 8 + length], data[at + 8 + length : at + 12 + length]
-        if len(check) < 4:
-            break
-        if zlib.crc32(chunk) != int.from_bytes(check, "big"):
-            raise FrameError("damaged: the check sum of a PNG chunk is wrong")
-        if chunk.startswith(b"IHDR"):
-            check_size(int.from_bytes(chunk[8:12], "big"), int.from_bytes(chunk[4:8], "big"))
-        if chunk.startswith(b"acTL"):
-            raise FrameError("an animated PNG; give a file for each frame")
-        if chunk.startswith(b"eXIf"):
-            orientation = _exif_orientation(chunk[4:])
-        if chunk.startswith(b"IEND"):
-            return orientation
-        at += 12 + length
-    raise FrameError("a truncated PNG: its end is missing")
+def _checked_orientation(data: bytes) -> int:
+    """Check a PNG or JPEG, whose missing parts OpenCV would fill with black, and return its EXIF Orientation."""
+    from PIL import Image
 
-
-def _check_jpeg(data: bytes) -> int:
-    if b"\xff\xd9" not in data[-1024:]:
-        raise FrameError("a truncated JPEG: its end is missing")
-    if (frame := scans.jpeg_frame(data)) is None:
-        raise FrameError("damaged: a JPEG that does not say how large it is")
-    check_size(*frame[:2])
-    at = data[: 2**17].find(JPEG_EXIF)
-    return UPRIGHT if at < 0 else _exif_orientation(data[at + len(JPEG_EXIF) :])
-
-
-def _exif_orientation(exif: bytes) -> int:
-    """Return the Orientation that the first directory of EXIF data states; it has the form of a TIFF."""
-    order: Literal["little", "big"] = "little" if exif.startswith(b"II") else "big"
-    begin = int.from_bytes(exif[4:8], order)
-    count = int.from_bytes(exif[begin : begin + 2], order)
-    for at in range(begin + 2, min(begin + 2 + 12 * count, len(exif)), 12):
-        if int.from_bytes(exif[at : at + 2], order) == ORIENTATION_TAG:
-            found = int.from_bytes(exif[at + 8 : at + 10], order) or UPRIGHT
-            if not UPRIGHT <= found <= 8:
-                raise FrameError(f"EXIF Orientation {found}; it is 1 to 8")
-            return found
-    return UPRIGHT
+    with Image.open(BytesIO(data)) as image:
+        check_size(image.height, image.width)
+        if getattr(image, "is_animated", False):
+            raise FrameError(f"several pictures in one {image.format}; give a file for each frame")
+        exif = Image.Exif()
+        exif.load(image.info.get("exif", b""))
+        orientation = int(exif.get(ORIENTATION_TAG) or UPRIGHT)
+        if not UPRIGHT <= orientation <= 8:
+            raise FrameError(f"EXIF Orientation {orientation}; it is 1 to 8")
+        if image.format == "JPEG" and b"\xff\xd9" not in data[-1024:]:
+            raise FrameError("a truncated JPEG: its end is missing")
+        image.verify()  # of a PNG: check sums, and its end
+    return orientation
 
 
 def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> Scan:
@@ -151,8 +122,8 @@ def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> S
 
 
 GREY_16 = b"Y1\0\x10"  # FFmpeg's tag of gray16le, the only deeper format that OpenCV leaves unchanged
-BITS_OF_TRIPLES = {12: 4, 15: 5, 16: 5, 36: 12, 48: 16, 64: 16}  # of a sample, by the bits of a pixel
-MATROSKA, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
+BITS_OF_PIXELS = (8, 24, 32)  # of 8 bits a sample, which some tags end in
+MATROSKA = b"\x1a\x45\xdf\xa3"
 EVEN = 0.05  # of their median, that steps of time may differ to be even
 
 
@@ -175,13 +146,12 @@ def read_film(path: Path) -> Scan:
         pace = f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
     notes = ["a film's compression changes grey levels and fine structure; its times are those at which it plays "
              "(--rate-hz where frames were taken at another rate)"]  # fmt: skip
-    with path.open("rb") as file:  # Matroska states no number of frames
-        known = "" if file.read(4) == MATROSKA else f"states {stated} frames, of which "
     count = len(times_ms)
-    if _ends_early(path):
-        notes.append(f"{known}{count} can be decoded: it was cut off, for it ends before the end that it states")
-    elif known and count < stated:
-        notes.append(f"holds {stated} frames and plays {count}; the others are empty, hidden or damaged")
+    with path.open("rb") as file:
+        if count < stated and file.read(4) != MATROSKA:  # which states no number of frames
+            notes.append(
+                f"states {stated} frames and plays {count}: cut off, or the others are empty, hidden or damaged"
+            )
     shape, bits, times = (rows, columns), None if deep else 8, Times(time_s, pace) if rising(time_s) else None
     scan = Scan(scans.frame_names(path, count), *shape, lambda: _pictures(path, shape, deep), bits=bits, times=times)
     return replace(scan, notes=tuple(notes)).of_file(path)
@@ -191,54 +161,21 @@ def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
     tag = (int(film.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF).to_bytes(4, "little")
     if tag == GREY_16:
         return True
-    if (bits := _bits_of(tag)) != 8:
-        found = f"pixels of {bits or 'an unknown number of'} bits (FFmpeg's pixel format {tag!r})"
+    if not _has_8_bits(tag):
         way = f"ffmpeg -i {path.name} -pix_fmt gray16le -c:v ffv1 grey.mkv"
-        raise FrameError(f"{found}; 8 bits, and 16 of grey, are read unchanged; write it so: {way}")
+        raise FrameError(
+            f"FFmpeg's pixel format {tag!r}; 8 bits, and 16 of grey, are read unchanged; write it so: {way}"
+        )
     return False
 
 
-def _bits_of(tag: bytes) -> int | None:
-    r"""Return the bits of a sample by FFmpeg's tag of the pixel format (libavcodec/raw.c); None: not known.
+def _has_8_bits(tag: bytes) -> bool:
+    r"""Return whether a sample has 8 bits by FFmpeg's tag of the pixel format (libavcodec/raw.c).
 
-    >>> _bits_of(b"I420"), _bits_of(b"Y1\0\x0a"), _bits_of(b"\x0c\x0b3Y"), _bits_of(b"P010"), _bits_of(bytes(4))
-    (8, 10, 12, 10, None)
+    >>> [_has_8_bits(tag) for tag in (b"I420", b"RGB\x18", b"Y1\0\x0a", b"\x0c\x0b3Y", b"P010", bytes(4))]
+    [True, True, False, False, False, False]
     """
-    for each in (tag, tag[::-1]):
-        if re.match(rb"[YG][1-4]|BA", each) and 0 < each[3] <= 32:
-            return each[3]
-        if each[:3] in (b"RGB", b"BGR", b"RBA", b"BRA", b"XYZ"):
-            return BITS_OF_TRIPLES.get(each[3], 8)
-    if deep := re.fullmatch(rb"[PYXv]\d(10|12|16)", tag):
-        return int(deep[1])
-    return 8 if tag.isalnum() or tag == b"PAL\x08" else None
-
-
-def _ends_early(path: Path) -> bool:
-    """Return whether the last part of a film (a RIFF chunk, an MP4 box, Matroska's segment) goes beyond its end."""
-    whole, at = path.stat().st_size, 0
-    with path.open("rb") as file:
-        while at < whole:
-            file.seek(at)
-            head = file.read(16)
-            if head[:4] in (MATROSKA, SEGMENT):
-                length = 9 - head[4].bit_length()
-                size = int.from_bytes(head[4 : 4 + length], "big") & ((1 << 7 * length) - 1)
-                if size == (1 << 7 * length) - 1:  # not known when it was written
-                    return False
-                at += 4 + length + size
-            elif head[:4] in (b"RIFF", b"JUNK"):
-                at += 8 + int.from_bytes(head[4:8], "little")
-                at += at % 2
-            elif head[4:8].isalnum():
-                size = int.from_bytes(head[:4], "big")
-                size = int.from_bytes(head[8:16], "big") if size == 1 else size
-                if size < 8:  # to the end
-                    return False
-                at += size
-            else:
-                return False
-    return at > whole + 1  # the last chunk may lack its padding
+    return (tag.isalnum() and not re.fullmatch(rb"[PYXv]\d(10|12|16)", tag)) or tag[3] in BITS_OF_PIXELS
 
 
 @contextmanager

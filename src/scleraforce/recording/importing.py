@@ -15,7 +15,7 @@ from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, name_fault, read_info
 from scleraforce.recording.force_log import columns_by_header
 from scleraforce.recording.log_text import read_log_text
-from scleraforce.recording.pixels import MOST_BITS, Greys, Scan, Sourced, Times, UnansweredError, even_times
+from scleraforce.recording.pixels import MOST_BITS, Greys, Scan, Times, UnansweredError, even_times
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, on_one_clock, option_name
 from scleraforce.recording.tables import ForceLog, numbers_of
 from scleraforce.units import from_si, to_si
@@ -224,10 +224,10 @@ def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> 
 def _stated(gathered: Gathered, greys: Greys) -> Known:
     scan, log = gathered.scan, gathered.log
     found: Known = {}
-    extents = {"width_mm": (scan.lateral_pixel_m, scan.columns), "depth_mm": (scan.depth_pixel_m, scan.rows)}
-    for name, (pixel, count) in extents.items():
-        if isinstance(pixel, Sourced):
-            found[name] = (float(f"{from_si(pixel.value * count, 'mm'):.7g}"), pixel.source)
+    extents = {"width_mm": (scan.size.lateral_m, scan.columns), "depth_mm": (scan.size.depth_m, scan.rows)}
+    for name, (pixel_m, count) in extents.items():
+        if pixel_m:
+            found[name] = (float(f"{from_si(pixel_m * count, 'mm'):.7g}"), scan.size.source)
     if greys.scaled:
         found["bits"] = (MOST_BITS, "scaled to them")
     elif scan.bits is not None:

@@ -1,5 +1,6 @@
 """Frames of any file, one or many: pixels, grey levels, the size of a pixel, and what files state; None: not stated."""
 
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, replace
@@ -24,10 +25,7 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_PIXELS = 64 * 2**20
 MAX_SAMPLES = 4  # of a pixel: colour and transparency
-# JPEG markers that begin a frame: all but tables (C4, CC) and the JPEG extension (C8); F7 is that of JPEG-LS.
-FRAME_MARKERS = (set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}) | {0xF7}
-STANDALONE_MARKERS = {0x01, *range(0xD0, 0xD9)}
-JPEG_2000 = b"\xff\x4f\xff\x51"
+GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
 MIRRORED = {2: (1,), 3: (0, 1), 4: (0,), 6: (1,), 7: (0, 1), 8: (0,)}  # axes, by TIFF's and EXIF's Orientation
 TRANSPOSED = 5  # from this Orientation on, rows are stored as columns
 
@@ -114,42 +112,12 @@ def as_shown(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
     return np.flip(turned, MIRRORED.get(orientation, ()))
 
 
-def jpeg_frame(data: bytes) -> tuple[int, int, int, bool] | None:
-    """Return rows, columns, bits and signedness of a JPEG, JPEG-LS or JPEG 2000 stream, None for others."""
-    begin = data.find(JPEG_2000)
-    if begin >= 0 and not data.startswith(b"\xff\xd8"):
-        right, bottom, left, top = (int.from_bytes(data[begin + at : begin + at + 4], "big") for at in (8, 12, 16, 20))
-        depth = int.from_bytes(data[begin + 42 : begin + 43], "big")
-        return bottom - top, right - left, (depth & 0x7F) + 1, depth > 0x7F
-    at = 2
-    while at + 9 <= len(data):
-        if data[at] != 0xFF:
-            return None
-        marker = data[at + 1]
-        if marker in FRAME_MARKERS:
-            rows, columns = (int.from_bytes(data[at + place : at + place + 2], "big") for place in (5, 7))
-            return rows, columns, data[at + 4], False
-        if marker == 0xFF:  # a fill byte
-            at += 1
-        elif marker in STANDALONE_MARKERS:
-            at += 2
-        else:
-            at += 2 + max(2, int.from_bytes(data[at + 2 : at + 4], "big"))
-    return None
-
-
-def unpacked_bytes(packed: bytes, most: int) -> int:
-    """Return how many bytes PackBits data (TIFF, DICOM's RLE) gives, or a number above `most` once there are more."""
-    at, count = 0, 0
-    while at < len(packed) and count <= most:
-        code = packed[at]
-        if code < 128:
-            count += min(code + 1, len(packed) - at - 1)
-            at += code + 2
-        else:
-            count += 257 - code if code > 128 else 0
-            at += 2 if code > 128 else 1
-    return count
+def unpacked(packed: bytes, most: int) -> bytes:
+    """Return what deflated bytes (zlib or gzip) hold; refuse more than `most` before it takes memory."""
+    data = zlib.decompressobj(GZIP_OR_ZLIB).decompress(packed, most + 1)
+    if len(data) > most:
+        raise FrameError("damaged: more is packed in it than its header says")
+    return data
 
 
 MOST_BITS = 16
@@ -247,13 +215,30 @@ class Times:
     source: str
 
 
+@dataclass(frozen=True)
+class PixelSize:
+    """The size of a pixel that one field of a file states; None: not stated."""
+
+    source: str
+    _: KW_ONLY
+    depth_m: float | None
+    lateral_m: float | None
+
+    def __str__(self) -> str:
+        sizes = ("?" if size_m is None else f"{from_si(size_m, 'mm'):.6g}" for size_m in (self.depth_m, self.lateral_m))
+        return f"{self.source} states pixels of {' x '.join(sizes)} mm (depth x lateral)"
+
+
+UNKNOWN_SIZE = PixelSize("nothing", depth_m=None, lateral_m=None)
+
+
 @dataclass(frozen=True, eq=False)
 class Scan:
     """Frames of one or several files.
 
     `pictures` gives the frames (row, column) from the first on, at every call: whole numbers or floats, larger is
     brighter. Rows are depth, columns lateral. After a contradiction in the file, `scale_fault` or `times_fault` is
-    set, and the sizes of a pixel or the times are not.
+    set, and the size of a pixel or the times are not.
     """
 
     names: tuple[str, ...]
@@ -262,8 +247,7 @@ class Scan:
     pictures: Callable[[], PictureStream]
     _: KW_ONLY
     bits: int | None = None
-    depth_pixel_m: Sourced | None = None
-    lateral_pixel_m: Sourced | None = None
+    size: PixelSize = UNKNOWN_SIZE
     times: Times | None = None
     notes: tuple[str, ...] = ()
     scale_fault: str | None = None
@@ -271,8 +255,11 @@ class Scan:
 
     def turned(self) -> "Scan":
         """Return the scan with rows and columns exchanged: depth ran along the rows."""
-        turned = replace(self, rows=self.columns, columns=self.rows, pictures=lambda: (p.T for p in self.pictures()))
-        return replace(turned, depth_pixel_m=self.lateral_pixel_m, lateral_pixel_m=self.depth_pixel_m)
+        size = replace(self.size, depth_m=self.size.lateral_m, lateral_m=self.size.depth_m)
+        pictures = self.pictures
+        return replace(
+            self, rows=self.columns, columns=self.rows, size=size, pictures=lambda: (p.T for p in pictures())
+        )
 
     def between(self, first: int | None, last: int | None) -> "Scan":
         """Return the frames from the first to the last one, counted from 1; None: from the beginning, to the end."""
@@ -291,32 +278,14 @@ class Scan:
         return replace(self, notes=notes, scale_fault=scale_fault, times_fault=times_fault)
 
 
-@dataclass(frozen=True)
-class PixelSize:
-    """The size of a pixel that one field of a file states."""
-
-    source: str
-    _: KW_ONLY
-    depth_m: float | None
-    lateral_m: float | None
-
-    def __str__(self) -> str:
-        sizes = ("?" if size_m is None else f"{from_si(size_m, 'mm'):.6g}" for size_m in (self.depth_m, self.lateral_m))
-        return f"{self.source} states pixels of {' x '.join(sizes)} mm (depth x lateral)"
-
-
-def one_size(sizes: Sequence[PixelSize]) -> tuple[Sourced | None, Sourced | None, str | None]:
-    """Return the distance of rows and of columns by the first field that states one, and the fault if fields differ."""
-    stated = [size for size in sizes if size.depth_m or size.lateral_m]
-    if not stated:
-        return None, None, None
-    first, *others = stated
+def one_size(sizes: Sequence[PixelSize]) -> tuple[PixelSize, str | None]:
+    """Return the size by the first field that states one, and the fault if fields differ."""
+    first, *others = [size for size in sizes if size.depth_m or size.lateral_m] or [UNKNOWN_SIZE]
     for other in others:
         pairs = ((first.depth_m, other.depth_m), (first.lateral_m, other.lateral_m))
         if any(mine and theirs and abs(mine - theirs) > ROUNDED * mine for mine, theirs in pairs):
-            return None, None, f"{first}, {other}"
-    depth, lateral = (Sourced(size, first.source) if size else None for size in (first.depth_m, first.lateral_m))
-    return depth, lateral, None
+            return UNKNOWN_SIZE, f"{first}, {other}"
+    return first, None
 
 
 def frame_names(path: Path, count: int) -> tuple[str, ...]:
@@ -407,7 +376,7 @@ def _checked(scan: Scan) -> PictureStream:
 
 
 def _kind(scan: Scan) -> dict[str, str]:
-    sizes = (size and from_si(size.value, "um") for size in (scan.depth_pixel_m, scan.lateral_pixel_m))
+    sizes = (from_si(size_m, "um") for size_m in (scan.size.depth_m, scan.size.lateral_m))
     names = ("rows", "columns", "bits", "depth of a pixel (um)", "width of a pixel (um)")
     values = (scan.rows, scan.columns, scan.bits, *sizes)
     return {name: "not stated" if value is None else f"{value:.9g}" for name, value in zip(names, values, strict=True)}
@@ -425,11 +394,15 @@ def parse_axes(text: str) -> tuple[str, ...]:
 
 
 def array_scan(
-    path: Path, array: NDArray[Any], axes: tuple[str, ...] | None, pixel_m: tuple[Sourced | None, ...] = ()
+    path: Path,
+    array: NDArray[Any],
+    axes: tuple[str, ...] | None,
+    steps_m: Sequence[float | None] = (),
+    source: str = "",
 ) -> Scan:
-    """Return an array as a scan; `axes` names those longer than 1 (None: ask), `pixel_m` is the step along each."""
+    """Return an array as a scan; `axes` names those longer than 1 (None: ask), `source` states the step along each."""
     sizes = " x ".join(map(str, array.shape))
-    steps_m = [pixel_m[axis] if pixel_m else None for axis, size in enumerate(array.shape) if size > 1]
+    steps_m = [steps_m[axis] if steps_m else None for axis, size in enumerate(array.shape) if size > 1]
     array = array.squeeze()
     if array.ndim not in (2, 3):
         raise FrameError(f"an array of {sizes}; give frames x rows x columns, or one frame")
@@ -448,6 +421,6 @@ def array_scan(
     count, rows, columns = frames.shape
     check_size(rows, columns)
     depth_m, lateral_m = (steps_m[axes.index(name)] for name in AXES[1:])
+    size = PixelSize(source, depth_m=depth_m, lateral_m=lateral_m)
     names, bits = frame_names(path, count), 8 if frames.dtype == np.uint8 else None
-    scan = Scan(names, rows, columns, lambda: iter(frames), bits=bits)
-    return replace(scan, depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)
+    return Scan(names, rows, columns, lambda: iter(frames), bits=bits, size=size)

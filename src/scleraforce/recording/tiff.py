@@ -1,9 +1,7 @@
 """TIFF, one page or a stack; scale and times from OME-XML, ImageJ, the resolution tags or JSON axes in Software."""
 
 import json
-import lzma
 import re
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -26,7 +24,7 @@ if TYPE_CHECKING:
     from tifffile import TiffFile, TiffPage, TiffPageSeries
 
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE = range(4)  # PhotometricInterpretation
-DEFLATE, PACKBITS, LZMA = (8, 32946), 32773, 34925  # Compression
+DEFLATE = (8, 32946)  # Compression
 PLANES_APART = 2  # PlanarConfiguration
 ORIENTATIONS = range(1, 9)
 NO_UNIT, INCH, CENTIMETRE = 1, 2, 3  # ResolutionUnit
@@ -50,7 +48,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         orientation = _orientation(frames)
         notes: list[str] = []
         sizes = [*_ome_sizes(file, notes), *(_resolution(file, page, notes) for page in frames)]
-        depth, lateral, scale_fault = scans.one_size([*sizes, _json_size(frames[0], rows, columns)])
+        size, scale_fault = scans.one_size([*sizes, _json_size(frames[0], rows, columns)])
         times = _times(file, count, notes)
         kinds, copies = {page.photometric for page in frames}, any(page.subifds for page in frames)
         for note, holds in (
@@ -62,8 +60,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             notes += [note] if holds else []
         names, bits = scans.frame_names(path, count), 8 if file.series[0].dtype == np.uint8 else None
         scan = Scan(names, rows, columns, lambda: _pictures(path, data, (count, rows, columns)), bits=bits, times=times)
-        scan = replace(scan, depth_pixel_m=depth, lateral_pixel_m=lateral, scale_fault=scale_fault)
-        scan = replace(scan, notes=tuple(dict.fromkeys(notes))).of_file(path)
+        scan = replace(scan, size=size, scale_fault=scale_fault, notes=tuple(dict.fromkeys(notes))).of_file(path)
     # From the fifth orientation on, rows and columns change places, with their sizes.
     shown = scan.turned() if orientation in ORIENTATIONS[4:] else scan
     return replace(shown, pictures=lambda: (scans.as_shown(picture, orientation) for picture in scan.pictures()))
@@ -97,36 +94,12 @@ def _check_page(file: "TiffFile", page: "TiffPage") -> None:
     if page.photometric != RGB and page.samplesperpixel > 1:
         found = f"SamplesPerPixel {page.samplesperpixel}, PhotometricInterpretation {kind}"
         raise FrameError(f"{found}: several channels; save the one with the frames")
-    _check_compression(page)
     scans.check_size(max(2, page.tilelength), max(2, page.tilewidth))
     if page.imagedepth != 1 or page.bitspersample > 64:
         raise FrameError(f"a TIFF of {page.imagedepth} layers of {page.bitspersample} bits; give one frame")
-    largest = int(np.prod(page.chunks)) * 8
     for at, count in zip(page.dataoffsets, page.databytecounts, strict=True):
-        if _unpacks_to_more(page.compression, _read(file, at, count), largest):
-            raise FrameError(f"damaged: more is packed in it than the {page.shape} pixels that it states")
-
-
-def _check_compression(page: "TiffPage") -> None:
-    from tifffile import TIFF
-
-    for kinds, kind, option, words in (
-        (TIFF.DECOMPRESSORS, page.compression, "compression", "compressed as"),
-        (TIFF.UNPREDICTORS, page.predictor, "predictor", "its Predictor is"),
-    ):
-        try:
-            kinds[kind]
-        except KeyError as fault:
-            found = f"{words} {getattr(kind, 'name', kind)}"
-            raise FrameError(f"{found}; save it without {option}, as ZIP, or pip install imagecodecs") from fault
-
-
-def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
-    if compression in DEFLATE:
-        return len(zlib.decompressobj().decompress(packed, largest + 1)) > largest
-    if compression == LZMA:
-        return len(lzma.LZMADecompressor().decompress(packed, largest + 1)) > largest
-    return compression == PACKBITS and scans.unpacked_bytes(packed, largest) > largest
+        if page.compression in DEFLATE:
+            scans.unpacked(_read(file, at, count), int(np.prod(page.chunks)) * 8)
 
 
 def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:

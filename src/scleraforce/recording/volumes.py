@@ -1,7 +1,6 @@
 """NIfTI, NRRD, MetaImage: fastest axis first, spacing (1 along every axis: unknown), PLUS sequences; Thorlabs .oct."""
 
 import re
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePath
@@ -12,29 +11,25 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Floats
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
-from scleraforce.recording.pixels import AXES, METRES, SECONDS, Scan, Sourced, Times, array_scan, rising
+from scleraforce.recording.pixels import AXES, METRES, SECONDS, PixelSize, Scan, Times, array_scan, rising
 from scleraforce.units import to_si
 
 Axes = tuple[str, ...] | None
-Steps = tuple[Sourced | None, ...]
+Steps = tuple[Sequence[float | None], str]  # along each axis, m, and their source
 
-GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
 SAME = 1e-3  # spacings that differ by less are rounded
 ORIENTATION = re.compile("[UMFNAD]{2,3}", re.IGNORECASE)  # XX: not known
 SEQUENCE = "Seq_Frame(\\d+)_{}"
 CONVERT = "save it as one file, .mha or .nrrd (3D Slicer, SimpleITK)"
 
 
-def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> Steps:
+def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None]) -> list[float | None]:
     if all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
-        return tuple(None for _ in steps)
-    return tuple(
-        Sourced(step * unit_m, source) if unit_m is not None and np.isfinite(step) and step > 0.0 else None
-        for step, unit_m in zip(steps, units_m, strict=True)
-    )
+        return [None for _ in steps]
+    each = zip(steps, units_m, strict=True)
+    return [step * unit_m if unit_m is not None and np.isfinite(step) and step > 0.0 else None for step, unit_m in each]
 
 
 def _listed(values: Sequence[float]) -> str:
@@ -49,13 +44,6 @@ def _data_file(path: Path, field: str, named: str) -> Path:
     if PurePath(named).name != named:
         raise FrameError(f"its pixels are said to be in {named!r}; import it where they lie beside it")
     return path.with_name(named)
-
-
-def _unpacked(packed: bytes, most: int) -> bytes:
-    data = zlib.decompressobj(GZIP_OR_ZLIB).decompress(packed, most + 1)
-    if len(data) > most:
-        raise FrameError("damaged: more is packed in it than its header says")
-    return data
 
 
 def _check_orientation(orientation: str, axes: Axes) -> None:
@@ -105,7 +93,6 @@ SAMPLE_BYTES = 8  # of the widest type of NRRD
 NIFTI_UNITS = {0: "", 1: "m", 2: "mm", 3: "micron"}
 NRRD_AXES = ("", "???", "none", "domain", "space", "time", "list", "point", "stub")  # kinds other than components
 NRRD_IN_MM = re.compile(r"(left|right|scanner|[LR]A[SI]\b|[LR]P[SI]\b)", re.IGNORECASE)
-PACKED = ("gzip", "gz", "bzip2", "bz2")
 
 
 def read_nifti(path: Path, axes: Axes) -> Scan:
@@ -122,7 +109,7 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         steps, notes = _nifti_steps(header, shape)
         if not unscaled:
             notes.append(f"pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}")
-        scan = replace(array_scan(path, array, axes, steps), notes=tuple(notes)).of_file(path)
+        scan = replace(array_scan(path, array, axes, *steps), notes=tuple(notes)).of_file(path)
         if len(shape) < 4 or axes is None or axes[-1] != "frame" or array.shape[3] != len(scan.names):
             return scan
         unit_s = SECONDS.get(header.get_xyzt_units()[1], 0.0)
@@ -149,19 +136,20 @@ def _nifti_steps(header: Any, shape: tuple[int, ...]) -> tuple[Steps, list[str]]
     unit_m = METRES.get(NIFTI_UNITS[code])
     pixdim = [float(step) for step in header.get_zooms()]
     affine, sform_code = header.get_sform(coded=True)
-    pixdim_steps = _stated_steps(pixdim, [unit_m] * len(pixdim), "NIfTI's pixdim")
+    pixdim_steps, source = _stated_steps(pixdim, [unit_m] * len(pixdim)), "NIfTI's pixdim"
     if affine is None or not sform_code:
-        return pixdim_steps, []
+        return (pixdim_steps, source), []
     sform = np.linalg.norm(affine[:3, :3], axis=0).tolist()[: len(pixdim)]
-    sform_steps = _stated_steps(sform, [unit_m] * len(sform), "NIfTI's sform")
+    sform_steps = _stated_steps(sform, [unit_m] * len(sform))
     both = f"pixdim states a spacing of {_listed(pixdim[:3])} and sform (code {sform_code}) of {_listed(sform)}"
     if not any(sform_steps):
-        return pixdim_steps, [f"{both}, as programs write by default; pixdim is taken"] if any(pixdim_steps) else []
+        by_default = [f"{both}, as programs write by default; pixdim is taken"]
+        return (pixdim_steps, source), by_default if any(pixdim_steps) else []
     if not any(pixdim_steps):
-        return (*sform_steps, *pixdim_steps[3:]), [f"{both}; sform is taken"]
+        return ([*sform_steps, *pixdim_steps[3:]], "NIfTI's sform"), [f"{both}; sform is taken"]
     if any(abs(a - b) > SAME * b for a, b, size in zip(pixdim, sform, shape, strict=False) if size > 1):
         raise FrameError(f"{both}; correct one of them")
-    return pixdim_steps, []
+    return (pixdim_steps, source), []
 
 
 def read_nrrd(path: Path, axes: Axes) -> Scan:
@@ -171,30 +159,20 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         with path.open("rb") as file:
             header = nrrd.read_header(file)
             start = file.tell()
-        _check_nrrd(header)
+        for axis, (kind, size) in enumerate(zip(header.get("kinds", []), header["sizes"], strict=False), start=1):
+            if size > 1 and kind.lower() not in NRRD_AXES:
+                raise FrameError(f"kinds: axis {axis} of {size} is {kind!r}; give grey frames, of one channel")
         count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
         scans.check_bytes(count)
         data = _data_file(path, "data file: ", str(header.get("data file", header.get("datafile", ""))))
         if header["encoding"].lower() in ("gzip", "gz"):
-            _unpacked(data.read_bytes()[start if data == path else 0 :], count)
+            scans.unpacked(data.read_bytes()[start if data == path else 0 :], count)
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
         _check_orientation(str(header.get("UltrasoundImageOrientation", "")), named)
-        scan = array_scan(path, array, named, _nrrd_steps(header, array.ndim))
+        scan = array_scan(path, array, named, *_nrrd_steps(header, array.ndim))
         scan = replace(scan, times=_nrrd_times(header, len(scan.names)))
         return _plus_sequence(scan, {name: str(value) for name, value in header.items()}).of_file(path)
-
-
-def _check_nrrd(header: Any) -> None:
-    if header["type"] == "block":
-        raise FrameError("type: block; give whole numbers or floats")
-    for axis, (kind, size) in enumerate(zip(header.get("kinds", []), header["sizes"], strict=False)):
-        if size > 1 and kind.lower() not in NRRD_AXES:
-            raise FrameError(f"kinds: axis {axis + 1} of {size} is {kind!r}; give grey frames, of one channel")
-    for field in ("byte skip", "line skip"):
-        skipped = header.get(field, header.get(field.replace(" ", ""), 0))
-        if skipped and header["encoding"].lower() in PACKED:
-            raise FrameError(f"{field}: {skipped} beside encoding: {header['encoding']}; {CONVERT}")
 
 
 def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
@@ -218,42 +196,22 @@ def _nrrd_times(header: Any, count: int) -> Times | None:
 def _nrrd_steps(header: Any, count: int) -> Steps:
     units = [str(unit) for unit in header.get("units", [""] * count)]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
-    _check_ends(header, spacings)
     if "space directions" not in header:
-        return _stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
+        return _stated_steps(spacings, [METRES.get(unit) for unit in units]), "NRRD's spacings"
     directions = np.array(header["space directions"], dtype=np.float64)
     lengths = np.linalg.norm(directions, axis=1).tolist()
-    in_space = _space_units(header, directions)
+    anatomical = NRRD_IN_MM.match(str(header.get("space", "")))  # its unit is mm, as NRRD's programs take it
+    names = {str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""]}
+    if len(names) > 1:
+        raise FrameError(f"space units: {' and '.join(sorted(names))}; give all directions in one")
+    unit_m = METRES.get(names.pop())
     for axis, (spacing, length) in enumerate(zip(spacings, lengths, strict=True), start=1):
         if np.isfinite(spacing) and np.isfinite(length) and abs(spacing - length) > SAME * length:
             raise FrameError(f"axis {axis}: spacings states {spacing:g}, and space directions {length:g}; correct one")
-        if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != in_space[axis - 1]:
+        if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != unit_m:
             other = f"space units {header.get('space units', 'nothing')}"
             raise FrameError(f"axis {axis}: units states {units[axis - 1]!r}, and {other}; correct one of them")
-    return _stated_steps(lengths, in_space, "NRRD's space directions")
-
-
-def _check_ends(header: Any, spacings: Sequence[float]) -> None:
-    """Check that spacings are those between the first and the last sample, or between the edges of both."""
-    open_ends = [np.nan] * len(spacings)
-    ends = (header.get(f"axis {name}", header.get(f"axis{name}", open_ends)) for name in ("mins", "maxs"))
-    for axis, (step, size, low, high) in enumerate(zip(spacings, header["sizes"], *ends, strict=True), start=1):
-        fits = any(abs(abs(high - low) - step * steps) <= SAME * step * steps for steps in (size, size - 1))
-        if np.isfinite([step, low, high]).all() and not fits:
-            other = f"{size} samples from axis mins {low:g} to maxs {high:g} have another"
-            raise FrameError(f"axis {axis}: spacings states {step:g}, and {other}; correct one of them")
-
-
-def _space_units(header: Any, directions: Floats) -> list[float | None]:
-    """Return the unit of each axis, in m; of an anatomical space it is mm, as NRRD's programs take it."""
-    sides = directions.shape[1]
-    anatomical = NRRD_IN_MM.match(str(header.get("space", "")))
-    names = [str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""] * sides]
-    along = [{METRES.get(name) for name, part in zip(names, each, strict=True) if part} for each in directions]
-    for axis, (units, direction) in enumerate(zip(along, directions, strict=True), start=1):
-        if len(units) > 1 and np.isfinite(direction).all():
-            raise FrameError(f"axis {axis} runs along directions of several space units, {' '.join(names)}")
-    return [next(iter(units), None) for units in along]
+    return _stated_steps(lengths, [unit_m] * count), "NRRD's space directions"
 
 
 HEADER_BYTES = 2**26
@@ -262,6 +220,7 @@ TYPES = {
     "MET_LONG": "i4", "MET_ULONG": "u4", "MET_LONG_LONG": "i8", "MET_ULONG_LONG": "u8", "MET_FLOAT": "f4",
     "MET_DOUBLE": "f8",
 }  # fmt: skip
+BYTE_ORDERS = ("BinaryDataByteOrderMSB", "ElementByteOrderMSB")
 NOT_READ = ("HeaderSizePerSlice", "HeaderSizesPerDataFile")
 
 
@@ -276,7 +235,7 @@ def read_metaimage(path: Path, axes: Axes) -> Scan:
         array = _pixels(path, fields, start, notes)
         steps = _steps(fields, notes)
         _check_orientation(orientation, axes)
-        scan = replace(array_scan(path, array, axes, steps), notes=tuple(notes))
+        scan = replace(array_scan(path, array, axes, *steps), notes=tuple(notes))
         return _plus_sequence(scan, fields).of_file(path)
 
 
@@ -317,16 +276,8 @@ def _check(fields: dict[str, str]) -> None:
             raise FrameError(f"{found}; put the whole scale into ElementSpacing")
 
 
-def _flag(fields: dict[str, str], *names: str) -> bool | None:
-    stated = {name: fields[name.lower()] for name in names if name.lower() in fields}
-    for name, value in stated.items():
-        if value[:1].lower() not in ("t", "f", "1", "0"):
-            raise FrameError(f"{name} = {value}; give True or False")
-    found = {value[:1].lower() in ("t", "1") for value in stated.values()}
-    if len(found) > 1:
-        listed = " and ".join(f"{name} = {value}" for name, value in stated.items())
-        raise FrameError(f"{listed}; correct one of them")
-    return next(iter(found), None)
+def _flag(fields: dict[str, str], name: str, default: bool) -> bool:
+    return fields[name.lower()][:1].lower() in ("t", "1") if name.lower() in fields else default
 
 
 def _pixels(path: Path, fields: dict[str, str], start: int, notes: list[str]) -> NDArray[Any]:
@@ -334,61 +285,46 @@ def _pixels(path: Path, fields: dict[str, str], start: int, notes: list[str]) ->
     kind = TYPES.get(fields["elementtype"].upper())
     if kind is None:
         raise FrameError(f"ElementType = {fields['elementtype']}; one of {', '.join(TYPES)}")
-    big = _flag(fields, "BinaryDataByteOrderMSB", "ElementByteOrderMSB")
-    dtype = np.dtype((">" if big else "<") + kind)
+    orders = {_flag(fields, name, False) for name in BYTE_ORDERS if name.lower() in fields}
+    if len(orders) > 1:
+        raise FrameError(f"{' and '.join(BYTE_ORDERS)} contradict each other; correct one of them")
+    dtype = np.dtype((">" if True in orders else "<") + kind)
     shape = [int(length) for length in fields["dimsize"].split()]
     size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
     scans.check_bytes(size)
     data_path = _data_file(path, "ElementDataFile = ", fields["elementdatafile"])
     local, skipped = data_path == path, int(fields.get("headersize", "0"))
-    packed = _flag(fields, "CompressedData")
+    packed = _flag(fields, "CompressedData", False)
     if skipped < -1 or (skipped > 0 and local) or (skipped and packed):
         where = "pixels in the same file" if local else "CompressedData = True"
         raise FrameError(f"HeaderSize = {skipped} beside {where}; {CONVERT}")
-    text = _flag(fields, "BinaryData") is False
-    if text and packed:
-        raise FrameError("BinaryData = False and CompressedData = True; correct one of them")
     data = data_path.read_bytes()[(start if local else 0) + max(skipped, 0) :]
-    if text:
-        return _text_pixels(data, dtype.newbyteorder("=")).reshape(shape, order="F")
-    data = _unpacked(data, size) if packed else data
+    if not _flag(fields, "BinaryData", True):
+        return np.array(data.split()).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
+    data = scans.unpacked(data, size) if packed else data
     if skipped == -1:
         data = data[len(data) - size :] if len(data) > size else data
     if len(data) != size:
         stated = f"DimSize = {fields['dimsize']} of {fields['elementtype']} take {size} (HeaderSize = {skipped})"
         raise FrameError(f"damaged: {data_path.name} has {len(data)} bytes of pixels; {stated}")
-    if big is None and dtype.itemsize > 1:
-        notes.append("no BinaryDataByteOrderMSB; taken as False")
+    if not orders and dtype.itemsize > 1:
+        notes.append(f"no {BYTE_ORDERS[0]}; taken as False")
     return np.frombuffer(data, dtype).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
-
-
-def _text_pixels(data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return pixels written as text (BinaryData = False)."""
-    values = np.array(data.split()).astype(np.float64)
-    pixels = values.astype(dtype) if dtype.kind == "f" else np.clip(values, -(2.0**53), 2.0**53).astype(np.int64)
-    pixels = pixels.astype(dtype)
-    if dtype.kind != "f" and (wrong := np.flatnonzero(pixels != values)).size:
-        raise FrameError(f"pixel {wrong[0]} is {values[wrong[0]]:g}, which is not a number of type {dtype}")
-    return pixels
 
 
 def _steps(fields: dict[str, str], notes: list[str]) -> Steps:
     """Return the spacing in mm; the size of an element by default, as MetaIO takes it."""
-    found = {}
+    stated: dict[str, Sequence[float | None]] = {}
     for field in ("ElementSpacing", "ElementSize"):
         values = [float(value) for value in fields.get(field.lower(), "").split()]
         if values and len(values) != len(fields["dimsize"].split()):
             raise FrameError(f"{field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it")
-        steps = _stated_steps(values, [METRES["mm"]] * len(values), field)
-        if any(steps):
-            found[field] = (values, steps)
-    if not found:
-        return ()
-    name, (values, steps) = next(iter(found.items()))
-    sizes = found.get("ElementSize", (values,))[0]
-    if not np.allclose(sizes, values, rtol=SAME):
-        notes.append(f"ElementSize = {_listed(sizes)}, and {name} = {_listed(values)}, which is taken")
-    return steps
+        if any(steps := _stated_steps(values, [METRES["mm"]] * len(values))):
+            stated[field] = steps
+    pairs = zip(*stated.values(), strict=True) if len(stated) == 2 else ()
+    if any(one and other and abs(one - other) > SAME * one for one, other in pairs):
+        notes.append(f"ElementSize = {fields['elementsize']}, and ElementSpacing = {fields['elementspacing']} is taken")
+    return next(((steps, field) for field, steps in stated.items()), ((), ""))
 
 
 HEADER, INTENSITY = "Header.xml", "Intensity"
@@ -413,9 +349,10 @@ def read_thorlabs(path: Path) -> Scan:
         if count < 1 or stated != rows * columns * count * SAMPLE.itemsize:
             raise FrameError(f"{name} has {stated} bytes; the header says {rows} x {columns} x {count} floats")
         depth_m, lateral_m = _pixel_m(header, entry, "Z", rows), _pixel_m(header, entry, "X", columns)
+        size = PixelSize("Thorlabs' Range", depth_m=depth_m, lateral_m=lateral_m)
         notes = tuple(f"{HEADER} states RefractiveIndex = {each.text}" for each in header.iter("RefractiveIndex"))
         scan = Scan(scans.frame_names(path, count), rows, columns, lambda: _pictures(path, name, (columns, rows)))
-        return replace(scan, depth_pixel_m=depth_m, lateral_pixel_m=lateral_m, notes=notes).of_file(path)
+        return replace(scan, size=size, notes=notes).of_file(path)
 
 
 def _oct_header(archive: ZipFile) -> ElementTree.Element:
@@ -439,12 +376,12 @@ def _intensity(archive: ZipFile, header: ElementTree.Element) -> tuple[ElementTr
     return found[0]
 
 
-def _pixel_m(header: ElementTree.Element, entry: ElementTree.Element, axis: str, count: int) -> Sourced | None:
+def _pixel_m(header: ElementTree.Element, entry: ElementTree.Element, axis: str, count: int) -> float | None:
     of_image, of_file = header.findtext(f".//Image/SizeReal/Size{axis}"), entry.get(f"Range{axis}")
     if of_image and of_file and not np.isclose(float(of_image), float(of_file), rtol=SAME):
         raise FrameError(f"{HEADER}: SizeReal states Size{axis} {of_image} mm, and Range{axis} is {of_file} mm")
     range_mm = float(of_file or "0")
-    return Sourced(to_si(range_mm, "mm") / count, f"Thorlabs' Range{axis}") if range_mm > 0.0 else None
+    return to_si(range_mm, "mm") / count if range_mm > 0.0 else None
 
 
 def _pictures(path: Path, name: str, shape: tuple[int, int]) -> scans.PictureStream:

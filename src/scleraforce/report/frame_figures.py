@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 BOTH_COLOUR = "#555555"
 SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)  # lateral, to either side of the frame's middle
-WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = (("#56B4E9", "-"), (style.AMBER, "--"))  # bright enough on a B-scan
+SKY = "#56B4E9"  # bright enough on a B-scan
+WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = ((SKY, "-"), (style.AMBER, "--"))
 SLICE: dict[str, Any] = {"vmin": 0, "vmax": 255, "interpolation": "nearest"}
 
 WIDTH = 480  # pixels of a frame in a page: 3 side by side on a wide screen, one on a telephone, both sharp
@@ -127,14 +128,13 @@ def draw_montage(dataset: "Dataset", chosen: Integers) -> Figure:
     return figure
 
 
-def draw_wall(axes: Axes, look: AnsweredFrame, colours: tuple[str, str] = ("#56B4E9", "#56B4E9")) -> None:
-    """Draw a frame and, over it, the outer and the inner boundary that were found."""
+def draw_wall(axes: Axes, look: AnsweredFrame) -> None:
+    """Draw a frame and, over it, the boundaries that were found: surface orange, inner blue, as in the console."""
     width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in look.extent_m)
     rows, columns = look.frame.shape
     style.show_image(axes, look.frame, look.extent_m)
     lateral_mm = (np.arange(columns) + 0.5) * width_mm / columns
-    boundaries = {"outer": look.found.outer_row, "inner": look.found.inner_row}
-    for (name, row), colour in zip(boundaries.items(), colours, strict=True):
+    for name, row, colour in (("surface", look.found.outer_row, style.AMBER), ("inner", look.found.inner_row, SKY)):
         axes.plot(lateral_mm, (row + 0.5) * depth_mm / rows, color=colour, linewidth=0.9, label=name)
     axes.set(xlim=(0.0, width_mm), ylim=(depth_mm, 0.0))
 
@@ -148,7 +148,7 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
     for axes, title in zip(panels, titles, strict=True):
         axes.set_title(title)
     style.show_image(raw, look.frame, look.extent_m)
-    draw_wall(found, look, ("#56B4E9", style.AMBER))
+    draw_wall(found, look)
     found.legend(loc="lower center", ncols=2, labelcolor="white")
     style.show_image(mask, look.found.mask, look.extent_m, interpolation="nearest")
     style.show_image(masked, np.where(look.found.mask > 0, look.frame, 0), look.extent_m)

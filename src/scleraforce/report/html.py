@@ -337,7 +337,7 @@ MOST_PICTURES = 48  # of 20 KB each: a page of 1 MB, which a mail carries
 QUALITY = 75
 DEEPEST = 2.0  # times as deep as wide, at most
 
-WALL_COLOURS = ("Red: the tissue's surface. Green: the wall's inner boundary; blue where it is not seen, 1 mm below "
+WALL_COLOURS = ("Orange: the tissue's surface. Blue: the wall's inner boundary, dashed if it is not seen, 1 mm below "
                 "the surface. Depth and width are to scale.")  # fmt: skip
 
 

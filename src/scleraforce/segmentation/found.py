@@ -75,14 +75,15 @@ def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
     return ""
 
 
-SURFACE, INNER, INNER_NOT_SEEN = (0, 0, 255), (0, 255, 0), (255, 128, 0)  # blue, green, red, as OpenCV has them
+# The console's and the app's colours: orange, sky blue, purple; blue, green, red, as OpenCV has them.
+SURFACE, INNER, SHAFT = (0, 159, 230), (233, 180, 86), (167, 121, 204)
+DASHES = 40  # of an inner boundary that is not seen, with the gaps between them
 DARKEST, BRIGHTEST = 1.0, 99.7  # percentiles of the pixels that are lit
 SUBPIXEL_BITS = 4
-SHAFT = (0, 255, 255)  # yellow
 
 
 def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None) -> Bytes:
-    """Return a frame in colour with its boundaries: surface red, inner green or blue (not seen), needle yellow.
+    """Return a frame in colour with its boundaries: surface orange, inner blue (dashed if not seen), needle purple.
 
     The picture, of `size` or the frame's, is (row, column, 3), blue, green, red, as OpenCV writes it.
     """
@@ -95,9 +96,10 @@ def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | No
         grey = np.asarray(cv2.resize(grey, (columns, rows), interpolation=method), dtype=np.uint8)
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     stretch_xy = np.array([columns / pixels.shape[1], rows / pixels.shape[0]])
-    width = max(1, min(rows, columns) // 300)
-    lines, inner = [], INNER if found.inner_found else INNER_NOT_SEEN
-    for boundary, colour in ((found.inner_row, inner), (found.outer_row, SURFACE)):
+    width = max(1, max(rows, columns) // 240)
+    lines, gaps = [], np.arange(len(found.inner_row)) * DASHES // len(found.inner_row) % 2 == 1
+    inner_row = found.inner_row if found.inner_found else np.where(gaps, np.nan, found.inner_row)
+    for boundary, colour in ((inner_row, INNER), (found.outer_row, SURFACE)):
         there = np.flatnonzero(np.isfinite(boundary))
         runs = np.split(there, np.flatnonzero(np.diff(there) > 1) + 1)
         lines += [(np.stack([run, boundary[run]], axis=1), colour) for run in runs]
