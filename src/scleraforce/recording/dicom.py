@@ -1,6 +1,5 @@
 """DICOM, one image or many frames: bright or dark as zero, palettes, colour; the size of its pixels and its times."""
 
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
-from scleraforce.recording.pixels import PixelSize, Scan, Times, inverted, one_grey, rising
+from scleraforce.recording.pixels import METRES, PixelSize, Scan, Times, inverted, one_grey, rising
 from scleraforce.units import to_si
 
 if TYPE_CHECKING:
@@ -35,7 +34,6 @@ SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
 CENTIMETRES, IMAGE_2D = 3, 1  # of a region of ultrasound: its units, its spatial format
 FRAME_TIMES = ("FrameReferenceDateTime", "FrameAcquisitionDateTime")  # the moment of the frame, else its beginning
 FRAME_TIME, FRAME_TIME_VECTOR = 0x00181063, 0x00181065  # what FrameIncrementPointer names
-ZONE = re.compile(r"[+-](0\d|1[0-3])[0-5]\d|[+-]1400")
 
 
 def read_dicom(path: Path, data: bytes | None = None) -> Scan:
@@ -149,31 +147,28 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
     """
     kind, shape = _grey_kind(dataset), str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
     for place, item in _places(dataset, "FrameVOILUTSequence"):
-        table = next((name for name in TABLES if item.get(name, None)), None)
-        if table:
+        for table in (name for name in TABLES if item.get(name, None)):
             raise FrameError(f"{table}{place}: a table of grey levels, which is not read; export it applied")
     if shape not in ("IDENTITY", "INVERSE"):
         raise FrameError(f"PresentationLUTShape: {shape}; IDENTITY or INVERSE")
     if kind == "MONOCHROME1" and shape == "INVERSE":
         both = "PhotometricInterpretation MONOCHROME1 and PresentationLUTShape INVERSE"
         raise FrameError(f"{both}: one inversion to some programs, two to others; export it as MONOCHROME2")
-    slope = _slope(dataset)
-    notes = ["colour became grey"] if kind not in GREY_KINDS else []
+    slope, (_, stored, high), padding = _slope(dataset), _cell(dataset), dataset.get("PixelPaddingValue", None)
     possible = {f"RescaleSlope {slope:g}": slope < 0.0, "MONOCHROME1": kind == "MONOCHROME1"}
-    possible["PresentationLUTShape INVERSE"] = shape == "INVERSE"
-    turns = [name for name, turned in possible.items() if turned]
+    turns = [
+        name for name, turned in (possible | {"PresentationLUTShape INVERSE": shape == "INVERSE"}).items() if turned
+    ]
     if turns and kind not in GREY_KINDS:
         raise FrameError(f"{turns[0]} and PhotometricInterpretation {kind}; export it as MONOCHROME2")
-    if len(turns) == 1:
-        notes.append(f"{turns[0]}: dark and bright were exchanged")
-    elif turns:
-        notes.append(f"{turns[0]} and {turns[1]} cancel: pixels stay as stored")
-    _, stored, high = _cell(dataset)
-    if high != stored - 1:
-        notes.append(f"HighBit is {high}, BitsStored {stored}: pixels were shifted")
-    if (padding := dataset.get("PixelPaddingValue", None)) is not None:
-        notes.append(f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame")
-    return len(turns) == 1, notes
+    notes = {
+        "colour became grey": kind not in GREY_KINDS,
+        f"{' and '.join(turns)}: dark and bright were exchanged": len(turns) == 1,
+        f"{' and '.join(turns)} cancel: pixels stay as stored": len(turns) == 2,
+        f"HighBit is {high}, BitsStored {stored}: pixels were shifted": high != stored - 1,
+        f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame": padding is not None,
+    }
+    return len(turns) == 1, [note for note, holds in notes.items() if holds]
 
 
 def _slope(dataset: "Dataset") -> float:
@@ -261,9 +256,7 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
     for region in dataset.get("SequenceOfUltrasoundRegions", None) or []:
         units = {region.get(f"PhysicalUnits{axis}Direction", None) for axis in "XY"}
         if units == {CENTIMETRES} and region.get("RegionSpatialFormat", IMAGE_2D) == IMAGE_2D:
-            depth_m, lateral_m = (
-                to_si(10.0 * abs(float(region.get(f"PhysicalDelta{axis}", 0.0))), "mm") for axis in "YX"
-            )
+            depth_m, lateral_m = (METRES["cm"] * abs(float(region.get(f"PhysicalDelta{axis}", 0.0))) for axis in "YX")
             sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m=depth_m, lateral_m=lateral_m))
     ratio = _numbers(dataset, "PixelAspectRatio")
     if len(ratio) == 2 and min(ratio) > 0.0:
@@ -280,11 +273,9 @@ def _numbers(item: "Dataset", name: str) -> list[float]:
 def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
     zone = _zone(dataset)
     for name in FRAME_TIMES:
-        groups = dataset.get("PerFrameFunctionalGroupsSequence", None) or []
-        contents: list[Any] = [group.get("FrameContentSequence", None) for group in groups]
-        stated = [_seconds(content[0].get(name, None), zone) if content else None for content in contents]
-        time_s = np.array([np.nan if moment is None else moment for moment in stated], dtype=np.float64)
-        if len(stated) == count and rising(time_s):
+        contents = [item.get(name, None) for place, item in _places(dataset, "FrameContentSequence") if place]
+        time_s = np.array([_seconds(stated, zone) for stated in contents], dtype=np.float64)  # None becomes NaN
+        if len(contents) == count and rising(time_s):
             return Times(time_s, f"DICOM's {name}"), None
     if count == 1:
         moment = _seconds(dataset.get("AcquisitionDateTime", None), zone)
@@ -306,10 +297,11 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
 
 
 def _zone(dataset: "Dataset") -> tzinfo:
-    stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "").strip()
-    if stated and not ZONE.fullmatch(stated):
-        raise FrameError(f"TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400")
-    return datetime.strptime(stated or "+0000", "%z").tzinfo or UTC
+    stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "+0000").strip()
+    try:
+        return datetime.strptime(stated, "%z").tzinfo or UTC
+    except ValueError as fault:
+        raise FrameError(f"TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400") from fault
 
 
 def _seconds(stated: Any, zone: tzinfo) -> float | None:
