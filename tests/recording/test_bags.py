@@ -13,7 +13,7 @@ from foreign_files import COLUMNS, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording.bags import read_bag
-from scleraforce.recording.pixels import UnansweredError
+from scleraforce.recording.pixels import UnansweredError, joined
 from scleraforce.recording.tables import FORCE_COLUMNS
 
 pytest.importorskip("rosbags")
@@ -120,8 +120,8 @@ def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> N
     for ending, atol in [(".png", 0), (".jpg", 3)]:
         np.testing.assert_allclose(pictures_of(read_bag(sent(grey, ending=ending))[0])[0], grey, atol=atol)
     scan, _ = read_bag(sent(FRAMES[0], FRAMES[1], grey))
-    with pytest.raises(FrameError, match=r"/t: images of .* uint16, and in message 2 of .* uint8"):
-        pictures_of(scan)
+    with pytest.raises(FrameError, match=r"/t\[0\]: damaged: a frame of .* uint8, number 3, is not stated"):
+        pictures_of(joined([scan]))
 
 
 def test_images_that_cannot_be_read_are_refused(tmp_path: Path) -> None:

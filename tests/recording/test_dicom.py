@@ -180,11 +180,6 @@ def test_padding_is_as_dark_as_the_darkest_pixel(tmp_path: Path) -> None:
     np.testing.assert_array_equal(frame_of(tmp_path, padded, PixelPaddingValue=0)[0], padded)
 
 
-def regions(across: float, deep: float) -> dict[str, Sequence]:
-    units = {"PhysicalUnitsXDirection": 3, "PhysicalUnitsYDirection": 3}
-    return {"SequenceOfUltrasoundRegions": item(PhysicalDeltaX=across, PhysicalDeltaY=deep, **units)}
-
-
 def groups(kind: str, *spacings: list[float]) -> dict[str, Sequence]:
     """Return the functional groups, "Shared" or "PerFrame", of a spacing each."""
     each = [item(PixelMeasuresSequence=item(PixelSpacing=spacing)) for spacing in spacings]
@@ -205,14 +200,13 @@ def test_two_scales_in_one_file_are_named_and_give_none_and_one_that_is_stated_t
         (groups("PerFrame", [0.004, 0.0125], [0.004, 0.02]), "PixelSpacing of frame 2"),
         (one | {"PixelAspectRatio": [1, 2]}, "PixelAspectRatio 1:2"),
         (one | {"PixelAspectRatio": [1, 1]}, "PixelAspectRatio 1:1"),
-        (one | regions(0.1, 0.2), "SequenceOfUltrasoundRegions"),
     ]:
         scan = scan_of(tmp_path, RAMP, **tags)
         assert sizes_of(scan) == (None, None)
         assert {"0.004 x 0.0125 mm" in scan.scale_fault, found in scan.scale_fault} == {True}
     for tags, size in [
         (one | groups("Shared", [0.004, 0.0125]) | groups("PerFrame", [0.004, 0.0125], [0.004, 0.0125]), SIZE),
-        (one | {"PixelAspectRatio": [8, 25]}, SIZE), (one | regions(0.00125, 0.0004), SIZE),
+        (one | {"PixelAspectRatio": [8, 25]}, SIZE),
         ({"PixelAspectRatio": [1, 2]}, (None, None)), ({}, (None, None)),
     ]:  # fmt: skip
         scan = scan_of(tmp_path, RAMP, **tags)

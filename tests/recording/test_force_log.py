@@ -282,7 +282,6 @@ def test_times_of_day_count_on_past_midnight_without_the_day_beside_them(tmp_pat
         log, read = log_of(tmp_path, f"Date;Time;fz_n\n{rows}", *columns)
         np.testing.assert_allclose(np.diff(log.time_s), [0.01], atol=1e-9)
         assert read[0].answer() == "time=Time:clock"
-        assert any("'Date'" in note and days[0] in note and "not used" in note for note in log.notes)
 
 
 def test_the_order_of_day_and_month_is_asked_unless_a_value_above_12_decides(tmp_path: Path) -> None:
@@ -342,20 +341,3 @@ def test_a_column_is_stated_by_name_and_unit_of_its_size_or_refused() -> None:
     for text in ["fz=F", "fz:N", "f=F:N", "fz=F:Nm", "fz=F:iso", "time=t:N", "fz=:N", "time=t:0Hz"]:
         with pytest.raises(InputError, match="--column"):
             parse_column(text)
-
-
-def test_a_last_number_that_may_be_cut_off_is_noted_and_left_out_where_it_ends_early(tmp_path: Path) -> None:
-    for forces, last, words in [
-        *((("-30.25", "-30.50", "-31.00"), last, "left out") for last in ("-31.2", "-31.", "-31")),
-        (("-30.125", "-30.5", "-31.25"), "-31", "cut off?"),
-        *((("-3.25", "-30.50", "-30.50"), last, None) for last in ("-31.00", "-9.00", "-31.000")),
-    ]:
-        text = "time_s,fz_mN\n" + "".join(f"{0.01 * k:.2f},{force}\n" for k, force in enumerate((*forces, last)))
-        for ended in (False, True):
-            log, _ = log_of(tmp_path, text if ended else text[:-1])
-            kept = ended or words != "left out"
-            assert log.force_n("fz")[-1] == pytest.approx(1e-3 * float(last if kept else forces[-1]))
-            noted = any("log.csv:5" in note and repr(last) in note and str(words) in note for note in log.notes)
-            assert noted is (words is not None and not ended)
-    with pytest.raises(RecordingError, match=r"log\.csv:3: fz_mN: '-' is not a number"):
-        log_of(tmp_path, "time_s,fz_mN\n0.00,-30.25\n0.01,-")

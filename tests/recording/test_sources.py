@@ -258,8 +258,8 @@ def test_files_of_another_kind_are_refused_with_both_values() -> None:
 def test_frames_that_a_file_does_not_state_are_damage() -> None:
     for pictures, message in [
         ([], "damaged: 0 of 1 frames can be read"),
-        ([FRAMES[0], FRAMES[1]], r"damaged: a frame of \(24, 40\), number 2"),
-        ([FRAMES[0].T], r"damaged: a frame of \(40, 24\), number 1"),
+        ([FRAMES[0], FRAMES[1]], r"damaged: a frame of \(24, 40\) uint16, number 2"),
+        ([FRAMES[0].T], r"damaged: a frame of \(40, 24\) uint16, number 1"),
     ]:
         scan = pixels.joined([replace(single(0), pictures=partial(iter, pictures))])
         with pytest.raises(FrameError, match=rf"0\.png: {message}"):

@@ -231,7 +231,6 @@ def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_
 def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStream:
     """Yield pictures in an order; pictures that arrived before their turn wait."""
     waiting: dict[int, NDArray[Any]] = {}
-    first: NDArray[Any] | None = None
     wanted, turn = set(order), iter(order)
     due = next(turn)
     with _opened(path) as bag:
@@ -239,11 +238,7 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStre
         for nth, (_, message) in enumerate(_messages(bag, connections)):
             if nth not in wanted:
                 continue
-            pixels = waiting[nth] = _image_pixels(message, f"{topic}[{nth}]")
-            first = pixels if first is None else first
-            if (pixels.shape, pixels.dtype) != (first.shape, first.dtype):
-                kinds = [f"{each.shape} pixels, {each.dtype}" for each in (first, pixels)]
-                raise FrameError(f"{topic}: images of {kinds[0]}, and in message {nth} of {kinds[1]}; {SPLIT}")
+            waiting[nth] = _image_pixels(message, f"{topic}[{nth}]")
             while due in waiting:
                 yield waiting.pop(due)
                 due = next(turn, -1)

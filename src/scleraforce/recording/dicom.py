@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
-from scleraforce.recording.pixels import METRES, PixelSize, Scan, Times, inverted, one_grey, rising
+from scleraforce.recording.pixels import PixelSize, Scan, Times, inverted, one_grey, rising
 from scleraforce.units import to_si
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ FLOATS = ("FloatPixelData", "DoubleFloatPixelData")
 CELL_BITS = (8, 16, 32)  # BitsAllocated
 JPEG_BEGINS = (b"\xff\xd8\xff", b"\xff\x4f\xff\x51")
 SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
-CENTIMETRES, IMAGE_2D = 3, 1  # of a region of ultrasound: its units, its spatial format
 FRAME_TIMES = ("FrameReferenceDateTime", "FrameAcquisitionDateTime")  # the moment of the frame, else its beginning
 FRAME_TIME, FRAME_TIME_VECTOR = 0x00181063, 0x00181065  # what FrameIncrementPointer names
 
@@ -251,15 +250,8 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
             if len(spacing) == 2 and min(spacing) > 0.0:
                 depth_m, lateral_m = (to_si(length, "mm") for length in spacing)
                 sizes.append(PixelSize(f"DICOM's {name}{place}", depth_m=depth_m, lateral_m=lateral_m))
-    if not sizes:
-        return []
-    for region in dataset.get("SequenceOfUltrasoundRegions", None) or []:
-        units = {region.get(f"PhysicalUnits{axis}Direction", None) for axis in "XY"}
-        if units == {CENTIMETRES} and region.get("RegionSpatialFormat", IMAGE_2D) == IMAGE_2D:
-            depth_m, lateral_m = (METRES["cm"] * abs(float(region.get(f"PhysicalDelta{axis}", 0.0))) for axis in "YX")
-            sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m=depth_m, lateral_m=lateral_m))
     ratio = _numbers(dataset, "PixelAspectRatio")
-    if len(ratio) == 2 and min(ratio) > 0.0:
+    if sizes and len(ratio) == 2 and min(ratio) > 0.0:
         depth_m, source = sizes[0].depth_m or 0.0, f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}"
         sizes.append(PixelSize(source, depth_m=depth_m, lateral_m=depth_m * ratio[1] / ratio[0]))
     return sizes

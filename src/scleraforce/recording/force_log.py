@@ -245,7 +245,7 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
     _check_whole(text, forces, values_sc[:, -len(forces) :], given)
     values_sc *= [column.factor for column in read]
     time_s, wrench_sc = values_sc[:, 0] if read is columns else _dated(text, time), values_sc[:, -len(forces) :]
-    notes = [*text.notes, *(["numbers have decimal commas"] if mark == "," else []), *_unused_date(text, time)]
+    notes = ["numbers have decimal commas"] if mark == "," else []
     notes += [*_overruled(by_header, given), *tables.gap_notes(text.path, wrench_sc)]
     flags = _flagged(text, given)
     for column in flags:
@@ -352,10 +352,3 @@ def _clock_column(text: Table) -> list[LogColumn]:
             question = f"is the day or the month first? time={name}:dmy says the day, time={name}:mdy the month"
             raise UnansweredError("--column", f"{text.path}: {name}: {moments[0]!r}: {question}", "time=NAME:UNIT")
     return []
-
-
-def _unused_date(text: Table, time: LogColumn) -> tuple[str, ...]:
-    dated = dict(zip(text.names, text.fields(0), strict=False)) if time.unit == log_text.CLOCK else {}
-    way = "not used: clocks that count from 1970 do not go with it (--clock-offset-s)"
-    days = [(name, day) for name, day in dated.items() if log_text.DAY.fullmatch(day)]
-    return tuple(f"{time.name}: times of day; the day in {name!r} ({day}) is {way}" for name, day in days)

@@ -12,7 +12,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
 from scleraforce.recording.pixels import SECONDS
-from scleraforce.recording.tables import SPACES, Table, check_counts, fields_of, is_number, without_cut
+from scleraforce.recording.tables import SPACES, Table, check_counts, fields_of, is_number
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 from scleraforce.whole_files import KINDS, read_text
 
@@ -153,7 +153,7 @@ def read_log_text(path: Path, least: int = 2) -> Table:
     lines = whole.splitlines()
     text = _of_labview(path, lines) if whole.startswith(LABVIEW_MARK) else _of_lines(path, lines, least)
     check_counts(text)
-    return text if whole.endswith(("\n", "\r")) else without_cut(text)
+    return text
 
 
 def _of_labview(path: Path, lines: Sequence[str]) -> Table:

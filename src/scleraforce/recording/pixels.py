@@ -364,12 +364,13 @@ def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
 
 
 def _checked(scan: Scan) -> PictureStream:
-    """Yield a scan's frames, and check their stated number and size, which damaged files break."""
-    count = 0
-    for picture in scan.pictures():
-        count += 1
-        if picture.shape != (scan.rows, scan.columns) or count > len(scan.names):
-            raise FrameError(f"{scan.names[0]}: damaged: a frame of {picture.shape}, number {count}, is not stated")
+    """Yield a scan's frames, and check their number, size and type, which damaged files break."""
+    count, kind = 0, None
+    for count, picture in enumerate(scan.pictures(), start=1):
+        kind = kind or picture.dtype
+        if (picture.shape, picture.dtype) != ((scan.rows, scan.columns), kind) or count > len(scan.names):
+            found = f"a frame of {picture.shape} {picture.dtype}, number {count}"
+            raise FrameError(f"{scan.names[0]}: damaged: {found}, is not stated")
         yield picture
     if count < len(scan.names):
         raise FrameError(f"{scan.names[0]}: damaged: {count} of {len(scan.names)} frames can be read")

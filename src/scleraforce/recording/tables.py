@@ -36,7 +36,6 @@ class Table:
     above: tuple[str, ...] = ()  # lines above the header
     units: tuple[str, ...] = ()  # of the columns, from a line of their own
     mark: str | None = None  # the stated decimal mark
-    notes: tuple[str, ...] = ()
 
     @property
     def delimiter(self) -> str | None:
@@ -59,8 +58,7 @@ class Table:
 
 
 def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
-    whole = read_text(path, kind)
-    header, *lines = whole.splitlines() or [""]
+    header, *lines = read_text(path, kind).splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
     names = fields_of(header.rstrip(f" \t{separator}"), separator, f"{path}:1")
     if not any(names):
@@ -73,11 +71,9 @@ def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tu
         raise RecordingError(f"{path}:1: column {missing[0]} is missing; found: {', '.join(names)}")
     bare = {nth: text for nth, line in enumerate(lines, start=2) if (text := line.rstrip(f" \t{separator}"))}
     table = Table(path=path, names=names, separator=separator, lines=tuple(bare.values()), numbers=tuple(bare))
-    if kind == KINDS["frames"]:  # a separator at the end of a line is taken for a spreadsheet's: an empty field is cut
-        check_counts(table, 1 + max(map(names.index, required)))
-        return table
-    check_counts(table, len(names))
-    return table if whole.endswith(("\n", "\r")) else without_cut(table)
+    # A separator at the end of a line of frames.csv is taken for a spreadsheet's: an empty field is cut.
+    check_counts(table, 1 + max(map(names.index, required)) if kind == KINDS["frames"] else len(names))
+    return table
 
 
 def check_counts(table: Table, least: int | None = None) -> None:
@@ -160,21 +156,6 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
     one, other = field.replace(",", ".", 1), field.replace(",", "")
     readings = f"{one} with a decimal comma, or {other} with one between thousands"
     raise RecordingError(f"{place(index)}: {name}: {field!r} is {readings} ({why}); {PLAIN_NUMBERS}")
-
-
-def without_cut(text: Table) -> Table:
-    """Return a log without its last line if that was cut: no line break, and fewer decimals than all other lines."""
-    fields = [line.split(text.delimiter)[-1].strip() for line in text.lines]
-    if len(fields) < 3 or not is_number(fields[-1]):
-        return text
-    place, last = text.place(len(fields) - 1), fields.pop()
-    decimals = {len(field.partition(".")[2]) for field in fields}
-    if len(decimals) == 1 and len(last.partition(".")[2]) < min(decimals):
-        note = f"{place}: the file ends within the number {last!r}: the line was left out"
-        return replace(text, lines=text.lines[:-1], numbers=text.numbers[:-1], notes=(note,))
-    if len(last) < min(map(len, fields)):
-        return replace(text, notes=(f"{place}: the file ends without a line break: was {last!r} cut off?",))
-    return text
 
 
 def numbers_of(
@@ -344,8 +325,7 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     forces = [table.names.index(name) for name in columns]
     values_sc = numbers_of(table, [table.names.index("time_s"), *forces], gaps=forces, ours=True)
     log = ForceLog(values_sc[:, 0].copy(), values_sc[:, 1:], columns)
-    log = replace(log, notes=(*table.notes, *gap_notes(path, log.force_n(axis))))
-    log = checked_samples(log, path, table.place)
+    log = checked_samples(replace(log, notes=gap_notes(path, log.force_n(axis))), path, table.place)
     if not np.isfinite(log.force_n(axis)).any():
         raise RecordingError(f"{path}: {axis}_n: no sample has a force; all are nan")
     return log
