@@ -1,4 +1,4 @@
-"""Our mechanics beside published theory and measurement: the tables of docs/real_tissue.md.
+"""Our mechanics beside published theory and measurement: the tables of real_tissue/README.md.
 
     python benchmarks/bench_real_tissue.py [--rows N] [TABLE...]
 

@@ -24,7 +24,7 @@ def main() -> int:
         keep(stamp, now)
         print(stamp)
         return 0
-    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *(ROOT / "benchmarks").glob("RESULTS.md")]
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *(ROOT / "benchmarks").rglob("*.md")]
     found = [(page, stamp) for page in pages for stamp in read_stamps(page)]
     for page, stamp in found:
         state = _state(moved_since(stamp, now))

@@ -1,1 +1,1 @@
-"""Our mechanics beside published theory and measurement: the tables of docs/real_tissue.md."""
+"""Our mechanics beside published theory and measurement: the tables of README.md."""

@@ -1,4 +1,4 @@
-"""The tables of docs/real_tissue.md."""
+"""The tables of README.md."""
 
 from collections.abc import Iterable
 from dataclasses import replace

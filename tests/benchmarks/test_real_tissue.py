@@ -1,4 +1,4 @@
-"""Our mechanics beside published theory and measurement: the closed forms, the flat punch, and docs/real_tissue.md."""
+"""Our mechanics beside published theory and measurement: the closed forms, the flat punch, and the tables."""
 
 import re
 from itertools import pairwise
@@ -18,7 +18,7 @@ from scleraforce.mechanics.continuation import pressurise
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.units import to_si
 
-PAGE = Path(__file__).parents[2] / "docs" / "real_tissue.md"
+PAGE = Path(__file__).parents[2] / "benchmarks" / "real_tissue" / "README.md"
 TENSIONS = (0.0, 0.5, 1.0, 2.0, 4.0)
 
 
@@ -167,4 +167,4 @@ def test_the_tables_of_the_page_are_recomputed(name: str) -> None:
     made = cells(TABLES[name](None))
     shown = [row for row in cells(PAGE.read_text(encoding="utf-8")) if len(row) == len(made[0])]
     for row in made:
-        assert any(all(map(alike, row, other)) for other in shown), f"docs/real_tissue.md: not there, or other: {row}"
+        assert any(all(map(alike, row, other)) for other in shown), f"{PAGE}: not there, or other: {row}"
