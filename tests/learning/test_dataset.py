@@ -4,6 +4,7 @@ import hashlib
 import multiprocessing
 import os
 import shutil
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,6 +34,7 @@ from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.section import fill_section, slice_window
 from scleraforce.study import Range, Study, format_study, parse_study
+from scleraforce.whole_files import MIB
 
 RANGES = Range(min=0.35e-3, max=1e-3), Range(min=-0.1, max=0.1), Range(min=-2e-4, max=2e-4)
 OPEN = dict(zip(("gap_m", "tilt_rad", "framing_depth_m"), RANGES, strict=True))
@@ -244,11 +246,19 @@ def test_a_special_file_within_a_begun_data_set_is_refused(tmp_path):
 
 def test_a_chunk_that_would_decode_to_more_than_a_chunk_takes_no_memory(copy):
     whole = Zstd().encode(np.zeros((200, 40, 140), np.uint8))
-    for bomb in (Zstd().encode(np.zeros(2**28, np.uint8)), 240 * bytes(whole)):  # one frame, or many whole ones
+    zeros, last_zeros = bytes.fromhex("02001000"), bytes.fromhex("03001000")  # 2**17 of them
+    for bomb, damage in (
+        (Zstd().encode(np.zeros(2**28, np.uint8)), "at least 268435456, got 1120000"),
+        (240 * bytes(whole), "at least 268800000, got 1120000"),
+        (bytes.fromhex("28b52ffd0058") + 2047 * zeros + last_zeros, "buffer is too small"),  # states no size
+    ):
         (copy / "slices/c/1/0/0").write_bytes(CRC32C(location="end").encode(bomb))
         rehash_store(copy)
-        with pytest.raises(DatasetError, match=r"slices/c/1/0/0: damaged .*at least 268[48]\d*, got 1120000"):
+        tracemalloc.start()
+        with pytest.raises(DatasetError, match=rf"slices/c/1/0/0: damaged .*{damage}"):
             _ = open_dataset(copy).slices
+        assert tracemalloc.get_traced_memory()[1] < 32 * MIB
+        tracemalloc.stop()
 
 
 def test_no_store_another_thing_and_a_complete_store_are_refused(made, tmp_path):
