@@ -111,6 +111,16 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     expect(found.locator("#draft")).to_have_text("draft saved")
     found.keyboard.press("Control+z")
     found.keyboard.press("Control+y")
+    handle = found.locator("[role=slider]:focus")
+    found.locator("[role=slider][data-name=outer][tabindex='0']").focus()
+    row = float(handle.get_attribute("aria-valuenow") or "nan")
+    found.keyboard.press("Shift+ArrowDown")
+    found.keyboard.press("ArrowUp")
+    expect(handle).to_have_attribute("aria-valuetext", f"row {row + 9:.1f}")
+    found.keyboard.press("ArrowLeft")
+    expect(handle).to_have_attribute("aria-label", f"surface, column {round(5.5 * 512 / 13)}")
+    found.keyboard.press("Control+z")
+    found.keyboard.press("Control+z")
     found.click("#accept")
     expect(found.locator("#verdict")).to_contain_text("wall: corrected")
     after = sf.read(sf.load_model("default"), folder / "mine" / "frames" / "0001.png").segmentation
@@ -147,6 +157,10 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     with found.expect_download() as caught:
         found.click("#read-result button:has-text('SVG') >> nth=0")
     assert Path(caught.value.path()).read_text().startswith("<svg")
+    found.reload()
+    for step, rows in (("calibrate", 1), ("read", len(FORCES_N))):  # the last results are shown again
+        found.click(f"[data-step={step}]")
+        expect(found.locator(f"#{step}-result tbody tr")).to_have_count(rows)
     found.click("#read-result tbody tr >> nth=0")
     expect(found.locator("#frames")).to_be_visible()
     assert complaints == []

@@ -1,5 +1,6 @@
 """Commands that the app runs: their progress, their faults, and their end."""
 
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,15 +17,24 @@ Start = Callable[[str], Job]
 def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Start:
     def start(code: str) -> Job:
         monkeypatch.setattr("scleraforce.app.commands.COMMAND", (sys.executable, "-c", f"import sys, time; {code}"))
-        return Job.started(["help"], tmp_path)
+        return Job.started(["help"], tmp_path, tmp_path / "kept" / "help.json")
 
     return start
 
 
-def test_much_standard_error_neither_blocks_nor_hides_the_last_bar(started: Start) -> None:
+def test_much_standard_error_neither_blocks_nor_hides_the_last_bar(started: Start, tmp_path: Path) -> None:
     job = started("print('\\rframes:  50%|' * 100_000, file=sys.stderr); print('[1]')")
     wait_until(lambda: job.done)
-    assert (job.title, job.share, job.fault, job.printed) == ("frames", 0.5, None, b"[1]\n")
+    assert (job.title, job.share, job.fault) == ("frames", 0.5, None)
+    kept = json.loads((tmp_path / "kept" / "help.json").read_text())
+    assert (kept["command"], kept["result"]) == ("scleraforce help", [1])
+
+
+def test_a_result_that_cannot_be_kept_is_a_fault(started: Start, tmp_path: Path) -> None:
+    (tmp_path / "kept").write_text("a file in place of the folder")
+    job = started("print('[1]')")
+    wait_until(lambda: job.done)
+    assert "kept" in (job.fault or "")
 
 
 def test_a_command_is_stopped_as_by_ctrl_c(started: Start) -> None:
@@ -38,7 +48,7 @@ def test_a_command_is_stopped_as_by_ctrl_c(started: Start) -> None:
 
 def test_modules_in_the_folder_of_data_are_not_imported(tmp_path: Path) -> None:
     (tmp_path / "click.py").write_text("open('ran', 'w')")
-    job = Job.started(["show", "nothing"], tmp_path)
+    job = Job.started(["show", "nothing"], tmp_path, tmp_path / "show.json")
     wait_until(lambda: job.done)
     assert "nothing" in (job.fault or "")
     assert not (tmp_path / "ran").exists()

@@ -1,9 +1,10 @@
-"""Commands of scleraforce that the app runs, each in its own process, with its progress bar and its JSON.
+"""Commands of scleraforce that the app runs, each in its own process, with its progress bar and its result.
 
 The page shows the same command lines, so that every step can be repeated without the app.
 """
 
 import atexit
+import json
 import os
 import pty
 import re
@@ -14,9 +15,13 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from threading import Thread
 from typing import Any
+
+from scleraforce.errors import InputError
+from scleraforce.whole_files import write_whole
 
 # -P: modules in the working directory, the folder of data, are not imported.
 COMMAND = (sys.executable, "-P", "-c", "from scleraforce.cli.main import main; main()")
@@ -35,22 +40,30 @@ def shown(words: Sequence[str]) -> str:
     return shlex.join(["scleraforce", *words])
 
 
+def utc_now() -> str:
+    """Return the time, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
 @dataclass
 class Job:
-    """A command that runs, or has run: title and share of its progress bar; at the end its JSON, or its fault."""
+    """A command that runs, or has run: title and share of its progress bar; at the end its fault, if any.
+
+    Its result is written to `kept`, with the command and the time.
+    """
 
     words: tuple[str, ...]
+    kept: Path
     title: str = ""
     share: float = 0.0
     fault: str | None = None
     done: bool = False
-    printed: bytes = b""
     _process: "subprocess.Popen[bytes] | None" = field(default=None, repr=False)
 
     @classmethod
-    def started(cls, words: Sequence[str], folder: Path) -> "Job":
+    def started(cls, words: Sequence[str], folder: Path, kept: Path) -> "Job":
         """Start a command in a folder; it is interrupted when this process ends."""
-        job = cls(tuple(words))
+        job = cls(tuple(words), kept)
         ours, theirs = pty.openpty()  # progress bars are drawn for a terminal only
         try:
             job._process = subprocess.Popen([*COMMAND, *words, "--json"], cwd=folder, stdin=subprocess.DEVNULL,
@@ -78,13 +91,23 @@ class Job:
     def _finish(self, process: "subprocess.Popen[bytes]", terminal: int) -> None:
         listener = Thread(target=self._listen, args=(terminal,), daemon=True)
         listener.start()
-        self.printed = process.communicate()[0]
+        printed = process.communicate()[0]
         listener.join()
         if code := process.returncode:
             self.fault = "stopped" if code in (INTERRUPTED, -signal.SIGINT) else self.fault or f"exit code {code}"
         else:
-            self.fault = None
+            self.fault = self._keep(printed)
         self.done = True
+
+    def _keep(self, printed: bytes) -> str | None:
+        """Write the result; return why that failed."""
+        try:
+            ended = {"command": shown(self.words), "time_utc": utc_now(), "result": json.loads(printed)}
+            self.kept.parent.mkdir(exist_ok=True)
+            write_whole(json.dumps(ended), self.kept)
+        except (OSError, InputError, ValueError) as fault:
+            return str(fault)
+        return None
 
     def _listen(self, terminal: int) -> None:
         text = ""

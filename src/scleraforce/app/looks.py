@@ -2,7 +2,7 @@
 
 import json
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path, PurePath
 from threading import Lock
@@ -72,12 +72,16 @@ def mask_between(
     return mask
 
 
+@lru_cache(OPENED)
+def _opened(path: Path, _: tuple[int, ...]) -> Recording:
+    return read_recording(path)
+
+
 class Looks:
     """Recordings as the page shows them; recordings and the model are opened when they are first needed."""
 
     def __init__(self) -> None:
-        self._opening, self._reading = Lock(), Lock()
-        self._opened = dict[Path, tuple[tuple[int, ...], Recording]]()
+        self._reading = Lock()
 
     @cached_property
     def model(self) -> Reader:
@@ -87,15 +91,7 @@ class Looks:
     def recording(self, path: Path) -> Recording:
         """Return a recording, read again where one of its tables has changed."""
         tables = [path / name for name in PARTS]
-        stamp = tuple(table.stat().st_mtime_ns for table in tables if table.exists())
-        with self._opening:
-            before, found = self._opened.pop(path, ((), None))
-            if found is None or before != stamp:
-                found = read_recording(path)
-            self._opened[path] = stamp, found
-            if len(self._opened) > OPENED:
-                del self._opened[next(iter(self._opened))]
-            return found
+        return _opened(path, tuple(table.stat().st_mtime_ns for table in tables if table.exists()))
 
     def entry(self, path: Path, file: str) -> tuple[Recording, FrameEntry]:
         """Return a recording and its frame of a name."""

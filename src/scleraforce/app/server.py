@@ -6,49 +6,52 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from secrets import compare_digest
 from threading import Lock
 from time import monotonic
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import uvicorn
 from fastapi import FastAPI, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import PlainTextResponse, RedirectResponse
 from fastapi.staticfiles import StaticFiles
-from pydantic import BaseModel, Field, FiniteFloat
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
-from scleraforce.app.commands import Job, shown
+from scleraforce.app.commands import Job, shown, utc_now
 from scleraforce.app.folder import MOST_UPLOAD_BYTES, SOURCES, Folder
 from scleraforce.app.looks import Looks, check_alone, mask_between, png, remove_draft, write_draft
-from scleraforce.app.sources import TYPES, Sources, answers_of
+from scleraforce.app.sources import ANSWERS, Checked, Sources
 from scleraforce.arrays import Bytes
 from scleraforce.errors import InputError
 from scleraforce.recording.export import csv_text, flat
-from scleraforce.recording.folder import Recording
+from scleraforce.recording.folder import Plane, Recording, parse_plane
 from scleraforce.recording.sources import ImportOptions, option_name
 from scleraforce.recording.walls import remove_wall, write_wall
 from scleraforce.service.console.server import OwnPagesOnly
 
 HOST = "127.0.0.1"
+RESULTS = ".scleraforce"  # folder of the last results, shown again after a reload
 SILENT_S = 6.0  # after which another tab may write
 MOST_JSON_BYTES = 4 * 2**20  # of a request, except a dropped file
 BUSY = "another tab is working in this folder; close it first"
 
 
 class Asked(BaseModel):
-    """Operands of a command, its options by the names of their fields, and a log's columns."""
+    """Operands of a command, planes of some, its options by the names of their fields, and a log's columns."""
 
     operands: list[str] = Field(min_length=1, max_length=20000)
-    options: dict[str, float | str | bool] = {}
+    planes: dict[str, str] = {}
+    options: dict[str, int | FiniteFloat | str | bool] = {}
     columns: list[str] = Field([], max_length=20)
 
-    def read(self, folder: Folder) -> tuple[list[Path], ImportOptions]:
-        """Return the paths and options of an import; raises `InputError`."""
-        times = {name: folder.inside(str(self.options[name])) for name in {"times"} & set(self.options)}
-        return [folder.whole(name) for name in self.operands], answers_of({**self.options, **times}, self.columns)
+    def read(self, folder: Folder) -> tuple[list[Path], list[Plane | None], ImportOptions]:
+        """Return the paths of an import, their planes and its options; raises `InputError` or `ValidationError`."""
+        given: dict[str, Any] = dict(self.options)
+        given |= {name: folder.inside(str(given[name])) for name in {"times"} & set(given)}
+        planes = [parse_plane(self.planes[name]) if name in self.planes else None for name in self.operands]
+        return [folder.whole(name) for name in self.operands], planes, Checked(**given, columns=tuple(self.columns))
 
 
 class Run(Asked):
@@ -67,7 +70,7 @@ class Drawn(BaseModel):
 
 
 OPTIONS = {
-    "import": set(TYPES),
+    "import": ANSWERS,
     "calibrate": {"frames", "without_force", "parameters", "thickness_um", "calibration"},
     "evaluate": {"calibration", "html"},
 }
@@ -83,7 +86,10 @@ def words_of(run: Run, folder: Folder) -> list[str]:
     for name in run.operands + [str(run.options[key]) for key in OLD_FILES if key in run.options]:
         if not folder.whole(name).exists() and name not in models:
             raise InputError(f"{name}: does not exist")
-    words = [run.command, *map(_operand, run.operands)]
+    words = [run.command]
+    for plane in dict.fromkeys(["", *run.planes.values()]):
+        words += [f"--plane={plane}"] if plane else []
+        words += [_operand(name) for name in run.operands if run.planes.get(name, "") == plane]
     for name, value in run.options.items():
         if name not in OPTIONS[run.command]:
             raise InputError(f"{name}: not an option of {run.command} in the app")
@@ -99,9 +105,9 @@ def words_of(run: Run, folder: Folder) -> list[str]:
 
 
 def _line(fault: Exception, folder: Folder) -> str:
-    if isinstance(fault, RequestValidationError):
+    if isinstance(fault, RequestValidationError | ValidationError):
         first = fault.errors()[0]
-        return f"{'.'.join(map(str, first['loc'][1:]))}: {first['msg']}"
+        return f"{'.'.join(map(str, first['loc'])).removeprefix('body.')}: {first['msg']}"
     if isinstance(fault, OSError):
         return f"{Path(fault.filename).name if fault.filename else 'disk'}: {fault.strerror}"
     return str(fault).replace(f"{folder.root}/", "")
@@ -140,7 +146,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     async def refused(_: Request, fault: Exception) -> Response:
         return PlainTextResponse(_line(fault, folder), 422)
 
-    faults: Any = dict.fromkeys((InputError, OSError, RequestValidationError), refused)
+    faults: Any = dict.fromkeys((InputError, OSError, RequestValidationError, ValidationError), refused)
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, exception_handlers=faults)
 
     @app.middleware("http")
@@ -199,9 +205,8 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     @app.put("/api/wall")
     def draw(name: str, file: str, drawn: Drawn) -> dict[str, Any]:
         found = drawn_on(name, file)
-        now = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
         with writing:
-            write_wall(found.path, file, mask_of(found, drawn), getpass.getuser(), now)
+            write_wall(found.path, file, mask_of(found, drawn), getpass.getuser(), utc_now())
             remove_draft(found, file)
         return looked(name, file)
 
@@ -221,7 +226,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     @app.post("/api/sources")
     def look_at_sources(asked: Asked) -> dict[str, Any]:
-        return sources.look(*asked.read(folder), [*asked.options])
+        return sources.look(*asked.read(folder))
 
     @app.post("/api/picture")
     def picture(asked: Asked, number: int) -> Response:
@@ -243,7 +248,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         with writing:
             if jobs and not jobs[-1].done:
                 raise InputError("another command is running; wait until it ends, or stop it")
-            jobs.append(Job.started(words_of(run, folder), folder.root))
+            jobs.append(Job.started(words_of(run, folder), folder.root, kept(run.command)))
             return {"job": len(jobs) - 1}
 
     @app.delete("/api/run")
@@ -252,18 +257,17 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
             job.cancel()
         return {}
 
-    def printed(job: int) -> bytes:
-        if not 0 <= job < len(jobs) or not jobs[job].printed:
-            raise InputError(f"job {job}: has no result")
-        return jobs[job].printed
+    def kept(command: str) -> Path:
+        return folder.inside(f"{RESULTS}/{command}.json")
 
     @app.get("/api/result")
-    def result(job: int) -> Response:
-        return Response(printed(job), media_type="application/json")
+    def result(command: Literal["calibrate", "evaluate"]) -> Response:
+        path = kept(command)
+        return Response(path.read_bytes() if path.exists() else b"null", media_type="application/json")
 
     @app.get("/api/csv")
-    def table(job: int) -> dict[str, Any]:
-        return {"text": csv_text(map(flat, json.loads(printed(job)).get("frames", [])))}
+    def table() -> dict[str, Any]:
+        return {"text": csv_text(map(flat, json.loads(kept("evaluate").read_bytes())["result"]["frames"]))}
 
     app.mount("/", StaticFiles(packages=[("scleraforce.app", "page")], html=True))
     return OwnPagesOnly(app, HOST, MOST_UPLOAD_BYTES)

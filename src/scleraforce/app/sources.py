@@ -1,33 +1,33 @@
 """Files before their import: what they state, what is missing, their pictures, force log, and a clock offset."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from itertools import islice
-from math import isfinite
 from pathlib import Path
 from threading import Lock
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
 
 from scleraforce.app.looks import curve, png
 from scleraforce.arrays import Floats
 from scleraforce.errors import FrameError, InputError
 from scleraforce.plain_json import finite
+from scleraforce.recording.folder import Plane
 from scleraforce.recording.importing import given_times, open_questions
 from scleraforce.recording.labels import low_pass
 from scleraforce.recording.pixels import PixelScale, UnansweredError, find_greys, one_grey
-from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, gather, option_name
+from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, gather
 from scleraforce.segmentation.observations import MIDDLE_M, surface
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.units import from_si, to_si
 
-TYPES = {
-    field.name: get_args(field.type) or (field.type,)
-    for field in fields(ImportOptions) if field.name not in ("columns", "grey_range")
-}  # fmt: skip
-NOUNS = {int: "a whole number", float: "a number", bool: "true or false"}
+ANSWERS = {field.name for field in fields(ImportOptions)} - {"columns", "grey_range"}
+# The options of an import, their names and types checked.
+Checked: Any = dataclass(ImportOptions, frozen=True, config=ConfigDict(strict=True, extra="forbid"))
 GATHERED = ("axes", "array", "columns", "image_topic", "force_topic", "by_arrival", "first_frame", "last_frame")
 SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
 LEAST_SHARE = 0.75  # of the frames that must lie on the log under an offset
@@ -74,6 +74,9 @@ def _correlation(time_s: Floats, dent_m: Floats, log_s: Floats, force_n: Floats)
     return float(np.corrcoef(force, dent_m[on])[0, 1])
 
 
+Planes = Sequence[Plane | None]  # one for each source
+
+
 class Sources:
     """The sources that the page looks at, as `import` would read them."""
 
@@ -81,22 +84,23 @@ class Sources:
         self._lock, self._asked = Lock(), ""
         self._gathered: Gathered | None = None
 
-    def gathered(self, paths: Sequence[Path], answers: ImportOptions) -> Gathered:
+    def gathered(self, paths: Sequence[Path], planes: Planes, answers: ImportOptions) -> Gathered:
         """Return the frames and the log, read again only if sources or the answers about them have changed."""
         stamps = [(path, path.stat().st_mtime_ns) for path in paths]
-        asked = repr((stamps, [getattr(answers, name) for name in GATHERED]))
+        asked = repr((stamps, planes, [getattr(answers, name) for name in GATHERED]))
         with self._lock:
             if self._gathered is None or self._asked != asked:
-                self._gathered, self._asked = gather(paths, answers), asked
+                self._gathered, self._asked = gather(paths, answers, planes=planes), asked
             return self._gathered
 
-    def look(self, paths: Sequence[Path], answers: ImportOptions, given: Sequence[str]) -> dict[str, Any]:
+    def look(self, paths: Sequence[Path], planes: Planes, answers: ImportOptions) -> dict[str, Any]:
         """Return what sources state and what is missing; or a single question that has to be answered first."""
         try:
-            found = self.gathered(paths, answers)
+            found = self.gathered(paths, planes, answers)
             scan, log = found.scan, found.log
             greys = find_greys(islice(scan.pictures(), 1), answers.grey_range, scan.names[0])
-            stated, missing = open_questions(found, greys, answers, dict.fromkeys(given, OPTION))
+            given = {name: OPTION for name in ANSWERS if getattr(answers, name) not in (None, False)}
+            stated, missing = open_questions(found, greys, answers, given)
         except UnansweredError as fault:
             return {"question": fault.question, "option": fault.option, "forms": list(fault.forms)}
         axes = [] if log is None else [name.removesuffix("_n") for name in log.columns if name.endswith("_n")]
@@ -109,16 +113,16 @@ class Sources:
         })  # fmt: skip
         return stated_now
 
-    def picture(self, paths: Sequence[Path], answers: ImportOptions, number: int) -> bytes:
+    def picture(self, paths: Sequence[Path], planes: Planes, answers: ImportOptions, number: int) -> bytes:
         """Return a frame as a PNG."""
-        scan = self.gathered(paths, answers).scan
+        scan = self.gathered(paths, planes, answers).scan
         for picture in islice(scan.pictures(), max(number, 0), None):
             return png(one_grey(picture))
         raise InputError(f"frame {number + 1}: there are {len(scan.names)}")
 
-    def clocks(self, paths: Sequence[Path], answers: ImportOptions) -> dict[str, Any]:
+    def clocks(self, paths: Sequence[Path], planes: Planes, answers: ImportOptions) -> dict[str, Any]:
         """Return the surface's depth under the needle over time, and the offset at which it fits the log best."""
-        found = self.gathered(paths, answers)
+        found = self.gathered(paths, planes, answers)
         times = given_times(found.scan, answers.times, answers.rate_hz) or found.scan.times
         width_m, depth_m = (to_si(size, "mm") for size in (answers.width_mm, answers.depth_mm))
         if times is None or found.log is None or width_m is None or depth_m is None or min(width_m, depth_m) <= 0.0:
@@ -143,20 +147,6 @@ class Sources:
             "offset_s": None if offset is None else offset[0], "correlation": None if offset is None else offset[1],
         })  # fmt: skip
         return curves
-
-
-def answers_of(given: Mapping[str, Any], columns: Sequence[str]) -> ImportOptions:
-    """Return the options of an import, by the names of their fields; raises `InputError`: unknown, or another type."""
-    values = dict(given)
-    for name, value in given.items():
-        if name not in TYPES:
-            raise InputError(f"{name}: no option of import")
-        if int in TYPES[name] and isinstance(value, float) and value.is_integer():
-            values[name] = int(value)
-        fits = isinstance(values[name], TYPES[name]) and isinstance(value, bool) == (bool in TYPES[name])
-        if not fits or (isinstance(value, float) and not isfinite(value)):
-            raise InputError(f"{option_name(name)}: {value!r}; give {NOUNS.get(TYPES[name][0], 'a text')}")
-    return ImportOptions(**values, columns=tuple(columns))
 
 
 def _surface_m(picture: NDArray[Any], name: str, scale: PixelScale) -> float:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import EYE, LEAN_DEFAULT, PATH, PLANE, in_si, options, parse_plane
+from scleraforce.cli.options import EYE, LEAN_DEFAULT, PATH, PLANE, in_si, options
 from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
@@ -161,7 +161,7 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
 def _planes(given: tuple[str, ...], reader: "Reader", known: "Known", learn_eye: bool) -> "tuple[Plane, ...]":
     """Return the planes of a scanner that takes several; () of one that takes a single one."""
     from scleraforce.reader.limits import READER
-    from scleraforce.recording.folder import check_planes
+    from scleraforce.recording.folder import check_planes, parse_plane
 
     planes = tuple(parse_plane(words) for words in given)
     check_planes(planes, "--plane")

@@ -177,24 +177,6 @@ def chosen_workers(scheduler: str | None, workers: int | None) -> int | None:
 PLANE: Final = "NAME:OFFSET_MM:DIRECTION_DEG"
 
 
-def parse_plane(words: str) -> "Plane":
-    """Return a plane of a scan, by its name, distance from the scanner's axis and direction.
-
-    >>> parse_plane("across:0.2:90").offset_m
-    0.0002
-    """
-    from scleraforce.recording.folder import Plane  # with OpenCV
-
-    name, *numbers = words.rsplit(":", 2)
-    try:
-        offset_mm, direction_deg = map(float, numbers)
-        return Plane(name, to_si(offset_mm, "mm"), to_si(direction_deg, "deg"))
-    except InputError as fault:
-        raise InputError(f"--plane: {words!r}: {fault}") from None
-    except ValueError:
-        raise InputError(f"--plane: {words!r} is not {PLANE}, like across:0:90") from None
-
-
 class PlacedPlane(click.Option):
     """The option --plane, whose values carry the number of arguments to their left on the command line."""
 
@@ -213,7 +195,7 @@ class PlacedPlane(click.Option):
 
 def planes_of(paths: Sequence[Path], given: Sequence[tuple[int, str]]) -> "list[Plane | None]":
     """Return the plane of each path, None before the first --plane; `given`: the number of paths before each."""
-    from scleraforce.recording.folder import check_planes
+    from scleraforce.recording.folder import check_planes, parse_plane
 
     planes = [parse_plane(words) for _, words in given]
     check_planes(tuple(dict.fromkeys(planes)), "--plane")

@@ -13,7 +13,7 @@ from click.core import ParameterSource
 
 import scleraforce as sf
 from scleraforce import __version__
-from scleraforce.cli.options import FRAME_SIZE, PATH, PLANE, Quantity, in_si, new_file, options, parse_plane
+from scleraforce.cli.options import FRAME_SIZE, PATH, PLANE, Quantity, in_si, new_file, options
 from scleraforce.cli.output import Command, Report, count_bar, progress_bar, share_bar
 from scleraforce.errors import FrameError, InputError
 from scleraforce.plain_text import wrapped
@@ -143,6 +143,7 @@ def phantom(
     scleraforce phantom --out moving --rate-hz 100 --forces-mn 20,5,35 --ramp-mn-per-s 15
     """
     from scleraforce.notebook.virtual import declared, given
+    from scleraforce.recording.folder import parse_plane
 
     study = declared(study, *(values.pop(key) for key in ("mechanics", "globe", "rigidity_pa13_per_m3")))
     moves = given(**{key: values.pop(key) for key in ("rate_hz", "ramp_n_per_s", "hold_s", "puncture_n")})

@@ -21,7 +21,7 @@ from scleraforce.recording.walls import RecordedWalls
 from scleraforce.study import parse_record
 from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS, check_relaxation
 from scleraforce.study.fields import allowed, check_fields, check_quantity, option, quantity, required
-from scleraforce.units import HumanUnit, from_si
+from scleraforce.units import HumanUnit, from_si, to_si
 from scleraforce.whole_files import KINDS, read_bytes, read_text
 
 # Outer diameters of hypodermic needles, ISO 9626 (normal wall).
@@ -98,6 +98,22 @@ class Plane:
         turn_rad = self.direction_rad - other.direction_rad
         same_m = self.offset_m - cos(turn_rad) * other.offset_m
         return abs(sin(turn_rad)) < LEAST_TURN_RAD and abs(same_m) < LEAST_OFFSET_M
+
+
+def parse_plane(words: str) -> Plane:
+    """Return a plane of a scan, by its name, distance from the scanner's axis and direction: NAME:MM:DEGREES.
+
+    >>> parse_plane("across:0.2:90").offset_m
+    0.0002
+    """
+    name, *numbers = words.rsplit(":", 2)
+    try:
+        offset_mm, direction_deg = map(float, numbers)
+        return Plane(name, to_si(offset_mm, "mm"), to_si(direction_deg, "deg"))
+    except InputError as fault:
+        raise InputError(f"--plane: {words!r}: {fault}") from None
+    except ValueError:
+        raise InputError(f"--plane: {words!r} is not NAME:OFFSET_MM:DIRECTION_DEG, like across:0:90") from None
 
 
 def check_planes(planes: tuple[Plane, ...], given: str = "plane") -> None:

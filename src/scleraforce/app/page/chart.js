@@ -1,7 +1,7 @@
 // Plots as SVG in the page's colours, which a download keeps.
 
 const SVG = "http://www.w3.org/2000/svg";
-const MARGIN = { left: 52, right: 12, top: 18, bottom: 34 };
+const MARGIN = { left: 52, right: 12, top: 26, bottom: 34 };
 const TICKS = 5;
 
 function drawn(name, attributes, text) {
@@ -126,7 +126,7 @@ export class Chart {
 // The SVG as a file of its own: the style sheet's values are written into each element.
 export function svgText(svg) {
   const copy = svg.cloneNode(true);
-  const kept = ["fill", "stroke", "stroke-width", "stroke-dasharray", "font-size", "font-family"];
+  const kept = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linejoin", "paint-order", "font-size", "font-family"];
   const all = [svg, ...svg.querySelectorAll("*")];
   [copy, ...copy.querySelectorAll("*")].forEach((each, n) => {
     const style = getComputedStyle(all[n]);

@@ -170,7 +170,7 @@ function draw() {
   const { image, look } = now;
   if (!image) return;
   const { rows, columns, width_mm: width, depth_mm: depth } = chosen.summary;
-  canvas.width = Math.round(canvas.parentElement.clientWidth * zoom);
+  canvas.width = Math.round(canvas.closest(".view").clientWidth * zoom);
   canvas.height = Math.round((canvas.width * depth) / width);
   const pen = canvas.getContext("2d");
   pen.drawImage(image, 0, 0, canvas.width, canvas.height);
@@ -184,6 +184,7 @@ function draw() {
   }
   if (look?.answer.needle?.tip_mm) needle(pen, look.answer.needle, width, depth);
   if (draft) handles(pen, across, down);
+  sliders();
 }
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name);
@@ -349,6 +350,52 @@ function bend({ name, column, before }, rows) {
     const away = Math.abs(n - column) / reach;
     return row === null || away >= 1 ? row : row + 0.5 * rows * (1 + Math.cos(Math.PI * away));
   });
+}
+
+// The handles for the keyboard: each boundary's are one stop of Tab, arrows choose one of them and move it by rows.
+const BOUNDARIES = { outer: "surface", inner: "inner boundary" };
+const stops = { outer: (HANDLES - 1) / 2, inner: (HANDLES - 1) / 2 };
+
+function sliders() {
+  const board = element("handles");
+  board.hidden = !draft;
+  if (!draft) return;
+  const { rows, columns } = chosen.summary;
+  if (!board.children.length) {
+    for (const name of Object.keys(BOUNDARIES)) for (let n = 0; n < HANDLES; n += 1) board.append(slider(name, n));
+  }
+  for (const handle of board.children) {
+    const { name, n } = handle.dataset;
+    const column = places(columns)[n];
+    const row = draft[name][column];
+    handle.hidden = row === null;
+    handle.tabIndex = stops[name] === Number(n) ? 0 : -1;
+    handle.style.left = `${(100 * (column + 0.5)) / columns}%`;
+    handle.style.top = `${(100 * (row + 0.5)) / rows}%`;
+    const words = { label: `${BOUNDARIES[name]}, column ${column}`, valuemin: 0, valuemax: rows, valuenow: fixed(row, 1), valuetext: `row ${fixed(row, 1)}` };
+    for (const [key, value] of Object.entries(words)) handle.setAttribute(`aria-${key}`, value);
+  }
+}
+
+const slider = (name, n) => made("span", { class: "handle", role: "slider", "aria-orientation": "vertical", "data-name": name, "data-n": n, onkeydown: pressed });
+
+function pressed(event) {
+  const { name, n } = event.currentTarget.dataset;
+  const aside = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+  const down = { ArrowUp: -1, ArrowDown: 1 }[event.key];
+  if (!draft || event.ctrlKey || !(aside || down)) return;
+  event.preventDefault();
+  event.stopPropagation(); // arrows turn to other frames elsewhere
+  if (down) {
+    draft.undo.push(copied(draft));
+    draft.redo = [];
+    bend({ name, column: places(chosen.summary.columns)[n], before: draft }, down * (event.shiftKey ? 10 : 1));
+    changed();
+  } else {
+    stops[name] = Math.min(HANDLES - 1, Math.max(0, Number(n) + aside));
+    sliders();
+    element("handles").querySelector(`[data-name=${name}][data-n="${stops[name]}"]`).focus();
+  }
 }
 
 element("undo").onclick = () => step("undo", "redo");

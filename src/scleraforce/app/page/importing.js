@@ -28,10 +28,12 @@ const FIELDS = {
 };
 const NUMBERS = new Set(Object.keys(FIELDS).filter((name) => FIELDS[name][1] === "number"));
 const WAIT_MS = 500;
+const SENT_AT_ONCE = 4; // files
 
 const chosen = new Set();
 const given = {}; // answers by the names of options
 const columns = new Map(); // of a force log: short name -> "NAME:UNIT"
+const planes = new Map(); // of sources: name -> "NAME:OFFSET_MM:DIRECTION_DEG"
 let seen = null; // what the chosen files state and leave open
 let image = null;
 let bar = null;
@@ -40,7 +42,11 @@ let clockPlot = null;
 let pull = null;
 let looking = 0; // a number for each request: late answers are dropped
 
-const asked = () => ({ operands: [...chosen], options: { ...given }, columns: [...columns].filter(([, text]) => text).map(([short, text]) => `${short}=${text}`) });
+const asked = () => ({
+  operands: [...chosen], options: { ...given },
+  planes: Object.fromEntries([...planes].filter(([name, text]) => text && chosen.has(name) && element("several").checked)),
+  columns: [...columns].filter(([, text]) => text).map(([short, text]) => `${short}=${text}`),
+});
 const number = () => Math.max(0, Number(element("source-number").value) - 1);
 
 export function fill(sources) {
@@ -48,10 +54,20 @@ export function fill(sources) {
   const items = sources.map(({ name, kind, fault }) => {
     const box = made("input", { type: "checkbox", disabled: Boolean(fault), onchange: () => choose(name, box.checked) });
     box.checked = chosen.has(name);
-    return made("li", {}, made("label", {}, box, ` ${name} `), made("span", { class: "soft" }, fault ?? kind));
+    return made("li", {}, made("label", {}, box, ` ${name} `), made("span", { class: "soft" }, fault ?? kind), ...(fault || kind === "log" ? [] : plane(name)));
   });
   tables(sources);
   element("sources").replaceChildren(...(items.length ? items : [made("li", { class: "soft" }, "none yet")]));
+}
+
+// The field for the plane of a source.
+function plane(name) {
+  if (!element("several").checked) return [];
+  const change = (event) => {
+    planes.set(name, event.target.value.trim());
+    later();
+  };
+  return [made("input", { class: "plane", value: planes.get(name), placeholder: "across:0:90", "aria-label": `Plane of ${name}, NAME:OFFSET_MM:DIRECTION_DEG`, oninput: change })];
 }
 
 function tables(sources) {
@@ -156,6 +172,10 @@ const words = async () => {
 };
 
 element("import-out").oninput = later;
+element("several").onchange = () => {
+  fill(state.sources);
+  later();
+};
 element("import-run").onclick = told(async () => {
   const asks = run();
   await_(await send("run", asks), () => {
@@ -300,16 +320,20 @@ element("clock-plot").onpointerup = () => {
 // ---- files that are dropped
 
 async function take(files) {
-  const [bar_, arrived] = [element("upload"), []];
+  const [bar_, left, arrived] = [element("upload"), [...files], new Map()];
+  const sends = async () => {
+    for (let file; (file = left.shift()); ) {
+      const share = (part) => (bar_.value = (arrived.size + part) / files.length);
+      arrived.set(file, (await upload(file, share)).name);
+    }
+  };
   bar_.hidden = false;
-  try {
-    for (const file of files) arrived.push((await upload(file, (part) => (bar_.value = part))).name);
-  } finally {
-    bar_.hidden = true;
-    await poll();
-    for (const name of arrived) chosen.add(name);
-    fill(state.sources);
-  }
+  const ended = await Promise.allSettled(Array.from({ length: SENT_AT_ONCE }, sends));
+  bar_.hidden = true;
+  await poll();
+  for (const file of files) if (arrived.has(file)) chosen.add(arrived.get(file));
+  fill(state.sources);
+  for (const { reason } of ended) if (reason) throw reason;
   await look();
 }
 

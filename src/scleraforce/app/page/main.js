@@ -24,9 +24,10 @@ export function go(step, ...place) {
   frames.pause();
   if (SECTIONS[step] === "frames") frames.show(step === "correct", ...place);
   if (step === "import") importing.show();
+  if (step === "calibrate" || step === "read") results.show(step);
 }
 
-// Calls back with the result of the command that was just started, unless it fails.
+// Calls back when the command that was just started has ended without a fault.
 export function await_({ job }, then) {
   awaited = { job, then: told(then) };
   void poll();
@@ -69,7 +70,7 @@ function showJob() {
   const { then } = awaited;
   awaited = null;
   if (job.fault) tell(job.fault);
-  else void get("result", { job: job.number }).then(then, tell);
+  else void then();
 }
 
 for (const button of document.querySelectorAll("[data-step]")) button.onclick = () => go(button.dataset.step);

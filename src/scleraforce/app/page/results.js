@@ -3,7 +3,7 @@
 import { get, send } from "./api.js";
 import { Chart, svgText } from "./chart.js";
 import { download, element, fixed, made, told, write } from "./dom.js";
-import { await_, choice, go } from "./main.js";
+import { await_, choice, go, state } from "./main.js";
 
 const CURVE = 121; // points of a density
 const WORST = 200; // rows of the table
@@ -61,11 +61,26 @@ async function words() {
 }
 
 for (const id of ["calibrate-frames", "without-force", "calibrate-out", "read-model", "read-calibration", "read-html"]) element(id).oninput = words;
-element("calibrate-run").onclick = told(async () => await_(await send("run", RUNS.calibrate()), calibrated));
-element("read-run").onclick = told(async () => {
-  const started = await send("run", RUNS.read());
-  await_(started, (result) => answers(result, started.job));
+const SHOWN = { calibrate: calibrated, read: answers };
+
+// Shows the last result of this folder, also after a reload.
+const last = told(async (step) => {
+  const found = await get("result", { command: step === "read" ? "evaluate" : step });
+  if (!found) return;
+  const box = element(`${step}-result`);
+  box.replaceChildren(made("p", { class: "soft" }, `${found.time_utc.slice(0, 16).replace("T", " ")} UTC: ${found.command}`));
+  await SHOWN[step](box, found.result);
 });
+
+export const show = (step) => element(`${step}-result`).childElementCount || last(step);
+
+for (const step of ["calibrate", "read"]) {
+  const ended = () => {
+    element(`${step}-result`).replaceChildren();
+    if (!element(step).hidden) show(step);
+  };
+  element(`${step}-run`).onclick = told(async () => await_(await send("run", RUNS[step]()), ended));
+}
 
 // A figure with its buttons; it is drawn by `paint` once it is in the page.
 function figure(box, title, name, paint) {
@@ -91,9 +106,7 @@ function table(box, heads, rows) {
 
 // ---- calibrate
 
-function calibrated(result) {
-  const box = element("calibrate-result");
-  box.replaceChildren();
+function calibrated(box, result) {
   const eyes = Object.entries(result.eyes).filter(([, eye]) => typeof eye.mean_mpa === "number");
   const used = eyes.filter(([, eye]) => eye.sd_mpa > 0);
   if (used.length) {
@@ -120,6 +133,8 @@ function calibrated(result) {
 const halfOf = ({ interval_mn: [low, high] }) => Math.max((high - low) / 2, 1e-6);
 const offOf = (frame) => frame.predicted_force_mn - frame.measured_force_mn;
 const spread = ({ measured_force_sd_mn: sd }) => NINETY * (sd ?? 0);
+// The frames, one for each moment: those of several planes have one answer.
+const moments = (frames) => [...new Map(frames.map((frame) => [frame.plane ? `${frame.recording}@${frame.time_s}` : frame, frame])).values()];
 const compared = (frame) => frame.usable && frame.predicted_force_mn !== null && frame.measured_force_mn !== null && !frame.calibration;
 // The label has an error of its own, which adds to the interval's half width in squares.
 const outside = (frame) => {
@@ -129,18 +144,17 @@ const outside = (frame) => {
   return Math.abs(off) > Math.hypot(half, spread(frame));
 };
 
-async function answers(result, job) {
-  const box = element("read-result");
-  box.replaceChildren();
-  const csv = made("button", { type: "button", onclick: told(async () => download("answers.csv", "text/csv", (await get("csv", { job })).text)) }, "CSV");
-  const judged = result.frames.filter(compared);
+async function answers(box, result) {
+  const csv = made("button", { type: "button", onclick: told(async () => download("answers.csv", "text/csv", (await get("csv")).text)) }, "CSV");
+  const judged = moments(result.frames).filter(compared);
   const off = result.mae_mn === null ? "" : `, ${fixed(result.mae_mn, 2)} mN off in the mean (${judged.length} labels)`;
   const held = result.coverage === null ? "" : `; 90 % interval and label agree in ${fixed(100 * result.coverage, 0)} %`;
   box.append(made("p", {}, `${result.frames.length} frames${off}${held} `, csv));
   for (const name of new Set(result.frames.map((frame) => frame.recording))) {
+    if (!state.recordings.some((recording) => recording.name === name)) continue; // it is gone
     const { log, files, time_s: times } = await get("recording", { name });
     const at = new Map(files.map((file, n) => [file, times[n]]));
-    const mine = result.frames.filter((frame) => frame.recording === name && frame.predicted_force_mn !== null);
+    const mine = moments(result.frames).filter((frame) => frame.recording === name && frame.predicted_force_mn !== null);
     figure(box, `Force over time, ${name}`, `force-${name}`, (svg) => over(svg, mine, at, log));
   }
   if (judged.length > 2) figure(box, "Read minus measured", "residuals", (svg) => residuals(svg, judged));
