@@ -232,18 +232,13 @@ def gather(
         raise InputError(f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images")
     if len(logs) > 1:
         raise InputError(f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time")
-    if options.first_frame is not None or options.last_frame is not None:
-        scans = {
-            plane: [joined(found).between(options.first_frame, options.last_frame)] for plane, found in scans.items()
-        }
-    of_planes = {plane: joined(found) for plane, found in scans.items() if plane}
-    if of_planes and None in scans:
-        raise InputError(f"--plane: missing for {scans[None][0].names[0]}; give one before the frames of each plane")
+    wholes = {plane: joined(found).between(options.first_frame, options.last_frame) for plane, found in scans.items()}
+    of_planes = {plane: whole for plane, whole in wholes.items() if plane}
+    if of_planes and None in wholes:
+        raise InputError(f"--plane: missing for {wholes[None].names[0]}; give one before the frames of each plane")
     check_planes(tuple(of_planes))
-    counts = {plane.name: sum(len(scan.names) for scan in scans.get(plane, ())) for plane in sources_of if plane}
-    check_counts(counts)
-    whole = joined([one for found in scans.values() for one in found])
-    scan, frames = of_moments(list(of_planes.values())) if of_planes else (whole, whole)
+    check_counts({plane.name: len(wholes[plane].names) if plane in wholes else 0 for plane in sources_of if plane})
+    scan, frames = of_moments([*of_planes.values()]) if of_planes else (wholes[None], wholes[None])
     log = logs[0][1] if logs else None
     notes = [*scan.notes, *(log.notes if log else ())]
     for of_plane in scans:

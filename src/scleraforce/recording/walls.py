@@ -49,14 +49,8 @@ class RecordedWalls:
 
     def __init__(self, recording: Path) -> None:
         self._recording, self._table = recording, recording / "walls.csv"
-        self._sources = self._read_sources() if self._table.exists() else None
+        self._rows = _rows(self._table) if self._table.exists() else None
         self._used, self._stale = set[str](), dict[str, str]()
-
-    def _read_sources(self) -> dict[str, str]:
-        sources = {file: row[-1] for file, row in _rows(self._table).items()}
-        if bad := [file for file, digest in sources.items() if len(digest) != 64]:
-            raise RecordingError(f"{self._table}: source_sha256: not a SHA-256 for {bad[0]}")
-        return sources
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -78,10 +72,10 @@ class RecordedWalls:
         path = self.path(file)
         if not path.exists():
             return None
-        if self._sources is not None:
-            if file not in self._sources:
+        if self._rows is not None:
+            if file not in self._rows:
                 raise RecordingError(f"{self._table}: file: {file} is missing, and {path} exists")
-            if self._sources[file] != frame_file_digest(self._recording / "frames" / file):
+            if self._rows[file][-1] != frame_file_digest(self._recording / "frames" / file):
                 self._stale[file] = f"{path}: drawn on another version of {file}; it is not used"
                 return None
         self._used.add(file)
@@ -98,10 +92,10 @@ def write_wall(recording: Path, file: str, mask: Bytes, author: str, time_utc: s
 
     Walls without a line in walls.csv get one: they count as drawn on today's frames.
     """
-    path = RecordedWalls(recording).path(file)
+    path, table = recording / "walls" / f"{PurePath(file).stem}.png", recording / "walls.csv"
     path.parent.mkdir(exist_ok=True)
     drawn = {each.stem for each in path.parent.glob("*.png")} | {path.stem}
-    rows = {} if not (recording / "walls.csv").exists() else _rows(recording / "walls.csv")
+    rows = _rows(table) if table.exists() else {}
     for frame in (each for each in (recording / "frames").iterdir() if each.stem in drawn and each.name not in rows):
         rows[frame.name] = [frame.name, "unknown", "", frame_file_digest(frame)]
     rows[file] = [file, author, time_utc, frame_file_digest(recording / "frames" / file)]
@@ -120,7 +114,10 @@ def _rows(table: Path) -> dict[str, list[str]]:
     rows = csv.reader(read_text(table, KINDS["walls"]).splitlines())
     if (names := next(rows, [])) != COLUMNS:
         raise RecordingError(f"{table}:1: found {names}, expected {','.join(COLUMNS)}")
-    return {row[0]: row for row in rows}
+    found = {row[0]: row for row in rows if row}
+    if bad := [file for file, row in found.items() if len(row) != len(COLUMNS) or len(row[-1]) != 64]:
+        raise RecordingError(f"{table}: source_sha256: not a SHA-256 for {bad[0]}")
+    return found
 
 
 def _write_rows(recording: Path, rows: Mapping[str, list[str]]) -> None:
