@@ -271,7 +271,7 @@ def test_any_order_of_the_axes_gives_the_same_frames_and_scale() -> None:
         array = np.transpose(FRAMES, [AXES.index(name) for name in order])[:, np.newaxis]  # an axis of one: no axis
         steps_m = {"frame": 9.0, "depth": 1e-6, "lateral": 2e-6}
         first, *others = (steps_m[name] for name in order)
-        scan = pixels.array_scan(Path("a.npy"), array, order, (first, None, *others), "a field")
+        scan = pixels.array_scan(Path("a.npy"), array, order, [((first, None, *others), "a field")])
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
         assert scan.size == PixelSize("a field", depth_m=1e-6, lateral_m=2e-6)
 

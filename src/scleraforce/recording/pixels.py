@@ -384,6 +384,7 @@ def _kind(scan: Scan) -> dict[str, str]:
 
 
 AXES = ("frame", "depth", "lateral")
+Steps = tuple[Sequence[float | None], str]  # along each axis, m, and the field that states them
 
 
 def parse_axes(text: str) -> tuple[str, ...]:
@@ -394,16 +395,10 @@ def parse_axes(text: str) -> tuple[str, ...]:
     return names
 
 
-def array_scan(
-    path: Path,
-    array: NDArray[Any],
-    axes: tuple[str, ...] | None,
-    steps_m: Sequence[float | None] = (),
-    source: str = "",
-) -> Scan:
-    """Return an array as a scan; `axes` names those longer than 1 (None: ask), `source` states the step along each."""
+def array_scan(path: Path, array: NDArray[Any], axes: tuple[str, ...] | None, stated: Sequence[Steps] = ()) -> Scan:
+    """Return an array as a scan; `axes` names those longer than 1 (None: ask), fields have `stated` steps along all."""
     sizes = " x ".join(map(str, array.shape))
-    steps_m = [steps_m[axis] if steps_m else None for axis, size in enumerate(array.shape) if size > 1]
+    long = [axis for axis, size in enumerate(array.shape) if size > 1]
     array = array.squeeze()
     if array.ndim not in (2, 3):
         raise FrameError(f"an array of {sizes}; give frames x rows x columns, or one frame")
@@ -421,7 +416,7 @@ def array_scan(
     frames = frames if frames.ndim == 3 else frames[np.newaxis]
     count, rows, columns = frames.shape
     check_size(rows, columns)
-    depth_m, lateral_m = (steps_m[axes.index(name)] for name in AXES[1:])
-    size = PixelSize(source, depth_m=depth_m, lateral_m=lateral_m)
+    depth, lateral = (long[axes.index(name)] for name in AXES[1:])
+    size, fault = one_size([PixelSize(source, depth_m=m[depth], lateral_m=m[lateral]) for m, source in stated])
     names, bits = frame_names(path, count), 8 if frames.dtype == np.uint8 else None
-    return Scan(names, rows, columns, lambda: iter(frames), bits=bits, size=size)
+    return Scan(names, rows, columns, lambda: iter(frames), bits=bits, size=size, scale_fault=fault)

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
-from scleraforce.recording.pixels import AXES, METRES, SECONDS, PixelSize, Scan, Times, array_scan, rising
+from scleraforce.recording.pixels import AXES, METRES, SECONDS, PixelSize, Scan, Steps, Times, array_scan, rising
 from scleraforce.units import to_si
 
 Axes = tuple[str, ...] | None
-Steps = tuple[Sequence[float | None], str]  # along each axis, m, and their source
 
 SAME = 1e-3  # spacings that differ by less are rounded
 ORIENTATION = re.compile("[UMFNAD]{2,3}", re.IGNORECASE)  # XX: not known
@@ -30,10 +29,6 @@ def _stated_steps(steps: Sequence[float], units_m: Sequence[float | None]) -> li
         return [None for _ in steps]
     each = zip(steps, units_m, strict=True)
     return [step * unit_m if unit_m is not None and np.isfinite(step) and step > 0.0 else None for step, unit_m in each]
-
-
-def _listed(values: Sequence[float]) -> str:
-    return " x ".join(f"{value:.6g}" for value in values)
 
 
 def _data_file(path: Path, field: str, named: str) -> Path:
@@ -106,10 +101,9 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         _check_nifti_end(image, size)
         unscaled = (image.dataobj.slope, image.dataobj.inter) == (1.0, 0.0)
         array = np.asarray(image.dataobj.get_unscaled() if unscaled else image.dataobj)
-        steps, notes = _nifti_steps(header, shape)
-        if not unscaled:
-            notes.append(f"pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}")
-        scan = replace(array_scan(path, array, axes, *steps), notes=tuple(notes)).of_file(path)
+        note = f"pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}"
+        scan = array_scan(path, array, axes, _nifti_steps(header))
+        scan = replace(scan, notes=() if unscaled else (note,)).of_file(path)
         if len(shape) < 4 or axes is None or axes[-1] != "frame" or array.shape[3] != len(scan.names):
             return scan
         unit_s = SECONDS.get(header.get_xyzt_units()[1], 0.0)
@@ -129,27 +123,18 @@ def _check_nifti_end(image: Any, size: int) -> None:
             raise FrameError(f"dim states {sizes} pixels, and more follow; correct dim, or write the file again")
 
 
-def _nifti_steps(header: Any, shape: tuple[int, ...]) -> tuple[Steps, list[str]]:
+def _nifti_steps(header: Any) -> list[Steps]:
     code = int(header["xyzt_units"]) & 7
     if code not in NIFTI_UNITS:
         raise FrameError(f"xyzt_units: {code} is not a NIfTI unit of length; correct it (1 m, 2 mm, 3 micron)")
-    unit_m = METRES.get(NIFTI_UNITS[code])
     pixdim = [float(step) for step in header.get_zooms()]
+    units_m = [METRES.get(NIFTI_UNITS[code])] * len(pixdim)
+    found: list[Steps] = [(_stated_steps(pixdim, units_m), "NIfTI's pixdim")]
     affine, sform_code = header.get_sform(coded=True)
-    pixdim_steps, source = _stated_steps(pixdim, [unit_m] * len(pixdim)), "NIfTI's pixdim"
-    if affine is None or not sform_code:
-        return (pixdim_steps, source), []
-    sform = np.linalg.norm(affine[:3, :3], axis=0).tolist()[: len(pixdim)]
-    sform_steps = _stated_steps(sform, [unit_m] * len(sform))
-    both = f"pixdim states a spacing of {_listed(pixdim[:3])} and sform (code {sform_code}) of {_listed(sform)}"
-    if not any(sform_steps):
-        by_default = [f"{both}, as programs write by default; pixdim is taken"]
-        return (pixdim_steps, source), by_default if any(pixdim_steps) else []
-    if not any(pixdim_steps):
-        return ([*sform_steps, *pixdim_steps[3:]], "NIfTI's sform"), [f"{both}; sform is taken"]
-    if any(abs(a - b) > SAME * b for a, b, size in zip(pixdim, sform, shape, strict=False) if size > 1):
-        raise FrameError(f"{both}; correct one of them")
-    return (pixdim_steps, source), []
+    if sform_code:
+        sform = np.linalg.norm(affine[:3, :3], axis=0).tolist()[: len(pixdim)]
+        found.append((_stated_steps([*sform, *pixdim[3:]], units_m), "NIfTI's sform"))
+    return found
 
 
 def read_nrrd(path: Path, axes: Axes) -> Scan:
@@ -170,7 +155,7 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
         _check_orientation(str(header.get("UltrasoundImageOrientation", "")), named)
-        scan = array_scan(path, array, named, *_nrrd_steps(header, array.ndim))
+        scan = array_scan(path, array, named, _nrrd_steps(header, array.ndim))
         scan = replace(scan, times=_nrrd_times(header, len(scan.names)))
         return _plus_sequence(scan, {name: str(value) for name, value in header.items()}).of_file(path)
 
@@ -193,25 +178,19 @@ def _nrrd_times(header: Any, count: int) -> Times | None:
     return None
 
 
-def _nrrd_steps(header: Any, count: int) -> Steps:
-    units = [str(unit) for unit in header.get("units", [""] * count)]
+def _nrrd_steps(header: Any, count: int) -> list[Steps]:
+    found, unit_m = list[Steps](), None
+    if "space directions" in header:
+        anatomical = NRRD_IN_MM.match(str(header.get("space", "")))  # its unit is mm, as NRRD's programs take it
+        names = {str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""]}
+        if len(names) > 1:
+            raise FrameError(f"space units: {' and '.join(sorted(names))}; give all directions in one")
+        unit_m = METRES.get(names.pop())
+        lengths = np.linalg.norm(np.array(header["space directions"], dtype=np.float64), axis=1).tolist()
+        found.append((_stated_steps(lengths, [unit_m] * count), "NRRD's space directions"))
+    units_m = [METRES.get(str(unit), unit_m) for unit in header.get("units", [""] * count)]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
-    if "space directions" not in header:
-        return _stated_steps(spacings, [METRES.get(unit) for unit in units]), "NRRD's spacings"
-    directions = np.array(header["space directions"], dtype=np.float64)
-    lengths = np.linalg.norm(directions, axis=1).tolist()
-    anatomical = NRRD_IN_MM.match(str(header.get("space", "")))  # its unit is mm, as NRRD's programs take it
-    names = {str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""]}
-    if len(names) > 1:
-        raise FrameError(f"space units: {' and '.join(sorted(names))}; give all directions in one")
-    unit_m = METRES.get(names.pop())
-    for axis, (spacing, length) in enumerate(zip(spacings, lengths, strict=True), start=1):
-        if np.isfinite(spacing) and np.isfinite(length) and abs(spacing - length) > SAME * length:
-            raise FrameError(f"axis {axis}: spacings states {spacing:g}, and space directions {length:g}; correct one")
-        if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != unit_m:
-            other = f"space units {header.get('space units', 'nothing')}"
-            raise FrameError(f"axis {axis}: units states {units[axis - 1]!r}, and {other}; correct one of them")
-    return _stated_steps(lengths, [unit_m] * count), "NRRD's space directions"
+    return [*found, (_stated_steps(spacings, units_m), "NRRD's spacings")]
 
 
 HEADER_BYTES = 2**26
@@ -233,9 +212,8 @@ def read_metaimage(path: Path, axes: Axes) -> Scan:
         if orientation := fields.get("ultrasoundimageorientation", ""):
             notes.append(f"UltrasoundImageOrientation = {orientation}")
         array = _pixels(path, fields, start, notes)
-        steps = _steps(fields, notes)
         _check_orientation(orientation, axes)
-        scan = replace(array_scan(path, array, axes, *steps), notes=tuple(notes))
+        scan = replace(array_scan(path, array, axes, _steps(fields)), notes=tuple(notes))
         return _plus_sequence(scan, fields).of_file(path)
 
 
@@ -272,7 +250,7 @@ def _check(fields: dict[str, str]) -> None:
             continue
         lengths = np.linalg.norm(values.reshape(len(sizes), -1), axis=1)
         if not np.allclose(lengths, 1.0, atol=SAME):
-            found = f"{field} has directions of length {_listed(lengths.tolist())}, not 1"
+            found = f"{field} has directions of length {' x '.join(f'{length:.6g}' for length in lengths)}, not 1"
             raise FrameError(f"{found}; put the whole scale into ElementSpacing")
 
 
@@ -312,19 +290,15 @@ def _pixels(path: Path, fields: dict[str, str], start: int, notes: list[str]) ->
     return np.frombuffer(data, dtype).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
 
 
-def _steps(fields: dict[str, str], notes: list[str]) -> Steps:
+def _steps(fields: dict[str, str]) -> list[Steps]:
     """Return the spacing in mm; the size of an element by default, as MetaIO takes it."""
-    stated: dict[str, Sequence[float | None]] = {}
+    found: list[Steps] = []
     for field in ("ElementSpacing", "ElementSize"):
         values = [float(value) for value in fields.get(field.lower(), "").split()]
         if values and len(values) != len(fields["dimsize"].split()):
             raise FrameError(f"{field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it")
-        if any(steps := _stated_steps(values, [METRES["mm"]] * len(values))):
-            stated[field] = steps
-    pairs = zip(*stated.values(), strict=True) if len(stated) == 2 else ()
-    if any(one and other and abs(one - other) > SAME * one for one, other in pairs):
-        notes.append(f"ElementSize = {fields['elementsize']}, and ElementSpacing = {fields['elementspacing']} is taken")
-    return next(((steps, field) for field, steps in stated.items()), ((), ""))
+        found += [(_stated_steps(values, [METRES["mm"]] * len(values)), field)] if values else []
+    return found
 
 
 HEADER, INTENSITY = "Header.xml", "Intensity"
@@ -348,11 +322,17 @@ def read_thorlabs(path: Path) -> Scan:
         scans.check_bytes(stated)
         if count < 1 or stated != rows * columns * count * SAMPLE.itemsize:
             raise FrameError(f"{name} has {stated} bytes; the header says {rows} x {columns} x {count} floats")
-        depth_m, lateral_m = _pixel_m(header, entry, "Z", rows), _pixel_m(header, entry, "X", columns)
-        size = PixelSize("Thorlabs' Range", depth_m=depth_m, lateral_m=lateral_m)
+        in_file, in_header = (
+            PixelSize(f"Thorlabs' {field}", depth_m=_pixel_m(range_z, rows), lateral_m=_pixel_m(range_x, columns))
+            for field, range_z, range_x in (
+                ("RangeZ, RangeX", entry.get("RangeZ"), entry.get("RangeX")),
+                ("SizeReal", *(header.findtext(f".//Image/SizeReal/Size{axis}") for axis in "ZX")),
+            )
+        )
+        size, scale_fault = scans.one_size([in_file, in_header])
         notes = tuple(f"{HEADER} states RefractiveIndex = {each.text}" for each in header.iter("RefractiveIndex"))
         scan = Scan(scans.frame_names(path, count), rows, columns, lambda: _pictures(path, name, (columns, rows)))
-        return replace(scan, size=size, notes=notes).of_file(path)
+        return replace(scan, size=size, scale_fault=scale_fault, notes=notes).of_file(path)
 
 
 def _oct_header(archive: ZipFile) -> ElementTree.Element:
@@ -376,12 +356,8 @@ def _intensity(archive: ZipFile, header: ElementTree.Element) -> tuple[ElementTr
     return found[0]
 
 
-def _pixel_m(header: ElementTree.Element, entry: ElementTree.Element, axis: str, count: int) -> float | None:
-    of_image, of_file = header.findtext(f".//Image/SizeReal/Size{axis}"), entry.get(f"Range{axis}")
-    if of_image and of_file and not np.isclose(float(of_image), float(of_file), rtol=SAME):
-        raise FrameError(f"{HEADER}: SizeReal states Size{axis} {of_image} mm, and Range{axis} is {of_file} mm")
-    range_mm = float(of_file or "0")
-    return to_si(range_mm, "mm") / count if range_mm > 0.0 else None
+def _pixel_m(range_mm: str | None, count: int) -> float | None:
+    return to_si(float(range_mm), "mm") / count if range_mm and float(range_mm) > 0.0 else None
 
 
 def _pictures(path: Path, name: str, shape: tuple[int, int]) -> scans.PictureStream:
