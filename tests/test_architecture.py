@@ -5,13 +5,13 @@ import inspect
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from math import pi
 from pathlib import Path
 
 import pytest
+from analytic_frames import recording_toml, write_one_frame
 from analytic_library import analytic_library
 from sources import syntax_nodes
 
@@ -62,16 +62,6 @@ FACTORS = {
     words: value
     for name, factor in {"mmHg": SI_PER_UNIT["mmhg"][1], "degree": pi / 180, "gravity": STANDARD_GRAVITY_M_S2}.items()
     for words, value in ((name, factor), (f"1 / {name}", 1 / factor))
-}
-# A product with a power of ten from a hundred on converts a unit, except these: module, product -> meaning.
-NO_CONVERSIONS = {
-    ("calibration.assimilation", "0.01 * eye.study.prior_mean_pa"): "the softest wall from which a search starts",
-    ("calibration.result", "1e-09 * np.abs(found).max()"): "rounding error",
-    ("laboratory.bscan", "0.0001 * row_m.max()"): "rounding error",
-    ("reader.limits", "0.0001 * max(abs(low), abs(high), 1.0)"): "the last digit that is printed",
-    ("replay.faults", "place * 1e-05"): "a fault: frames 10 us apart, by their number",
-    ("report.recording_figures", "100 * rows"): "a figure's height, mm",
-    ("study.fields", "1e-09 * max(abs(number), 1.0)"): "rounding error",
 }
 MODULES = sorted(path for path in ROOT.rglob("*.py"))
 
@@ -137,41 +127,11 @@ def check_that_it_is_pure(path: Path) -> None:
 
 
 def test_only_units_knows_the_factors_between_units() -> None:
-    found = {}
     for path in MODULES:
-        if dotted(path) == "units":
-            continue
-        for node in syntax_nodes(path):
+        for node in syntax_nodes(path) if dotted(path) != "units" else ():
             if isinstance(node, ast.Constant) and isinstance(node.value, float):
                 near = [name for name, factor in FACTORS.items() if abs(node.value / factor - 1) < 4e-4]
                 assert not near, f"{dotted(path)}:{node.lineno}: {node.value}: take {near[0]} from units"
-        found |= {(dotted(path), product): line for line, product in products_with_powers_of_ten(path)}
-    others = {place: line for place, line in found.items() if place not in NO_CONVERSIONS}
-    assert not others, "take to_si or from_si of units"
-    assert set(NO_CONVERSIONS) <= set(found)
-
-
-def products_with_powers_of_ten(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield products and quotients in which a side is 100, 1000, ... or one over it, or is named after a unit."""
-    for node in syntax_nodes(path):
-        sides = [node.left, node.right] if isinstance(node, ast.BinOp) else []
-        sides += [node.value] if isinstance(node, ast.AugAssign) else []
-        scales = isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.Mult | ast.Div | ast.FloorDiv)
-        if scales and any(is_power_of_ten(side) or is_named_after_a_unit(side) for side in sides):
-            yield node.lineno, ast.unparse(node)
-
-
-def is_named_after_a_unit(node: ast.expr) -> bool:
-    """Return True for a constant like `MM` or `MM_PER_M`."""
-    name = node.id if isinstance(node, ast.Name) else ""
-    return name.isupper() and name.lower().split("_per_")[0] in SI_PER_UNIT
-
-
-def is_power_of_ten(node: ast.expr) -> bool:
-    number = node.operand if isinstance(node, ast.UnaryOp) else node
-    if not isinstance(number, ast.Constant) or type(number.value) not in (int, float):
-        return False
-    return number.value > 0 and number.value in {float(f"1e{sign}{power}") for sign in "+-" for power in range(2, 16)}
 
 
 def test_only_the_package_itself_lists_its_public_names_and_no_record_reaches_into_another() -> None:
@@ -201,12 +161,16 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
     output_of(block)
 
 
-def test_help_imports_no_package_of_numerics_and_what_neither_reads_nor_solves_no_numba(tmp_path: Path) -> None:
-    folder = tmp_path / "study"
-    for command, others in (("--help", {"numpy", "cv2", "torch", "matplotlib"}), (f"init {folder}", set()),
-                            (f"show {folder / 'study.toml'}", set())):  # fmt: skip
+def test_commands_import_only_packages_that_they_use(tmp_path: Path) -> None:
+    folder, frame = tmp_path / "study", write_one_frame(tmp_path / "session", recording_toml("mine"))
+    unused = {"scipy.linalg", "scipy.sparse", "scipy.special", "matplotlib", "zarr", "torch", "onnx", "pydicom",
+              "tifffile", "meshio", "pandas"}  # fmt: skip
+    for command, others in (
+        ("--help", {"numba", "numpy", "cv2", "torch", "matplotlib"}), (f"init {folder}", {"numba"}),
+        (f"show {folder / 'study.toml'}", {"numba"}), (f"classify default {frame}", unused),
+    ):  # fmt: skip
         script = f"import sys; from scleraforce.cli.main import run; assert run({command.split()!r}) == 0\n"
-        output_of(f"{script}assert not {others | {'numba'}!r} & set(sys.modules)")
+        output_of(f"{script}assert not {others!r} & set(sys.modules)")
 
 
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"

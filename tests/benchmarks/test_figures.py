@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from effects import contents
 from workers import leave_a_mark_or_wait
 
 from figures import commands, readings, recordings
@@ -30,7 +31,7 @@ from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_info
-from scleraforce.study import Study, format_record
+from scleraforce.study import OctStudy, Study, format_record
 from scleraforce.units import to_si
 
 STUDY = Study()
@@ -125,6 +126,24 @@ def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imag
         recordings.make_eye(folder, eye)
         truth = json.loads((folder.recording(eye) / "truth.json").read_text())
         assert ("turn" in truth["frames"][0]) == (paths == 3)
+
+
+@pytest.mark.slow
+def test_an_eye_that_a_worker_of_a_cluster_sends_is_the_one_made_here_from_the_same_sources(tmp_path, monkeypatch):
+    drawn = draw_eyes("plain", 1, Study(oct=OctStudy(columns=128, rows=96)))[0]
+    coarse = replace(drawn.study, mesh=replace(drawn.study.mesh, core=2, rings=4))
+    drawn, there, here = (
+        replace(drawn, study=coarse, shares=(0.1, 0.2)),
+        *map(FiguresFolder, (tmp_path / "a", tmp_path)),
+    )
+    sent = recordings._making((drawn,))(0)
+    recordings._write_sent(there, drawn, sent)
+    recordings.make_eye(here, drawn)
+    assert recordings.read_made(there, drawn).files == recordings.read_made(here, drawn).files
+    assert contents(there.path / "recordings") == contents(here.path / "recordings")
+    monkeypatch.setattr(recordings, "hash_sources", lambda *_: "another")
+    with pytest.raises(ScleraforceError, match="a worker has other sources"):
+        recordings._write_sent(there, drawn, sent)
 
 
 def test_leaning_needles_are_calibrated_in_another_recording_at_another_lean():

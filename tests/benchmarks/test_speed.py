@@ -2,13 +2,11 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from time import sleep
 
 import click
 import pytest
@@ -104,23 +102,6 @@ def test_another_benchmark_waits_until_the_first_is_done(tmp_path: Path) -> None
     assert waiting.wait(300.0) == 0
     waiting.stderr.close()
     assert mark.exists()
-
-
-@pytest.mark.slow
-def test_an_interrupted_run_writes_nothing(tmp_path: Path) -> None:
-    words = ["--quick", "--out", str(tmp_path / "out")]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "speed", *words], env=environment(tmp_path) | {"TMPDIR": str(tmp_path)},
-        stderr=subprocess.PIPE, text=True, start_new_session=True,
-    )  # fmt: skip
-    while not list(tmp_path.glob("bench-*")):
-        sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=300.0)
-    assert process.returncode == 130
-    assert said.endswith("interrupted; nothing was written\n")
-    assert not (tmp_path / "out").exists()
-    assert not list(tmp_path.glob("bench-*"))
 
 
 @pytest.mark.slow

@@ -2,20 +2,12 @@
 
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from analytic_frames import recording_toml, write_one_frame
-from waiting import FUSE_S
 
 from scleraforce.models import FOLDER, LIBRARY_FILE, SHIPPED_LIVING, SHIPPED_READER, read_folder
-
-NOT_FOR_A_FRAME = (
-    "scipy.linalg", "scipy.sparse", "scipy.special", "matplotlib", "zarr", "torch",
-    "onnx", "pydicom", "tifffile", "meshio", "pandas",
-)  # fmt: skip
 
 
 @pytest.fixture
@@ -71,12 +63,3 @@ def test_a_wrong_name_is_an_error_that_lists_the_bundled_ones(frame: Path, shell
         refused = shell.refused(*arguments)
         assert refused.startswith(f"error: defualt: no such folder, and not a bundled model {bundled}")
         assert sorted(path.name for path in frame.parents[2].iterdir()) == ["session"]
-
-
-def test_reading_a_frame_imports_nothing_that_it_does_not_need(frame: Path) -> None:
-    words = ["classify", "default", str(frame), "--youngs-modulus-mpa", "0.25"]
-    script = (f"import sys; from scleraforce.cli.main import run; code = run({words!r})\nprint(*[name for name in "
-              f"{NOT_FOR_A_FRAME!r} if name in sys.modules], file=sys.stderr); sys.exit(code)")  # fmt: skip
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=FUSE_S)
-    assert "mN (90 %:" in done.stdout
-    assert done.stderr.split() == []

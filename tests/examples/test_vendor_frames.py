@@ -1,9 +1,4 @@
-"""Files of four makers as volumes: with fakes of OCT-Converter's readers, and with itself where it is installed.
-
-It cannot be installed beside scleraforce (examples/vendor_frames.py); its own tests here run in its environment:
-`vendor/bin/pip install pytest`, then
-`PYTHONPATH=tests/support vendor/bin/python -m pytest -c /dev/null --noconftest tests/examples/test_vendor_frames.py`.
-"""
+"""Files of four makers as volumes, with fakes of OCT-Converter's readers: it cannot be installed beside scleraforce."""
 
 import struct
 import sys
@@ -119,38 +114,3 @@ def test_what_cannot_be_taken_over_whole_is_refused_in_one_line(monkeypatch, cap
     ):
         installed(monkeypatch, reader, read)
         assert words in refused(capsys, file, "--out", "out")
-
-
-def bioptigen(scans: int = FRAMES) -> bytes:
-    """A file of one scan after another, by OCT-Converter's description of the format."""
-
-    def field(key: str, value: bytes) -> bytes:
-        return struct.pack("<I", len(key)) + key.encode() + struct.pack("<I", len(value)) + value
-
-    def whole(key: str, value: int) -> bytes:
-        return field(key, struct.pack("<I", value))
-
-    def real(key: str) -> bytes:
-        return field(key, struct.pack("<d", 1.0))
-
-    head = struct.pack("<IH", 0xC40F2B14, 1) + field("FRAMEHEADER", b"")
-    head += whole("FRAMECOUNT", scans) + whole("LINECOUNT", COLUMNS) + whole("LINELENGTH", ROWS)
-    head += whole("SAMPLEFORMAT", 2) + field("DESCRIPTION", b"a")
-    for axis in "XY":
-        head += real(f"{axis}MIN") + real(f"{axis}MAX") + field(f"{axis}CAPTION", b"a")
-    head += whole("SCANTYPE", 0) + b"".join(map(real, ("DEPTH", "LENGTH", "AZ", "EL", "DISTANCE", "ANGLE")))
-    head += whole("SCANS", 1) + whole("FRAMES", scans) + whole("DOPPLERFLAG", 0) + whole("CONFIG", 0) + bytes(4)
-    taken = field("FRAMEDATETIME", struct.pack("<8H", 2026, 11, 1, 23, 12, 0, 0, 0))
-    lines = field("FRAMEDATA", b"") + taken + real("FRAMETIMESTAMP") + whole("FRAMELINES", COLUMNS)
-    pixels = [struct.pack("<I", 11) + b"FRAMESAMPLE" + struct.pack("<I", 2 * ROWS * COLUMNS) + frame.T.tobytes()
-              for frame in VOLUME]  # fmt: skip
-    return head + b"".join(lines + frame + bytes(4) for frame in pixels)
-
-
-def test_oct_converter_reads_a_bioptigen_file_unless_it_is_cut(capsys) -> None:
-    pytest.importorskip("oct_converter")
-    Path("a.OCT").write_bytes(bioptigen()[:-2000])
-    refused(capsys, "a.OCT", "--out", "out")
-    Path("a.OCT").write_bytes(bioptigen())
-    assert vendor_frames.main(["a.OCT", "--out", "out"]) == 0, capsys.readouterr().err
-    np.testing.assert_array_equal(np.load("out/a-1.npy"), VOLUME)

@@ -1,6 +1,5 @@
-"""Data sets, networks and recordings made by a Dask cluster: the bytes of this machine, even if a worker dies."""
+"""Networks made with a Dask cluster: the numbers of this machine."""
 
-import signal
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -8,21 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from effects import contents
 from small_models import SMALL_STUDY
 from workers import NEEDS_DASK, Cluster
 
 from scleraforce.learning.classifier import CLASSIFIER_THREADS, Samples, search_sizes
-from scleraforce.learning.dataset import generate_dataset
 from scleraforce.learning.wall_finder import fit_wall_finder
 from scleraforce.processes import cluster_workers
-from scleraforce.study import DatasetGroup, MeshStudy, NetworkStudy, OctStudy, Study
+from scleraforce.study import NetworkStudy
 
 pytestmark = [*NEEDS_DASK, pytest.mark.slow]
-
-GROUPS = tuple(DatasetGroup(thickness_m=thickness_m, images=600, max_force_n=20e-3) for thickness_m in (5e-4, 8e-4))
-STUDY = Study(oct=OctStudy(columns=128, rows=96), mesh=MeshStudy(divisions=4, level=0))
-STUDY = replace(STUDY, dataset=replace(STUDY.dataset, contacts=12, group=GROUPS))
 
 
 @pytest.fixture(autouse=True)
@@ -36,26 +29,6 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
     made = Cluster(tmp_path)
     yield made
     made.end()
-
-
-def test_slices_are_the_same_on_a_cluster_that_loses_a_worker_and_after_ctrl_c(cluster: Cluster, tmp_path) -> None:
-    victim, _ = cluster.worker(), cluster.worker()
-    done: list[int] = []
-
-    def interrupt(count: int) -> None:
-        done.append(count)
-        if sum(done) == 200:
-            victim.send_signal(signal.SIGKILL)
-        if sum(done) == 600:
-            raise KeyboardInterrupt
-
-    there, here = tmp_path / "there", tmp_path / "here"
-    with pytest.raises(KeyboardInterrupt):
-        generate_dataset(STUDY, there, workers=cluster_workers(cluster.address), progress=interrupt)
-    assert victim.wait() == -signal.SIGKILL
-    assert generate_dataset(STUDY, there, workers=cluster_workers(cluster.address)).simulated == 600
-    generate_dataset(STUDY, here, workers=2)
-    assert contents(there) == contents(here)
 
 
 def test_a_search_on_a_cluster_finds_what_one_here_finds(cluster: Cluster) -> None:

@@ -164,35 +164,6 @@ def test_debians_receiver_prints_what_the_monitor_says(build) -> None:
     assert "WITHDRAW: " in out
 
 
-@compiled
-@debians
-@pytest.mark.slow
-def test_debians_image_client_sends_frames_that_are_refused_by_their_size(build) -> None:
-    program = build(EXAMPLES / "Imager" / "ImagerClient.cxx")
-    with serving() as port, Peer(port) as robot:
-        images = EXAMPLES / "Imager" / "img"
-        child = subprocess.Popen([program, "127.0.0.1", str(port), "50", str(images)], stderr=subprocess.DEVNULL)
-        status = robot.wait_for_code(3)
-        child.terminate()
-        child.wait(FUSE_S)
-    assert status.subcode == 107
-    assert "(256, 256)" in status.message
-
-
-@compiled
-@debians
-@pytest.mark.slow
-def test_debians_tracker_is_heard_and_changes_nothing(build) -> None:
-    program = build(EXAMPLES / "Tracker" / "TrackerClient.cxx")
-    with serving() as port, Peer(port) as scanner:
-        child = subprocess.Popen([program, "127.0.0.1", str(port), "100"])
-        scanner.watch(force_mn=10.0, frames=40)
-        assert child.poll() is None
-        assert {status.code for status in scanner.statuses()} == {13, 1}
-        child.terminate()
-        child.wait(FUSE_S)
-
-
 def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
     with serving() as port, Peer(port) as robot:
         client = pyigtl.OpenIGTLinkClient("127.0.0.1", port)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from commands import said
-from small_recordings import LOGGED_INFO, calibration_text
+from small_recordings import LOGGED_INFO, LOOKED_AT_COLUMNS, LOOKED_AT_ROWS, calibration_text, drawn_wall
 
 from scleraforce.errors import RecordingError
 from scleraforce.known.calibration_file import read_calibration
@@ -27,29 +27,24 @@ from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study, format_record
 
 FORCES_N = (0.002, 0.010, 0.020, 0.040, 0.080, 0.050)  # classes 0 1 1 2, over the largest force, pierced
-ROWS, COLUMNS = 256, 300
-SCALE = PixelScale(lateral_m=15e-3 / COLUMNS, depth_m=4e-3 / ROWS)
-
-
-def draw_frame(dent_m: float, rng: np.random.Generator) -> np.ndarray:
-    """A bright wall 0.6 mm thick, an arc of 12 mm with a dent, in speckle."""
-    lateral_m = (np.arange(COLUMNS) + 0.5) / COLUMNS * 15e-3 - 7.5e-3
-    top_m = 0.5e-3 + 12e-3 - np.sqrt(12e-3**2 - lateral_m**2) + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
-    depth_m = (np.arange(ROWS)[:, None] + 0.5) / ROWS * 4e-3
-    wall = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
-    return np.clip(rng.normal(np.where(wall, 2400.0, 600.0), 150.0), 0, 4095).astype(np.uint16)
+SCALE = PixelScale(lateral_m=15e-3 / LOOKED_AT_COLUMNS, depth_m=4e-3 / LOOKED_AT_ROWS)
 
 
 def write_recording(path: Path, eye: str, gap_m: float = 0.5e-3, forces: bool = True) -> Path:
     """Six frames, 4 s apart, each in the middle of a push; the fourth shows nothing."""
     rng = np.random.default_rng(4)
     (path / "frames").mkdir(parents=True)
-    scan, needle = replace(LOGGED_INFO.oct, rows=ROWS, columns=COLUMNS), NeedleInfo(gauge=22, slice_gap_m=gap_m)
+    scan, needle = (
+        replace(LOGGED_INFO.oct, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS),
+        NeedleInfo(gauge=22, slice_gap_m=gap_m),
+    )
     info = RecordingInfo(EyeInfo(eye, thickness_m=6e-4), scan, needle, LOGGED_INFO.force)
     (path / "recording.toml").write_text(format_record(info))
     lines = ["file,time_s,pierced"]
     for number, force_n in enumerate(FORCES_N):
-        frame = draw_frame(30.0 * force_n * 1e-3, rng) if number != 3 else np.full((ROWS, COLUMNS), 600, np.uint16)
+        frame = drawn_wall(rng, 0.03 * force_n)
+        if number == 3:
+            frame[:] = 600
         cv2.imwrite(str(path / "frames" / f"{number}.png"), frame)
         lines.append(f"{number}.png,{5 + 6 * number},{int(number == 5)}")
     (path / "frames.csv").write_text("\n".join(lines) + "\n")
@@ -164,7 +159,7 @@ def test_a_recording_that_was_read_is_not_read_again(places, reader, tmp_path: P
 def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(reader) -> None:
     rng = np.random.default_rng(2)
     for dent_m, leaves in ((0.0, False), (1.5e-3, False), (3.2e-3, False), (4e-3, True), (6e-3, True)):
-        answer = reader.read(draw_frame(dent_m, rng), SCALE)
+        answer = reader.read(drawn_wall(rng, dent_m), SCALE)
         assert answer.usable is not leaves
         if leaves:
             assert (answer.predicted, answer.probabilities) == (2, None)
@@ -221,20 +216,3 @@ def test_a_recording_without_a_force_log_is_read_but_not_scored(places, capsys) 
     blank = result["frames"][3]
     assert blank["recording"] == str(places["silent"])
     assert (blank["probabilities"], blank["usable"]) == (None, False)
-
-
-def test_classify_answers_as_evaluate_does_at_the_given_scale(places, reader, capsys) -> None:
-    frames = [places["a"] / "frames" / f"{number}.png" for number in range(6)]
-    answers = json.loads(said(capsys, "classify", places["model"], *frames, "--json"))["frames"]
-    expected = evaluate_recordings(reader, [places["a"]]).frames
-    assert [entry["file"] for entry in answers] == [str(frame) for frame in frames]
-    assert [entry["predicted"] for entry in answers] == [frame.answer.predicted for frame in expected]
-    assert [entry["usable"] for entry in answers] == [frame.answer.usable for frame in expected]
-    first = answers[1]["probabilities"]
-    np.testing.assert_allclose(first, expected[1].answer.probabilities)
-    scales = (
-        (["--width-mm", 15, "--depth-mm", 4], True), (["--width-mm", 5], False), (["--refractive-index", 1.4], False),
-    )  # fmt: skip
-    for options, same in scales:
-        (entry,) = json.loads(said(capsys, "classify", places["model"], frames[1], "--json", *options))["frames"]
-        assert (entry["probabilities"] == first) is same

@@ -201,17 +201,6 @@ def test_more_options_of_the_eye_narrow_the_interval_of_classify(places, capsys,
     assert "mN (90 %:" in said(capsys, *command, *eye)
 
 
-def test_classify_withdraws_from_other_eyes_and_refuses_values_that_are_not_numbers(places, capsys) -> None:
-    command = "classify", places["model"], places["mine"] / "frames" / "0.png", "--json"
-    (entry,) = json.loads(said(capsys, *command, "--iop-mmhg", 30))["frames"]
-    assert (entry["usable"], entry["predicted"], entry["predicted_force_mn"]) == (False, 2, None)
-    assert entry["reason"].startswith("IOP 30 mmHg")
-    for option in ("--youngs-modulus-mpa", "--iop-mmhg", "--thickness-um", "--gap-mm"):
-        message = said(capsys, *command, option, "nan", code=2)
-        assert message.startswith(f"error: Invalid value for '{option}': nan is not a finite number; ")
-        assert message.count("\n") == 1
-
-
 @pytest.mark.slow
 def test_intervals_are_stretched_to_hold_on_recordings(places, tmp_path: Path, capsys) -> None:
     out = tmp_path / "stretched"

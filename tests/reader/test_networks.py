@@ -20,29 +20,7 @@ from scleraforce.study import ReaderStudy
 from scleraforce.units import to_si
 
 EDGES_M2 = networks.ratio_edges(20, 0.4e-6)
-MODULUS_PA = np.array([0.2e6, 0.31e6, 0.5e6])
 BOUNDS_N = (5e-3, 30e-3)
-
-
-@pytest.fixture
-def histograms() -> np.ndarray:
-    return np.random.default_rng(5).dirichlet(np.full(20, 0.3), size=3)
-
-
-def drawn_forces(histogram: np.ndarray, modulus_pa: float, count: int) -> np.ndarray:
-    rng = np.random.default_rng(6)
-    bins = rng.choice(len(histogram), size=count, p=histogram)
-    return modulus_pa * rng.uniform(EDGES_M2[bins], EDGES_M2[bins + 1])
-
-
-def test_quantiles_and_classes_agree_with_forces_drawn_from_the_histogram(histograms) -> None:
-    for histogram, modulus_pa in zip(histograms, MODULUS_PA, strict=True):
-        forces_n = drawn_forces(histogram, modulus_pa, 200_000)
-        found = networks.histogram_reading((3.0 * histogram).tolist(), EDGES_M2.tolist(), modulus_pa, BOUNDS_N)
-        below = [(forces_n < end_n).mean() for end_n in (found.interval_n[0], found.force_n, found.interval_n[1])]
-        np.testing.assert_allclose(below, (0.05, 0.5, 0.95), atol=0.005)
-        counted = np.histogram(forces_n, [0.0, *BOUNDS_N, np.inf])[0] / len(forces_n)
-        np.testing.assert_allclose(found.probabilities, counted, atol=0.005)
 
 
 def test_the_classes_have_the_histogram_s_shares_below_their_bounds() -> None:

@@ -119,14 +119,6 @@ def test_nothing_is_found_where_the_thickness_is_untold_or_fits_both_surfaces_lo
     assert below_conjunctiva(made.frame, SCALE, first, WALL_M) is first
 
 
-def test_readers_look_below_it() -> None:
-    made = bscan(layer(140e-6, 3), 3)
-    told = look(made.frame, SCALE, STUDY.slice, thickness_m=WALL_M)
-    untold = look(made.frame, SCALE, STUDY.slice)
-    assert rows_off(told.segmentation, made) < 3.0 < 8.0 < rows_off(untold.segmentation, made)
-    assert told.cuts[0].sum() < untold.cuts[0].sum()
-
-
 def test_a_network_that_takes_the_conjunctiva_for_wall_does_not_speak_against_the_given_thickness(
     shipped: WallFinder,
 ) -> None:

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from scleraforce.mechanics.contact import Section, SliceWindow
-from scleraforce.mechanics.section import fill_section
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import Segmentation
 
@@ -87,22 +85,6 @@ def test_inner_boundary_is_unseen_where_the_frame_ends_or_the_wall_is_uneven() -
 
 
 SLICE = SliceStudy()
-SCALE = PixelScale(lateral_m=15e-3 / 512, depth_m=4e-3 / 512)
-WINDOW = SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=0.1e-3)
-
-
-@pytest.mark.parametrize("dent_m", [0.0, 1.0e-3, 3.0e-3, 4.5e-3])
-@pytest.mark.parametrize("shift_m", [0.0, 0.037e-3])
-def test_the_slice_is_that_of_the_section_with_the_same_curves(dent_m: float, shift_m: float):
-    x = (np.arange(512) + 0.5) * SCALE.lateral_m - 7.5e-3
-    outer_m = 0.31e-3 + shift_m + x**2 / 24e-3 + dent_m * np.exp(-(x**2) / (2 * 1.5e-3**2))
-    inner_m = outer_m + 0.6e-3
-    section = Section(np.stack([x, outer_m], axis=1), np.stack([x, inner_m], axis=1))
-    rows = (curve / SCALE.depth_m - 0.5 for curve in (outer_m, inner_m))
-    drawn = boundary_slice(Segmentation(*rows, 512, True, "", True, thickness_m=0.5e-3), SCALE, SLICE)
-    np.testing.assert_array_equal(drawn, fill_section(section, WINDOW))
-    assert drawn.shape == (40, 140)
-    assert set(np.unique(drawn)) == {0, 255}
 
 
 def test_a_pixel_whose_middle_lies_on_the_surface_is_wall_and_one_on_the_inner_boundary_is_not():
