@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scleraforce.arrays import Flags, Floats, Integers, Places
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording import pixels as scans
+from scleraforce.recording.images import JPEG_SIGNATURE, PNG_SIGNATURE, read_picture
 from scleraforce.recording.pixels import Scan, Times, UnansweredError, check_size
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
 from scleraforce.units import from_si
@@ -39,13 +40,10 @@ EARLIEST_MS, LATEST_MS = 1.0, 1000.0  # before and after its stamp, that a messa
 def _image_pixels(message: Any, place: str) -> NDArray[Any]:
     """Return the grey pixels (row, column) of a sensor_msgs Image or CompressedImage; `place` is for messages."""
     if hasattr(message, "format"):
-        data = np.asarray(message.data, dtype=np.uint8)
-        if data[:2].tobytes() not in (b"\x89P", b"\xff\xd8"):
+        packed = bytes(message.data)
+        if not packed.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
             raise FrameError(f"{place}: compressed as {message.format!r}; PNG and JPEG are read")
-        decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-        if decoded is None:
-            raise FrameError(f"{place}: damaged: an image that cannot be decoded")
-        return np.asarray(decoded if decoded.ndim == 2 else cv2.cvtColor(decoded[..., :3], cv2.COLOR_BGR2GRAY))
+        return read_picture(place, packed)[0]
     if (encoding := message.encoding) not in (*GREYS, *COLOURS):
         raise FrameError(f"{place}: encoding {encoding!r}; one of {', '.join((*GREYS, *COLOURS))}")
     kind = np.dtype((">" if message.is_bigendian else "<") + GREYS.get(encoding, "u1"))

@@ -305,10 +305,10 @@ def _question(said: str, column: LogColumn, other: str, columns: Sequence[LogCol
     return UnansweredError("--column", f"{said}: {column.answer()} or {column.answer(other)}?", *forms)
 
 
-def _range_n(text: Table) -> float | None:
+def _range_n(text: Table) -> float:
     stated = [each for line in text.above if (found := RANGE.search(line)) for each in FORCE_IN_TEXT.findall(found[1])]
     sizes_n = [(number(size, ",") or 0.0) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated]
-    return max(sizes_n, default=0.0) or None
+    return max(sizes_n, default=0.0) or np.inf
 
 
 def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:

@@ -50,7 +50,7 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
     elif data.startswith(TIFF_MARKS):
         scan = read_tiff(path, data)
     else:
-        return _read_picture(path, data)
+        return read_picture(path, data)
     if len(scan.names) != 1:
         raise FrameError(f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it")
     (pixels,) = scan.pictures()
@@ -63,7 +63,8 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
         return scans.grey_pixels(np.ascontiguousarray(pixels)), scan
 
 
-def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
+def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
+    """Read a PNG or JPEG, as `read_image` does; `path` is for messages."""
     with named_faults(path, "image"):
         if not data.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
             found = "an empty file" if not data else "not an image that can be read"
@@ -79,7 +80,7 @@ def _read_picture(path: Path, data: bytes) -> tuple[Pixels, Scan]:
         notes += [f"EXIF Orientation {orientation}: turned as it states"] if orientation != UPRIGHT else []
         grey: Pixels = np.ascontiguousarray(as_shown(scans.grey_pixels(pixels, cv2.COLOR_BGR2GRAY), orientation))
     (rows, columns), bits = grey.shape, 8 if grey.itemsize == 1 else None
-    scan = Scan((str(path),), rows, columns, lambda: iter([read_image(path)[0]]), bits=bits, notes=tuple(notes))
+    scan = Scan((str(path),), rows, columns, lambda: iter([read_image(Path(path))[0]]), bits=bits, notes=tuple(notes))
     return grey, scan.of_file(path)
 
 

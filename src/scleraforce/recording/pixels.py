@@ -271,7 +271,7 @@ class Scan:
         stream = self.pictures
         return replace(self, names=self.names[start:stop], times=times, pictures=lambda: islice(stream(), start, stop))
 
-    def of_file(self, path: Path) -> "Scan":
+    def of_file(self, path: Path | str) -> "Scan":
         """Return the scan with the file's name before each note and fault."""
         scale_fault, times_fault = (fault and f"{path}: {fault}" for fault in (self.scale_fault, self.times_fault))
         notes = tuple(f"{path}: {note}" for note in self.notes)

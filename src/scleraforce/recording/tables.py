@@ -331,7 +331,7 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     return log
 
 
-def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], range_n: float | None = None) -> ForceLog:
+def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], range_n: float = np.inf) -> ForceLog:
     """Return a log with NaN for implausible samples, and notes; refuse a bad clock, or too many of them."""
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
@@ -351,7 +351,7 @@ def gap_notes(path: Path, forces: Floats) -> tuple[str, ...]:
     return (f"{path.name}: {missing} of {len(forces)} samples have no force (nan)",) if missing else ()
 
 
-def _without_implausible(log: ForceLog, place: Callable[[int], str], range_n: float | None, notes: list[str]) -> Floats:
+def _without_implausible(log: ForceLog, place: Callable[[int], str], range_n: float, notes: list[str]) -> Floats:
     beyond = np.zeros(log.wrench_sc.shape, dtype=bool)
     limits_n = {}
     for column, name in enumerate(log.columns):
@@ -363,16 +363,14 @@ def _without_implausible(log: ForceLog, place: Callable[[int], str], range_n: fl
         step_n = float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
         typical_n = max(float(np.median(np.abs(known_n - middle_n))), step_n)
         limits_n[column] = limit_n = max(IMPLAUSIBLE_RATIO * typical_n, LEAST_IMPLAUSIBLE_N)
-        beyond[:, column] = np.abs(force_n - middle_n) > limit_n
-        if range_n is not None:
-            beyond[:, column] |= np.abs(force_n) > range_n
+        beyond[:, column] = (np.abs(force_n - middle_n) > limit_n) | (np.abs(force_n) > range_n)
     if not beyond.any():
         return log.wrench_sc
     flagged: Flags = np.asarray(beyond.any(axis=1))
     sample, column = np.argwhere(beyond)[0].tolist()
     value_n = log.wrench_sc[sample, column]
-    outside = range_n is not None and abs(value_n) > range_n
-    why = f"the sensor's range is {range_n:g} N" if outside else f"{limits_n[column]:.3g} N off its median is the most"
+    beside = f"{limits_n[column]:.3g} N off its median is the most"
+    why = f"the sensor's range is {range_n:g} N" if abs(value_n) > range_n else beside
     found, count = f"{log.columns[column]}: {value_n:.4g} N ({why})", f"{flagged.sum()} of {len(flagged)} samples"
     if flagged.mean() > MOST_IMPLAUSIBLE:
         raise RecordingError(f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor")
