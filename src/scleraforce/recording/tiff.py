@@ -9,7 +9,6 @@ from functools import partial
 from io import BytesIO
 from math import inf, isclose
 from pathlib import Path
-from struct import unpack
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
@@ -95,8 +94,6 @@ def _check_page(file: "TiffFile", page: "TiffPage") -> None:
         found = f"SamplesPerPixel {page.samplesperpixel}, PhotometricInterpretation {kind}"
         raise FrameError(f"{found}: several channels; save the one with the frames")
     scans.check_size(max(2, page.tilelength), max(2, page.tilewidth))
-    if page.imagedepth != 1 or page.bitspersample > 64:
-        raise FrameError(f"a TIFF of {page.imagedepth} layers of {page.bitspersample} bits; give one frame")
     for at, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         if page.compression in DEFLATE:
             scans.unpacked(_read(file, at, count), int(np.prod(page.chunks)) * 8)
@@ -122,12 +119,9 @@ def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
 
 def _check_pages(file: "TiffFile", pages: "Sequence[TiffPage]", there: int, count: int) -> None:
     """Check that tifffile reached all pages: `there` pages of frames are in it, `count` frames are stated."""
-    last, form = pages[-1], file.tiff
-    (number,) = unpack(form.tagnoformat, _read(file, last.offset, form.tagnosize))
-    after = last.offset + form.tagnosize + number * form.tagsize
-    (following,) = unpack(form.offsetformat, _read(file, after, form.offsetsize))
+    after = file.pages.next_page_offset  # where the place of a further page is
     ends = [at + size for page in pages for at, size in zip(page.dataoffsets, page.databytecounts, strict=True)]
-    if following != 0 or max(ends) > file.filehandle.size:
+    if after is None or any(_read(file, after, file.tiff.offsetsize)) or max(ends) > file.filehandle.size:
         raise FrameError("damaged: its end is missing, or pages that it states")
     stated = int((file.imagej_metadata or {}).get("images", count))
     if stated != count:

@@ -200,7 +200,6 @@ TYPES = {
     "MET_DOUBLE": "f8",
 }  # fmt: skip
 BYTE_ORDERS = ("BinaryDataByteOrderMSB", "ElementByteOrderMSB")
-NOT_READ = ("HeaderSizePerSlice", "HeaderSizesPerDataFile")
 
 
 def read_metaimage(path: Path, axes: Axes) -> Scan:
@@ -232,24 +231,15 @@ def _header(path: Path) -> tuple[dict[str, str], int]:
 
 
 def _check(fields: dict[str, str]) -> None:
-    if (kind := fields.get("objecttype", "Image")).lower() != "image":
-        raise FrameError(f"ObjectType = {kind}; give one of ObjectType = Image")
-    for field in NOT_READ:
-        if field.lower() in fields:
-            raise FrameError(f"{field} = {fields[field.lower()]}: not read; {CONVERT}")
     if int(channels := fields.get("elementnumberofchannels", "1")) != 1:
         raise FrameError(f"ElementNumberOfChannels = {channels}; give grey frames, of one channel")
     if missing := [field for field in ("DimSize", "ElementType") if field.lower() not in fields]:
         raise FrameError(f"damaged: its header has no {missing[0]}")
-    sizes, count = fields["dimsize"].split(), fields.get("ndims", "")
-    if count and int(count) != len(sizes):
-        raise FrameError(f"NDims = {count}, and DimSize has {len(sizes)} numbers; correct one of them")
+    axes = len(fields["dimsize"].split())
     for field in ("TransformMatrix", "Orientation", "Rotation"):
         values = np.array(fields.get(field.lower(), "").split(), dtype=np.float64)
-        if values.size != len(sizes) ** 2:
-            continue
-        lengths = np.linalg.norm(values.reshape(len(sizes), -1), axis=1)
-        if not np.allclose(lengths, 1.0, atol=SAME):
+        lengths = np.linalg.norm(values.reshape(axes, -1), axis=1)
+        if values.size == axes**2 and not np.allclose(lengths, 1.0, atol=SAME):
             found = f"{field} has directions of length {' x '.join(f'{length:.6g}' for length in lengths)}, not 1"
             raise FrameError(f"{found}; put the whole scale into ElementSpacing")
 
@@ -272,16 +262,11 @@ def _pixels(path: Path, fields: dict[str, str], start: int, notes: list[str]) ->
     scans.check_bytes(size)
     data_path = _data_file(path, "ElementDataFile = ", fields["elementdatafile"])
     local, skipped = data_path == path, int(fields.get("headersize", "0"))
-    packed = _flag(fields, "CompressedData", False)
-    if skipped < -1 or (skipped > 0 and local) or (skipped and packed):
-        where = "pixels in the same file" if local else "CompressedData = True"
-        raise FrameError(f"HeaderSize = {skipped} beside {where}; {CONVERT}")
     data = data_path.read_bytes()[(start if local else 0) + max(skipped, 0) :]
     if not _flag(fields, "BinaryData", True):
         return np.array(data.split()).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
-    data = scans.unpacked(data, size) if packed else data
-    if skipped == -1:
-        data = data[len(data) - size :] if len(data) > size else data
+    data = scans.unpacked(data, size) if _flag(fields, "CompressedData", False) else data
+    data = data[max(len(data) - size, 0) :] if skipped == -1 else data
     if len(data) != size:
         stated = f"DimSize = {fields['dimsize']} of {fields['elementtype']} take {size} (HeaderSize = {skipped})"
         raise FrameError(f"damaged: {data_path.name} has {len(data)} bytes of pixels; {stated}")
