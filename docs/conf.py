@@ -18,7 +18,7 @@ except (OSError, subprocess.CalledProcessError):  # not a clone
     html_last_updated_fmt = f"%Y-%m-%d (scleraforce {version})"
 
 extensions = [
-    *("myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"),
+    *("myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"),
     *("commands", "excerpts", "mathml", "references", "state_table"),  # of the folder `extensions`
 ]
 exclude_patterns = ["extensions"]
@@ -38,6 +38,11 @@ nitpick_ignore_regex = [
     ("py:class", r"scleraforce\.library\.(splines|stiffened)\..*"),
 ]
 
+# The notebooks are committed without outputs; the build runs them, in folders that are then removed.
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300  # seconds a cell
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 4
 myst_fence_as_directive = ["mermaid"]

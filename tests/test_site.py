@@ -1,5 +1,7 @@
 """The pages as a site: `make docs` builds it without a warning, and it is read and searched without a network."""
 
+import html
+import json
 import re
 import subprocess
 import sys
@@ -13,7 +15,9 @@ import scleraforce
 from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted(path.relative_to(ROOT / "docs").with_suffix(".html") for path in (ROOT / "docs").rglob("*.md"))
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
+SHOWN = [*(ROOT / "docs").rglob("*.md"), *NOTEBOOKS]
+PAGES = sorted(path.relative_to(ROOT / "docs").with_suffix(".html") for path in SHOWN)
 
 pytestmark = pytest.mark.slow
 
@@ -57,6 +61,22 @@ def test_the_reference_has_every_public_function_and_every_command(site: Path) -
         assert f'id="scleraforce.{name}"' in functions, name
     commands = (site / "reference" / "commands.html").read_text(encoding="utf-8")
     assert [name for name in COMMANDS if f'id="scleraforce-{name}"' not in commands] == []
+
+
+def test_the_notebooks_run_and_their_pages_show_what_they_print_and_draw(site: Path) -> None:
+    printed = {
+        "first_reading": ["known E:   <Answer: class 1, 18", "class 2, 4", "<Recording"],
+        "my_own_recording": ["0.31 MPa", "3 of 3 classes right"],
+        "simulate_and_plot": ["SimulatedEye: 50.0 mN"],
+    }
+    assert [path.stem for path in NOTEBOOKS] == list(printed)
+    for path in NOTEBOOKS:
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells), "commit without outputs"
+        page = (site / "notebooks" / path.with_suffix(".html").name).read_text(encoding="utf-8")
+        assert page.count('<img alt="../_images/') >= 1, path
+        text = html.unescape(re.sub(r"<[^>]+>", "", page))
+        assert [words for words in printed[path.stem] if words not in text] == []
 
 
 def test_no_page_asks_another_machine_for_anything(site: Path) -> None:
