@@ -355,7 +355,10 @@ def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypat
 
 
 @pytest.mark.slow
-def test_ctrl_c_is_its_end_and_no_module_of_the_current_folder_has_run(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_current_folder_has_run(
+    folder: Path, tmp_path: Path, number: signal.Signals
+) -> None:
     for name in ("numpy", "signal", "json", "socket", "scleraforce", "fastapi", "cv2", "onnxruntime"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n")
     options = ["--black-box", str(tmp_path / "box"), "--web-port", "0"]
@@ -363,26 +366,17 @@ def test_ctrl_c_is_its_end_and_no_module_of_the_current_folder_has_run(folder: P
         assert monitor.process.stderr
         lines = iter(monitor.process.stderr.readline, "")
         assert any(line.startswith("console    http://127.0.0.1:") for line in lines)  # it has loaded all that it needs
-        monitor.process.send_signal(signal.SIGINT)
+        robot.hear(lambda peer: bool(peer.statuses()))  # it has been let in, not only queued by the system
+        children = children_of(monitor.process.pid)
+        assert len(children) == 4  # black box, second opinion, watchdog, console
+        for _ in range(1 if number is signal.SIGINT else 2):  # a shell and the system may both say so
+            os.kill(monitor.process.pid, number)
         told, said = monitor.process.communicate(timeout=FUSE_S)
         assert monitor.process.returncode == 0
         assert "the monitor ends" in robot.wait_for_code(3).message
     assert said.splitlines()[-1].startswith("ended after 0 frames")  # a busy machine may cause a withdrawal
     assert json.loads(told)["frames"] == 0
     assert not (tmp_path / "ran").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
-def test_other_signals_end_it_in_order_and_leave_no_process(folder: Path, tmp_path, number: signal.Signals) -> None:
-    with started(folder, "--black-box", str(tmp_path / "box")) as monitor, Peer(monitor.port) as robot:
-        robot.hear(lambda peer: bool(peer.statuses()))  # it has been let in, not only queued by the system
-        children = children_of(monitor.process.pid)
-        assert len(children) == 3  # black box, second opinion, watchdog
-        os.kill(monitor.process.pid, number)
-        os.kill(monitor.process.pid, number)  # a shell and the system may both say so
-        assert "the monitor ends" in robot.wait_for_code(3).message
-        assert monitor.process.wait(FUSE_S) == 0
     wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in children))
 
 

@@ -75,35 +75,24 @@ def test_linear_mechanics_refuses_an_eye_that_it_does_not_support() -> None:
             study_sections(EYE, replace(STUDY, **{"mechanics": st.MechanicsStudy("linear"), **changes}))
 
 
-def test_the_phantom_command_bends_at_finite_strain_and_says_so(tmp_path: Path, capsys) -> None:
-    study = tmp_path / "study.toml"
-    study.write_text(st.format_study(replace(STUDY, mechanics=st.MechanicsStudy())))
-    out = tmp_path / "eye"
-    arguments = ["phantom", "--study", str(study), "--out", str(out), "--forces-mn", "12,2", "--thickness-um", "800"]
+def test_the_phantom_command_bends_a_sealed_eye_that_stiffens_and_tells_form_tissue_and_pressures(
+    tmp_path: Path, capsys
+) -> None:
+    study, out = tmp_path / "study.toml", tmp_path / "eye"
+    own = replace(STUDY, mechanics=st.MechanicsStudy(), tissue=st.TissueStudy(stiffening=8.0))
+    study.write_text(st.format_study(own))
+    arguments = ["phantom", "--study", str(study), "--out", str(out), "--forces-mn", "12,0,18", "--thickness-um", "800"]
+    arguments += ["--globe", "sealed", "--rigidity", "0.02"]
     assert run(arguments) == 2
-    assert f"{study}: form.semi_axes, form.wave: not used by `phantom`" in capsys.readouterr().err
+    assert f"{study}: form.semi_axes, form.wave, tissue.stiffening, globe.kind" in capsys.readouterr().err
     assert run([*arguments, "--mechanics", "finite-strain", "--json"]) == 0
     captured = capsys.readouterr()
-    assert json.loads(captured.out)["mechanics"] == "finite-strain"
+    answer, truth = json.loads(captured.out), json.loads((out / "truth.json").read_text())
     assert captured.err == ""
-    truth = json.loads((out / "truth.json").read_text())
-    assert truth["mechanics"]["kind"] == "finite-strain"
+    assert answer["mechanics"] == truth["mechanics"]["kind"] == "finite-strain"
     assert truth["form"]["semi_axes"] == [1.04, 1.0, 0.96]
     polar = np.radians(35.0)
     assert truth["thickness_at_contact_m"] == pytest.approx(800e-6 * (1 + 0.1 * (1.5 * np.cos(polar) ** 2 - 0.5)))
-
-
-@pytest.mark.slow
-def test_the_phantom_of_a_sealed_eye_that_stiffens_tells_both_and_the_pressures(tmp_path: Path, capsys) -> None:
-    study = tmp_path / "study.toml"
-    study.write_text('[mesh]\nkind = "graded"\ncore = 4\nrings = 6\n[tissue]\nstiffening = 8.0\n')
-    out = tmp_path / "eye"
-    arguments = ["phantom", "--study", str(study), "--out", str(out), "--forces-mn", "12,0,25", "--globe", "sealed"]
-    assert run([*arguments, "--json"]) == 2
-    assert "globe.kind: not used by `phantom` with linear mechanics" in capsys.readouterr().err
-    assert run([*arguments, "--mechanics", "finite-strain", "--rigidity", "0.02", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    truth = json.loads((out / "truth.json").read_text())
     pressures_pa = [frame["pressure_pa"] for frame in truth["frames"]]
     assert pressures_pa[1] == pytest.approx(truth["eye"]["iop_pa"])
     assert pressures_pa[1] < pressures_pa[0] < pressures_pa[2]

@@ -1,26 +1,17 @@
 """The wall beside the pole under the eye's pressure: motions that are known, and three dimensions."""
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
-from analytic_library import RADIUS_M, analytic_library, bulging, with_walls
+from analytic_library import RADIUS_M, analytic_library, bulging
 
 from predicted_walls import Walls, formed_wall
-from reference_walls import cut_section
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
-from scleraforce.calibration.library_eye import LibraryEye, library_eye
+from scleraforce.calibration.library_eye import LibraryEye
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import base_bulge, base_push, pole_directions, undented_motion
-from scleraforce.library.responses import Library
-from scleraforce.library.store import build_library, open_library
 from scleraforce.mechanics.contact import Contact, ScanPlane
-from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.loads import needle_at
-from scleraforce.study import LibraryStudy, Range, Study
 
 ANGLES = np.linspace(0.0, np.pi / 2, 91)
 THICKNESS = np.array([0.6e-3])
@@ -120,59 +111,3 @@ def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> No
         uneven.append(np.abs(depth - depth[:, ::-1]).max())
     assert uneven[0] > 5e-6
     assert uneven[1] < 1e-12
-
-
-@pytest.mark.slow
-@pytest.mark.long
-def test_sections_of_a_sealed_eye_agree_with_three_dimensions(tmp_path: Path) -> None:
-    """A soft wall whose pressure has risen threefold, 41 degrees from the pole."""
-    grid = LibraryStudy(thickness_m=Range(min=450.0e-6, max=650.0e-6), thicknesses=4, tips=24,
-                        tension=Range(min=2e-2, max=0.2), tensions=6, max_tip_m=4e-3, elements=48,
-                        stiffenings=1)  # fmt: skip
-    path = tmp_path / "library.zarr"
-    build_library(Study(library=grid), path)
-    polar, direction, thickness_m, modulus_pa, pressure_pa = float(np.radians(41.0)), 1.8, 0.52e-3, 0.26e6, 1530.0
-    contact, dent_m = Contact(polar_rad=polar), 1.0e-3
-    wall = FiniteWall(graded_mesh(RADIUS_M, thickness_m, contact, core=6, rings=14), 0.45)
-    states = wall.load_path(
-        needle_at(wall.mesh, contact, 0.35e-3),
-        youngs_modulus_pa=modulus_pa, iop_pa=pressure_pa, density_kg_m3=0.0, max_force_n=np.inf, max_tip_m=dent_m,
-    )  # fmt: skip
-    plane = ScanPlane(contact, gap_m=0.42e-3, direction_rad=direction)
-    cut = cut_section(wall.mesh, plane, states.displacement_snc[-1])
-    constants = EyeConstants(
-        iop_pa=pressure_pa, thickness_m=thickness_m, gap_m=0.42e-3, polar_rad=polar, polar_sd_rad=0.0,
-        direction_rad=direction,
-    )  # fmt: skip
-    study = Study(library=grid)
-    study = replace(study, calibration=replace(study.calibration, surface_smoothing_m=0.0))
-    eye = library_eye(study, constants, open_library(path))
-    still = with_walls(eye.library, undented_btpbnc=_sphere(eye.library)[None])
-    even = replace(eye, library=still, moves_pbxc=0 * eye.moves_pbxc)
-    force_n = float(eye.library.forces(*(np.array([v]) for v in (thickness_m, pressure_pa / modulus_pa, dent_m)))[0])
-    state = stated_wall(constants, modulus_pa, force_n * modulus_pa, polar)
-    off = [_off_m(model.curves([state])[0], (cut.outer, cut.inner)) for model in (eye, even)]
-    assert off[0] < 4e-6
-    assert off[1] > 2 * off[0]
-
-
-def _sphere(library: Library) -> np.ndarray:
-    """Walls that the pressure does not move."""
-    undented = library.undented_tpbnc.astype(np.float64)
-    angle = np.arctan2(undented[0, 0, 0, :, 0], RADIUS_M - undented[0, 0, 0, :, 1])
-    radii = RADIUS_M - np.stack([np.zeros_like(library.thickness_m), library.thickness_m], axis=1)[:, None, :, None]
-    at_rest = np.stack([radii * np.sin(angle), RADIUS_M - radii * np.cos(angle)], axis=-1)
-    return np.broadcast_to(at_rest, undented.shape).astype(np.float32)
-
-
-def _off_m(curves: np.ndarray, cut: tuple[np.ndarray, np.ndarray]) -> float:
-    """Root mean square distance of two sections in depth, after the best shift and turn of one of them."""
-    lateral = np.arange(-6e-3, 6.01e-3, 0.2e-3)
-    rest, basis = [], []
-    for mine, theirs in zip(curves, cut, strict=True):
-        depth = np.interp(lateral, *theirs.T)
-        slope = np.gradient(depth, lateral)
-        rest.append(depth - np.interp(lateral, *mine.T))
-        basis.append(np.stack([np.ones_like(lateral), slope, lateral + slope * depth], axis=1))
-    matrix, off = np.concatenate(basis), np.concatenate(rest)
-    return float(np.sqrt(np.mean((off - matrix @ np.linalg.lstsq(matrix, off, rcond=None)[0]) ** 2)))

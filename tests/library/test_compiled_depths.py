@@ -44,9 +44,6 @@ def test_a_predicted_wall_is_the_same(globe: KnownGlobe, smoothing_m: float) -> 
         np.testing.assert_array_equal(loops.seen, arrays.seen)
         np.testing.assert_allclose(loops.depth_m, arrays.depth_m, rtol=0, atol=2e-9)
         np.testing.assert_allclose(loops.slope, arrays.slope, rtol=0, atol=1e-4)
-        scale = np.abs(arrays.jacobian).max(axis=0) + 1e-12
-        # Differences over 5 um of curves in single precision.
-        np.testing.assert_allclose(loops.jacobian / scale, arrays.jacobian / scale, rtol=0, atol=5e-3)
 
 
 def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
@@ -60,18 +57,17 @@ def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
     np.testing.assert_allclose(loops.depth_m[loops.seen], arrays.depth_m[arrays.seen], rtol=0, atol=5e-9)
 
 
-def test_derivatives_at_an_end_of_the_library_agree() -> None:
+def test_derivatives_at_an_end_of_the_library_are_differences_inwards() -> None:
     inner = drawn(np.random.default_rng(7))
     inner[SIZE], highest = 0.0, LIBRARY.iop_ratio_ends(np.array([inner[THICKNESS]]))[1][0]
     ends = {TIP: LIBRARY.tip_m[-1], THICKNESS: LIBRARY.thickness_m[-1], IOP: inner[MODULUS] + np.log(highest)}
-    for which, end in ends.items():
-        unknown = inner.copy()
-        unknown[which] = end
-        looked_at = Walls(LIBRARY), unknown, BOTH
-        arrays, loops = fit_arrays.predict_wall(*looked_at), predict_wall(*looked_at)
-        assert np.abs(loops.jacobian[:, which]).max() > 0.0
-        scale = np.abs(arrays.jacobian).max(axis=0) + 1e-12
-        np.testing.assert_allclose(loops.jacobian / scale, arrays.jacobian / scale, rtol=0, atol=5e-3)
+    for which, step in {TIP: 2e-6, THICKNESS: 1e-6, IOP: 1e-3}.items():
+        at_end, before = inner.copy(), inner.copy()
+        at_end[which], before[which] = ends[which], ends[which] - step
+        found, less = (predict_wall(Walls(LIBRARY), unknown, BOTH) for unknown in (at_end, before))
+        difference = (found.depth_m - less.depth_m) / step
+        off = np.abs(found.jacobian[:, which] - difference) / np.abs(difference).max()
+        assert np.quantile(off, 0.9) < 0.03, which
 
 
 LOGARITHMIC = replace(SEALED, law=RIGIDITY_LAWS[1])

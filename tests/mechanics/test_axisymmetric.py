@@ -16,11 +16,9 @@ from scleraforce.mechanics import meridian
 from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path, base_shift
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import needle_at
 from scleraforce.mechanics.material import LARGEST_EXPONENT, lame_constants, strain_measure
 from scleraforce.mechanics.meridian import ElementTables, MeridianMesh, MeridianSize, meridian_mesh
 from scleraforce.study.eye import RIGIDITY_LAWS
@@ -305,22 +303,6 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
             shown = (curves[0, :, 0] > 0.7e-3) & (curves[0, :, 0] < 6.5e-3)
             expected = np.interp((lateral_bn[0] + lateral)[shown], *section.outer.T)
             np.testing.assert_allclose((curves[0, :, 1] + depth)[shown], expected, atol=4e-6)
-
-
-@pytest.mark.long
-@pytest.mark.slow
-def test_a_needle_near_the_base_meets_the_force_of_three_dimensions() -> None:
-    contact = Contact(polar_rad=np.radians(50.0))
-    mesh = graded_mesh(RADIUS, 0.8e-3, contact)
-    tip_m, modulus_pa = 2.5e-3, 0.38e6
-    loads = {"youngs_modulus_pa": modulus_pa, "iop_pa": 266.0, "density_kg_m3": 0.0, "max_force_n": 1.0}
-    solid = FiniteWall(mesh, NU).load_path(needle_at(mesh, contact, NEEDLE), **loads, max_tip_m=tip_m)
-    forces = [
-        polar_path((*EYE, IOP_RATIO), angle, np.array([tip_m])).force_ratio_m2[-1] for angle in (0.0, contact.polar_rad)
-    ]
-    expected = solid.forces_n[-1] / modulus_pa
-    assert forces[1] == pytest.approx(expected, rel=0.01)
-    assert abs(forces[1] - expected) < 0.5 * abs(forces[0] - expected)
 
 
 @pytest.mark.parametrize("polar_deg", [-1.0, 60.0])

@@ -1,4 +1,4 @@
-"""A library's wall in a frame, and the law of its globe, by arrays: places and differences one by one."""
+"""A library's wall in a frame, and the law of its globe, by arrays."""
 
 import numpy as np
 from library_arrays import values_at
@@ -10,48 +10,29 @@ from scleraforce.library import unknowns as at
 from scleraforce.library.base import base_push, section_places
 from scleraforce.library.fit import law_of
 from scleraforce.library.fit_loops import LEAST_SD, STATION_RAD
-from scleraforce.library.placement import Placed, Places, depths_along, place_curves, pose_derivatives
+from scleraforce.library.placement import Placed, Places, depths_along, place_curves
 from scleraforce.library.unknowns import shining
 
-FORM_STEP = 1e-7  # m, rad or 1/m
+FORM_STEP = 1e-7  # m
 
 
 def predict_wall(walls: Walls, unknown: Floats, places: Places) -> Placed:
-    """Return the boundaries at places, and derivatives by differences; pose and form have formulas of their own."""
-    depth, slope, seen = _shown(walls, unknown, unknown, places)
-    jacobian = np.zeros((len(depth), len(at.NAMES)))
-    for place, step in _inward(walls, unknown).items():
-        moved = unknown.copy()
-        moved[place] += step
-        jacobian[:, place] = (_shown(walls, moved, unknown, places)[0] - depth) / (moved[place] - unknown[place])
-    pose = unknown[at.LATERAL], unknown[at.DEPTH]
-    jacobian[:, [at.LATERAL, at.DEPTH, at.ROTATION]] = np.stack(pose_derivatives(places, depth, slope, pose), axis=1)
-    jacobian[:, at.MODULUS] = -jacobian[:, law_of(walls.globe).pressure]
-    jacobian[:, at.SIZE] = depth - unknown[at.DEPTH] - slope * (places.lateral_m - unknown[at.LATERAL])
-    for place in (at.TIP, at.GAP, at.THICKNESS):
-        jacobian[:, at.SIZE] -= unknown[place] * jacobian[:, place]
-    jacobian[:, at.INNER_OFFSET] = places.is_inner
-    from_contact_m = places.lateral_m - unknown[at.LATERAL]
-    formed = at.form_depths(unknown[at.FORM], from_contact_m, places.is_inner)
-    form_slope, jacobian[:, at.FORM] = _form_slopes(unknown[at.FORM], from_contact_m, places.is_inner)
-    jacobian[:, at.LATERAL] -= form_slope
-    shine = (1.0 - places.is_inner) * shining(slope + form_slope)
-    jacobian[:, at.SHINE] = -shine
-    jacobian[~seen] = 0.0
-    offset = unknown[at.INNER_OFFSET] * places.is_inner + formed - unknown[at.SHINE] * shine
-    return Placed(depth + offset, slope + form_slope, jacobian, seen)
-
-
-def _shown(walls: Walls, unknown: Floats, pose: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Depths and slopes of an even wall at places, and whether they are reached."""
-    state, size, pole = (library_place(walls, unknown[None]), np.exp(unknown[at.SIZE]), unknown[None, at.POLE])
-    library = walls.library
+    """Return the boundaries at places, without derivatives."""
+    state, size, library = library_place(walls, unknown[None]), np.exp(unknown[at.SIZE]), walls.library
     curves = values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
-    section = cut_by_plane(curves, unknown[None, at.GAP], ring_motion(walls, state, pole) * size)
-    outer, inner = place_curves(section, pose[at.LATERAL], pose[at.DEPTH], pose[at.ROTATION])[0]
+    section = cut_by_plane(curves, unknown[None, at.GAP], ring_motion(walls, state, unknown[None, at.POLE]) * size)
+    outer, inner = place_curves(section, unknown[at.LATERAL], unknown[at.DEPTH], unknown[at.ROTATION])[0]
     parts = smoothed(outer, places), depths_along(inner, places.lateral_m[places.outer :])
     depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
-    return depth, slope, seen
+    form, from_contact_m = unknown[at.FORM], places.lateral_m - unknown[at.LATERAL]
+    ends = [
+        at.form_depths(form, from_contact_m + step, places.is_inner) for step in (0.5 * FORM_STEP, -0.5 * FORM_STEP)
+    ]
+    form_slope = np.subtract(*ends) / FORM_STEP
+    shine = (1.0 - places.is_inner) * shining(slope + form_slope)
+    formed = at.form_depths(form, from_contact_m, places.is_inner)
+    offset = unknown[at.INNER_OFFSET] * places.is_inner + formed - unknown[at.SHINE] * shine
+    return Placed(depth + offset, slope + form_slope, np.zeros((len(depth), 0)), seen)
 
 
 def ring_motion(walls: Walls, place: tuple[Floats, Floats, Floats], pole_s2: Floats) -> Floats:
@@ -120,32 +101,6 @@ def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.
     found = depths_along(outer, (lateral + np.array([[-apart], [0.0], [apart]])).ravel())
     depth, slope = (np.array([1.0, 4.0, 1.0]) @ part.reshape(3, -1) / 6.0 for part in found[:2])
     return depth, slope, found[2].reshape(3, -1)[1]
-
-
-def _form_slopes(form: Floats, from_contact_m: Floats, is_inner: Floats) -> tuple[Floats, Floats]:
-    """Slope (place,) of `form_depths`, and its derivatives (place, form), by differences."""
-
-    def difference(changed: Floats, step_m: float) -> Floats:
-        ends = [(form + sign * changed, from_contact_m + sign * step_m, is_inner) for sign in (0.5, -0.5)]
-        return np.subtract(*(at.form_depths(*end) for end in ends)) / FORM_STEP
-
-    turned = [difference(changed, 0.0) for changed in FORM_STEP * np.eye(len(form))]
-    return difference(0 * form, FORM_STEP), np.stack(turned, axis=1)
-
-
-def _inward(walls: Walls, unknown: Floats) -> dict[int, float]:
-    """Steps of the unknowns that move a wall; steps that would leave the library go the other way."""
-    library, size = walls.library, np.exp(unknown[at.SIZE])
-    thickness = unknown[at.THICKNESS] / size
-    beyond = np.exp(unknown[law_of(walls.globe).pressure] - unknown[at.MODULUS] + at.LOG_PRESSURE_STEP)
-    outside = {
-        at.TIP: unknown[at.TIP] / size + at.TIP_STEP_M > library.tip_m[-1], at.GAP: False,
-        at.THICKNESS: thickness + at.THICKNESS_STEP_M > library.thickness_m[-1],
-        law_of(walls.globe).pressure: beyond > library.iop_ratio_ends(thickness)[1],
-        at.POLE.start: unknown[at.POLE.start] > 0.0, at.POLE.start + 1: unknown[at.POLE.start + 1] > 0.0,
-    }  # fmt: skip
-    steps = (at.TIP_STEP_M, at.GAP_STEP_M, at.THICKNESS_STEP_M, at.LOG_PRESSURE_STEP, at.POLE_STEP, at.POLE_STEP)
-    return {place: -step if out else step for (place, out), step in zip(outside.items(), steps, strict=True)}
 
 
 def off_the_law(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats]:

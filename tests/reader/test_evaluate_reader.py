@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, STUDY, THICKNESS_M
+from analytic_frames import GAP_M, LIBRARY, MODULUS_PA, STUDY
 from commands import said
 from small_recordings import FORCES_N, write_places
 
@@ -181,24 +181,6 @@ def test_the_command_prints_forces_in_millinewtons(places, both, capsys, monkeyp
     assert max(map(len, lines)) <= 80
     assert any(line.startswith("force error") for line in lines)
     assert any("90 % interval and label agree" in line for line in lines)
-
-
-def test_more_options_of_the_eye_narrow_the_interval_of_classify(places, capsys, tmp_path) -> None:
-    alone = tmp_path / "2.png"  # no recording states values of its eye
-    alone.write_bytes((places["mine"] / "frames" / "2.png").read_bytes())
-    command = "classify", places["model"], alone, "--width-mm", 15, "--depth-mm", 4
-    eye = [
-        "--youngs-modulus-mpa", MODULUS_PA / 1e6, "--iop-mmhg", IOP_PA / 133.322, "--thickness-um", THICKNESS_M * 1e6,
-        "--gap-mm", GAP_M * 1e3, "--globe", "open",
-    ]  # fmt: skip
-    widths = []
-    for options in (eye, eye[2:], []):
-        (entry,) = json.loads(said(capsys, *command, "--json", *options))["frames"]
-        low, high = entry["interval_mn"]
-        assert low < 22.0 < high
-        widths.append(high - low)
-    assert widths == sorted(widths)
-    assert "mN (90 %:" in said(capsys, *command, *eye)
 
 
 @pytest.mark.slow

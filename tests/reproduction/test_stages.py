@@ -2,10 +2,7 @@
 
 import json
 import re
-import shutil
-import signal
 import subprocess
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -157,38 +154,6 @@ def test_a_second_run_reuses_the_finished_stages(done, study: Path) -> None:
     for name in ("phantom", "generate", "train", "bend", "calibrate bent", "train bent", "train reader"):
         assert again["seconds"][name] == first["seconds"][name]
     assert again["confusion"] == first["confusion"]
-
-
-@pytest.mark.long
-def test_control_c_leaves_a_folder_that_the_same_command_finishes(study: Path, tmp_path: Path, done) -> None:
-    out = tmp_path / "out"
-    shutil.copytree(done[0], out)
-    begun = json.loads((out / "reproduce.json").read_text())
-    for stage, result in (("train bent", "bent/model"), ("train reader", "reader")):
-        del begun["seconds"][stage]
-        (out / result).rename(tmp_path / Path(result).name)
-    (out / "reproduce.json").write_text(json.dumps(begun))
-    command = [*SCLERAFORCE, "reproduce", "--out", str(out), "--study", str(study), "--json", "--train"]
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while child.poll() is None and not (out / "bent" / "model").exists():
-        time.sleep(0.05)
-    child.send_signal(signal.SIGINT)
-    printed, told = child.communicate(timeout=120)
-    assert child.returncode == 130
-    assert printed == ""
-    _, *stages, last = filter(None, told.splitlines())  # click ends the line of the interrupted with an empty one
-    assert last == "error: interrupted"
-    names = ["6/13 evaluate", "8/13 library", "10/13 train bent"]
-    assert [line.split(":")[0] for line in stages] == names[: len(stages)]
-    assert not (out / "reader").exists()
-    result = run(*command[len(SCLERAFORCE) :])
-    assert result.returncode == 0, result.stderr
-    again = json.loads(result.stdout)
-    said_once, said_again = (
-        {key: value for key, value in said.items() if key not in ("report", "reader", "seconds")}
-        for said in (done[1], again)
-    )
-    assert said_again == said_once
 
 
 @in_chromium
