@@ -21,7 +21,7 @@ from workers import NEEDS_DASK, Cluster, large, no_preparation, tripled, waits_f
 
 from scleraforce import processes as processes_module
 from scleraforce.errors import InputError, SolverError
-from scleraforce.processes import cluster_workers, next_unit, split_runs, work_in_order, work_units
+from scleraforce.processes import cluster_workers, next_unit, work_in_order, work_units
 
 HEAVY = partial(tripled, bytes(2**20))  # more than a pipe holds
 SLOW = partial(tripled, late_s=0.2)
@@ -54,10 +54,10 @@ def on_cluster(test):
 
 
 def test_units_are_handed_out_in_contiguous_runs_and_the_idle_help_at_the_far_end():
-    runs = split_runs(range(6), 2)
+    runs = [deque(range(3)), deque(range(3, 6))]
     assert [next_unit(runs, 0) for _ in range(5)] == [0, 1, 2, 5, 4]
     assert [next_unit(runs, 1), next_unit(runs, 1)] == [3, None]
-    assert split_runs([7], 4) == [deque([7])]
+    assert list(work_units(tripled, [7], 4)) == [(7, 21)]
 
 
 @pytest.fixture

@@ -12,15 +12,15 @@ import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from functools import partial
 from itertools import islice, pairwise
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
-from queue import SimpleQueue
-from tempfile import NamedTemporaryFile, TemporaryDirectory
+from tempfile import TemporaryDirectory
 from threading import Thread, local
 from typing import Any, NamedTuple, TypeVar
 
@@ -53,8 +53,8 @@ def cluster_workers(scheduler: str) -> ClusterWorkers:
 
 
 @contextmanager
-def cluster_submit(do: Callable[[bytes, int], Any], work: bytes, workers: ClusterWorkers) -> Iterator[Submit]:
-    """Give a function that submits `do(work, unit)` for a unit; each worker gets `work` once.
+def _submitting_to_cluster(work: bytes, workers: ClusterWorkers) -> Iterator[Submit]:
+    """Give a function that submits a unit; each worker gets `work` once.
 
     It raises `InputError` if the scheduler no longer answers, `SolverError` if it ended or a unit killed workers.
     """
@@ -62,10 +62,10 @@ def cluster_submit(do: Callable[[bytes, int], Any], work: bytes, workers: Cluste
         import distributed
         from distributed.comm.core import CommClosedError
 
-        kept = client.submit(_same, work, pure=False)
-        executor = client.get_executor(pure=False)
+        # As the result of a task it is sent to each worker once, and survives the death of any.
+        kept = client.submit(bytes, work, pure=False)
         try:
-            yield lambda unit: executor.submit(do, kept, unit)
+            yield partial(client.get_executor(pure=False).submit, _do, kept)
         except distributed.KilledWorker as fault:
             found = f"{workers.scheduler}: its workers die one after the other ({fault}); see their logs"
             raise SolverError(found) from fault
@@ -84,11 +84,6 @@ def _connected(scheduler: str) -> Any:
         return client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as fault:
         raise InputError(f"--scheduler: no Dask scheduler answers at {scheduler} ({fault})") from fault
-
-
-def _same(work: bytes) -> bytes:
-    """Return the work: as the result of a task it is sent to each worker once, and survives the death of any."""
-    return work
 
 
 # A process is started by `python -c`, which would take a `signal.py` of the current folder for the standard library's.
@@ -116,25 +111,26 @@ def work_units(
     raised, and `SolverError` if a worker died or could not be started.
     """
     on_cluster = isinstance(workers, ClusterWorkers)
-    runs = split_runs(units, 1 if on_cluster else workers)
+    most = 1 if on_cluster else workers
+    bounds = pairwise(len(units) * number // most for number in range(most + 1))
+    runs = [deque(units[low:high]) for low, high in bounds if low < high]
     ahead = max(LEAST_AHEAD, AHEAD * workers) if on_cluster else 1
-    done: SimpleQueue[tuple[int, int, Future[Result]]] = SimpleQueue()
+    waiting = dict[Future[Result], tuple[int, int]]()
     with ExitStack() as stack:
         lanes = [stack.enter_context(_submitting(prepare, workers if on_cluster else 1)) for _ in runs]
 
-        def ask(lane: int) -> int:
-            unit = next_unit(runs, lane)
-            if unit is None:
-                return 0
-            lanes[lane](unit).add_done_callback(lambda future: done.put((lane, unit, future)))
-            return 1
+        def ask(lane: int) -> None:
+            if (unit := next_unit(runs, lane)) is not None:
+                waiting[lanes[lane](unit)] = lane, unit
 
-        waiting = sum(ask(lane) for _ in range(ahead) for lane in range(len(lanes)))
+        for lane in ahead * list(range(len(lanes))):
+            ask(lane)
         while waiting:
-            lane, unit, future = done.get()
-            result = _result(future)
-            waiting += ask(lane) - 1
-            yield unit, result
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                lane, unit = waiting.pop(future)
+                result = _result(future)
+                ask(lane)
+                yield unit, result
 
 
 def work_in_order(
@@ -153,17 +149,6 @@ def work_in_order(
             yield result
 
 
-def split_runs(units: Sequence[int], workers: int) -> list[deque[int]]:
-    """Split units into at most `workers` contiguous runs of nearly equal length.
-
-    >>> split_runs(range(5), 2)
-    [deque([0, 1, 2]), deque([3, 4])]
-    """
-    bounds = [-(-len(units) * number // workers) for number in range(workers + 1)]
-    runs = (deque(units[low:high]) for low, high in pairwise(bounds))
-    return [run for run in runs if run]
-
-
 def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
     """Take the next unit of a worker's own run, or the last of the longest run; None when all is done."""
     if runs[number]:
@@ -177,7 +162,7 @@ def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> It
     """Give a function that submits a unit to an executor of some workers, which end with the block."""
     work = pickle.dumps((_version(), prepare))
     if isinstance(workers, ClusterWorkers):
-        with cluster_submit(_do, work, workers) as submit:
+        with _submitting_to_cluster(work, workers) as submit:
             yield submit
         return
     context = multiprocessing.get_context("spawn")
@@ -193,7 +178,7 @@ def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> It
             def start_and_submit(unit: int) -> "Future[Any]":
                 try:
                     with one_thread(), _environment(OWN_MODULES), no_interrupts():
-                        return executor.submit(_do, str(file), unit)
+                        return executor.submit(_do, file, unit)
                 except OSError as fault:
                     raise SolverError(f"a worker could not be started ({fault.strerror or fault})") from fault
 
@@ -219,26 +204,25 @@ def _result(future: "Future[Any]") -> Any:
     result = future.result()
     if not isinstance(result, _Stored):
         return result
-    try:
-        return pickle.loads(Path(result.file).read_bytes())
-    finally:
-        os.unlink(result.file)
+    loaded = pickle.loads(result.file.read_bytes())
+    result.file.unlink()
+    return loaded
 
 
 class _Stored(NamedTuple):
     """The result of a process: the executor's pipe would block for ever if the process died while writing to it."""
 
-    file: str
+    file: Path
 
 
 _prepared = local()  # the last preparation of this thread of a worker
 
 
-def _do(work: bytes | str, unit: int) -> Any:
+def _do(work: bytes | Path, unit: int) -> Any:
     """Do a unit, in a worker; `work` is what this package pickled, or the file that holds it."""
     try:
         if getattr(_prepared, "work", None) != work:
-            version, prepare = pickle.loads(work if isinstance(work, bytes) else Path(work).read_bytes())
+            version, prepare = pickle.loads(work if isinstance(work, bytes) else work.read_bytes())
             if version != _version():
                 raise InputError(f"a worker has scleraforce {_version()}, this process {version}; install the same")
             _prepared.work, _prepared.do = work, prepare()
@@ -246,11 +230,11 @@ def _do(work: bytes | str, unit: int) -> Any:
         if isinstance(work, bytes):
             return result
         try:
-            with NamedTemporaryFile(dir=Path(work).parent, delete=False) as file:
-                pickle.dump(result, file, pickle.HIGHEST_PROTOCOL)
+            file = work.with_name(str(unit))
+            file.write_bytes(pickle.dumps(result, pickle.HIGHEST_PROTOCOL))
         except OSError:  # no room for it there: the pipe takes it
             return result
-        return _Stored(file.name)
+        return _Stored(file)
     except Exception as fault:
         try:
             pickle.loads(pickle.dumps(fault))
@@ -273,16 +257,14 @@ def one_thread() -> AbstractContextManager[None]:
 @contextmanager
 def _environment(settings: Mapping[str, str]) -> Iterator[None]:
     """Change the environment of processes that start in the block."""
-    before = {name: os.environ.get(name) for name in settings}
+    before = {name: os.environ[name] for name in settings if name in os.environ}
     os.environ.update(settings)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for name in settings:
+            del os.environ[name]
+        os.environ.update(before)
 
 
 @contextmanager
