@@ -16,10 +16,10 @@ from small_recordings import COLUMNS, ROWS, write_small_recording
 from waiting import wait_until
 
 from scleraforce.app.folder import Folder
-from scleraforce.app.looks import check_alone, mask_between, read_draft, remove_draft, write_draft
+from scleraforce.app.looks import mask_between, read_draft, remove_draft, write_draft
 from scleraforce.app.server import HOST, Holder
 from scleraforce.errors import InputError
-from scleraforce.recording.folder import read_recording
+from scleraforce.recording.folder import check_alone, read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.walls import RecordedWalls, remove_wall, write_wall
 

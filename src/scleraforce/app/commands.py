@@ -15,12 +15,12 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from threading import Thread
 from typing import Any
 
 from scleraforce.errors import InputError
+from scleraforce.notebook.frames import utc_now
 from scleraforce.whole_files import write_whole
 
 # -P: modules in the working directory, the folder of data, are not imported.
@@ -38,11 +38,6 @@ def shown(words: Sequence[str]) -> str:
     "scleraforce import 'my scan.tif' --out eye-a"
     """
     return shlex.join(["scleraforce", *words])
-
-
-def utc_now() -> str:
-    """Return the time, to the second."""
-    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 @dataclass

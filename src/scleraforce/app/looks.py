@@ -139,13 +139,6 @@ class Looks:
         return shown | {"frames": [each.file for each in frames], "draft": read_draft(recording, file)}
 
 
-def check_alone(recording: Recording, file: str) -> None:
-    """Raise an `InputError` if the wall of another frame would be in the same file."""
-    stem = PurePath(file).stem
-    if twins := [each.file for each in recording.frames if each.file != file and PurePath(each.file).stem == stem]:
-        raise InputError(f"{file}: walls/{stem}.png would be the wall of {twins[0]} too; rename one of the frames")
-
-
 def write_draft(recording: Recording, file: str, drawn: dict[str, Any]) -> None:
     """Write a wall that is being drawn beside the masks, with the digest of its frame."""
     path = _draft(recording, file)

@@ -1,6 +1,5 @@
 """The app's web server: one page on the loopback interface, for users with the token of its address."""
 
-import getpass
 import json
 import secrets
 import socket
@@ -19,16 +18,17 @@ from fastapi.responses import PlainTextResponse, RedirectResponse
 from fastapi.staticfiles import StaticFiles
 from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
-from scleraforce.app.commands import Job, shown, utc_now
+from scleraforce.app.commands import Job, shown
 from scleraforce.app.folder import MOST_UPLOAD_BYTES, SOURCES, Folder
-from scleraforce.app.looks import Looks, check_alone, mask_between, png, remove_draft, write_draft
+from scleraforce.app.looks import Looks, mask_between, png, remove_draft, write_draft
 from scleraforce.app.sources import ANSWERS, Checked, Sources
 from scleraforce.arrays import Bytes
 from scleraforce.errors import InputError
+from scleraforce.notebook.frames import save_wall
 from scleraforce.recording.export import csv_text, flat
-from scleraforce.recording.folder import Plane, Recording, parse_plane
+from scleraforce.recording.folder import Plane, Recording, check_alone, parse_plane
 from scleraforce.recording.sources import ImportOptions, option_name
-from scleraforce.recording.walls import remove_wall, write_wall
+from scleraforce.recording.walls import remove_wall
 from scleraforce.service.console.server import OwnPagesOnly
 
 HOST = "127.0.0.1"
@@ -206,7 +206,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     def draw(name: str, file: str, drawn: Drawn) -> dict[str, Any]:
         found = drawn_on(name, file)
         with writing:
-            write_wall(found.path, file, mask_of(found, drawn), getpass.getuser(), utc_now())
+            save_wall(found, file, mask_of(found, drawn))
             remove_draft(found, file)
         return looked(name, file)
 

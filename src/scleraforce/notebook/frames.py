@@ -3,9 +3,11 @@
 It imports the small runtime alone (NumPy, OpenCV, ONNX Runtime), unless a calibration is given that is not a file.
 """
 
+import getpass
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import cache
 from math import inf, isfinite
 from os import PathLike
@@ -29,7 +31,7 @@ from scleraforce.reader.model import load_model as load_reader, load_wall_finder
 from scleraforce.recording import folder
 from scleraforce.recording.folder import Plane, Recording, ScaledFrame, Scanner, read_recording
 from scleraforce.recording.pixels import Pixels, Sourced
-from scleraforce.recording.walls import RecordedWalls, mask_of, read_mask
+from scleraforce.recording.walls import RecordedWalls, mask_of, read_mask, write_wall
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.observations import GIVEN_SD_ROWS, check_size, given_wall, recorded_wall
 from scleraforce.segmentation.wall import find_wall
@@ -230,6 +232,37 @@ def evaluate(
     counting = counting or counting_for(progress, "frames")
     with counting("frames", sum(len(one.frames) for one in each)) as advance:
         return evaluate_recordings(model, each, summary, advance)
+
+
+def save_wall(recording: Given, file: str, mask: Mask, *, author: str | None = None) -> None:
+    """Save the wall of a recording's frame: all later readings use it, in place of the one that they find.
+
+    Args:
+        recording: opened, or its folder.
+        file: name of the frame.
+        mask: an image file or an array of the frame's shape, 255 or True where wall is, 128 in columns that are not
+            judged. It replaces an earlier one.
+        author: of the mask; None: the name of the user.
+
+    Raises:
+        InputError: no such frame, another frame whose wall would be in the same file, or another shape.
+
+    >>> import scleraforce as sf
+    >>> found = sf.segment("eye-a/frames/0001.png")
+    >>> sf.save_wall("eye-a", "0001.png", found.mask, author="A. Reader")
+    >>> sf.read(sf.load_model("reader"), "eye-a/frames/0001.png").segmentation.source
+    'corrected'
+    """
+    found = opened(recording)[0]
+    folder.check_alone(found, file)
+    drawn = read_mask(Path(mask)) if isinstance(mask, str | PathLike) else mask_of(mask, "mask")
+    check_size(drawn, (found.info.oct.rows, found.info.oct.columns), "mask")
+    write_wall(found.path, file, drawn, author or getpass.getuser(), utc_now())
+
+
+def utc_now() -> str:
+    """Return the time, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 def stated_planes(frames: Sequence[Frame]) -> tuple[Plane, ...]:

@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from math import cos, sin
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -263,6 +263,15 @@ class Recording:
         pixels = read_frame(self.frame_path(entry))
         check_frame(pixels, self.info.oct, self.frame_path(entry))
         return pixels
+
+
+def check_alone(recording: Recording, file: str) -> None:
+    """Raise an `InputError` unless a file is a frame of the recording, whose wall is of no other frame."""
+    files, stem = [each.file for each in recording.frames], PurePath(file).stem
+    if file not in files:
+        raise InputError(f"{recording.path}: no frame {file}")
+    if twins := [each for each in files if each != file and PurePath(each).stem == stem]:
+        raise InputError(f"{file}: walls/{stem}.png would be the wall of {twins[0]} too; rename one of the frames")
 
 
 def check_frame(pixels: Pixels, stated: OctInfo, path: Path) -> None:
