@@ -10,6 +10,7 @@ SLOW ?= slow
 # Notes today's behaviour in a model folder that is to ship; tests then say when the training has changed.
 MARK := PYTHONPATH=benchmarks .venv/bin/python -m provenance.fingerprint
 SHIPPED := src/scleraforce/shipped
+NAPARI := plugins/napari-scleraforce
 # One thread of BLAS to a worker; bytecode is kept, or every worker and every child would compile all anew.
 FOR_TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=
 PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
@@ -85,6 +86,10 @@ paper: .venv/installed  ## make the paper's slices and train its classifier, in 
 	.venv/bin/scleraforce train out/paper.zarr --out out/paper
 	$(MARK) out/paper && rm -rf $(SHIPPED)/paper && cp -r out/paper $(SHIPPED)/paper
 
+napari: .venv-napari/installed  ## types and tests of the plugin for napari, in an environment of its own; its window needs Xvfb
+	cd $(NAPARI) && $(CURDIR)/.venv-napari/bin/mypy
+	cd $(NAPARI) && $(FOR_TESTS) $(CURDIR)/.venv-napari/bin/pytest
+
 dist: .venv/installed  ## wheel and sdist of the last commit, in dist/; the same commit gives the same wheel
 	.ci/dist
 
@@ -104,8 +109,8 @@ lock:  ## requirements.lock anew, from pyproject.toml
 	{ sed -n '/^#/p' requirements.lock; "$$folder"/bin/pip freeze --all --exclude pip --exclude-editable | sed 's/+cpu//'; } \
 	  > requirements.lock.new && mv requirements.lock.new requirements.lock
 
-clean:  ## remove .venv and what the tools left; out/ stays
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
+clean:  ## remove the environments and what the tools left; out/ stays
+	rm -rf .venv .venv-napari .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
 
 # The environment is made anew when the lock changes; another pyproject.toml only installs the project again.
 .venv/locked: requirements.lock
@@ -117,4 +122,9 @@ clean:  ## remove .venv and what the tools left; out/ stays
 	@$(PIP) install --no-deps --no-build-isolation -e .
 	@.venv/bin/python -c "from scleraforce.installation import compile_loops; compile_loops()" && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures screenshots stale trace ranges wall-finder model living paper dist sbom size wheels lock clean docs gallery
+.venv-napari/installed: $(NAPARI)/requirements.lock $(NAPARI)/pyproject.toml pyproject.toml
+	@python=$$($(FIND_PYTHON)); rm -rf .venv-napari && $$python -m venv .venv-napari
+	@pip=".venv-napari/bin/python -m pip --disable-pip-version-check -qq"; $$pip install -r $(NAPARI)/requirements.lock && \
+	$$pip install --no-deps --no-build-isolation -e . -e $(NAPARI) && $$pip check && touch $@
+
+.PHONY: help install reproduce test slow lint bench figures screenshots stale trace ranges wall-finder model living paper dist sbom size wheels lock clean docs gallery napari

@@ -13,7 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 # The whole tree; the cards of the bundled models change only with the models.
-WHOLE = ("src", "tests", "benchmarks", "examples", "docs", *(path.name for path in ROOT.glob("*.md")))
+WHOLE = ("src", "tests", "benchmarks", "examples", "docs", "plugins", *(path.name for path in ROOT.glob("*.md")))
 # What must not be written -> what to write. A phrase of ALLOWED around a hit excuses it.
 WORDS = {
     r"told": "given, declared",

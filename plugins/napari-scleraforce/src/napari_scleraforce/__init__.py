@@ -1,0 +1,1 @@
+"""Recordings of scleraforce in napari: frames, walls to correct, forces."""
