@@ -173,7 +173,7 @@ def test_ctrl_c_while_a_sheet_is_written_leaves_no_part_of_it(loose, dark, tmp_p
         assert [axes.texts[0].get_text() for axes in figure.axes] == ["dark.png", "loose.png"]  # the worst is first
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("scleraforce.report.files._save", interrupt)
+    monkeypatch.setattr("scleraforce.report.files._encoded", interrupt)
     shell.run("segment", loose, dark, "--sheet", tmp_path / "sheet.png", code=130)
     assert sorted(tmp_path.iterdir()) == [dark, loose]
 

@@ -1,11 +1,13 @@
 """Pages and figures of reports: content, numbers, names from files as letters, and how a browser shows them."""
 
 import base64
+import csv
 import re
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from html.parser import HTMLParser
+from io import StringIO
 from pathlib import Path
 
 import cv2
@@ -15,10 +17,12 @@ from chromium import in_chromium
 from foreign_files import with_log
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from playwright.sync_api import Browser, Page
 
 from small_recordings import (  # isort: skip
-    changed, evaluation_of, frame_answer, looked_at_frames, read_frames, refused_frame, write_small_recording,
+    calibration_of_a_sealed_eye, changed, evaluation_of, frame_answer, looked_at_frames, read_frames, refused_frame,
+    write_small_recording,
 )  # fmt: skip
 
 import scleraforce
@@ -31,18 +35,22 @@ from scleraforce.models import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.notebook.frames import finder_of, segmented
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer, evaluate_recordings
 from scleraforce.reader.metrics import dice
-from scleraforce.reader.model import load_model
+from scleraforce.reader.model import load_force_reader, load_model
 from scleraforce.reader.verdicts import look
 from scleraforce.recording.folder import Recording, Scanner, read_recording
 from scleraforce.recording.labels import Trial
-from scleraforce.report.files import write_figure
+from scleraforce.report.files import BLACK, DARK, LIGHT, PAPER, SHADE, svg_uri, write_figure
 
 from scleraforce.report.frame_figures import (  # isort: skip
-    MOST, WALLS, WORST, draw_read_forces, draw_sheet, laid_on_surface, look_at_all, sheet_frame, shown_on_sheet,
+    MOST, WALLS, WORST, AnsweredFrame, draw_residuals, draw_sheet, draw_trial_forces, laid_on_surface, look_at_all,
+    sheet_frame, shown_on_sheet,
 )  # fmt: skip
-from scleraforce.report.html import MOST_PICTURES, Html, frame_pictures, shown_frames, write_evaluation_html, write_page
-from scleraforce.report.recording_figures import draw_log
+from scleraforce.report.html import MOST_PICTURES, shown_frames, write_evaluation_html, write_page
+from scleraforce.report.model_figures import draw_curves, draw_model, draw_network
+from scleraforce.report.recording_figures import draw_calibration, draw_log, draw_recording
+from scleraforce.report.shown_artefacts import draw_library
 from scleraforce.segmentation.found import INNER, draw_overlay
+from scleraforce.study import Study
 
 MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
 
@@ -95,8 +103,9 @@ class Markup(HTMLParser):
             self.cells[-1][-1] += data
 
 
-def write_and_read(folder: Path, evaluation: Evaluation) -> str:
-    write_evaluation_html(evaluation, (), folder / "page.html", MADE_AT)
+def write_and_read(folder: Path, evaluation: Evaluation, looks: Sequence[AnsweredFrame] = ()) -> str:
+    (folder / "page.html").unlink(missing_ok=True)
+    write_evaluation_html(evaluation, looks, folder / "page.html", MADE_AT)
     return (folder / "page.html").read_text(encoding="utf-8")
 
 
@@ -113,7 +122,7 @@ def page(source: str) -> Markup:
 def test_a_page_loads_nothing_and_has_its_makers_date_limits_and_images_in_words(page: Markup) -> None:
     sources = [attributes[key] for _, attributes in page.tags for key in ("src", "href") if key in attributes]
     assert sources
-    assert all((source or "").startswith("data:image/") for source in sources)
+    assert all((source or "").startswith(("data:image/", "data:text/csv")) for source in sources)
     assert not any(tag in ("script", "link", "iframe") for tag, _ in page.tags)
     assert all(attributes.get("alt") for tag, attributes in page.tags if tag == "img")
     assert f"scleraforce {__version__}, 2026-03-01 00:30 UTC. Research use only: not a medical device." in page.said
@@ -154,7 +163,7 @@ def test_an_existing_page_is_kept_unless_it_may_be_overwritten(tmp_path: Path) -
     with pytest.raises(InputError, match="exists already"):
         write_evaluation_html(answers(), (), path, MADE_AT)
     assert path.read_text() == "mine"
-    write_page(Html("<!DOCTYPE html>"), path, overwrite=True)
+    write_page("report/page.html", path, MADE_AT, {}, overwrite=True)
     assert path.read_text().startswith("<!DOCTYPE html>")
     assert list(tmp_path.iterdir()) == [path]
     with pytest.raises(InputError, match=r"no/page\.html: No such file or directory"):
@@ -183,8 +192,8 @@ def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(tmp_path
     assert any("over its measured force" in (attributes.get("alt") or "") for _, attributes in page.tags)
 
 
-# Elements that reach beyond the window or that hide a part of their content.
-CUT = """() => [...document.querySelectorAll("body *")].filter((element) => {
+# Elements that reach beyond the window or that hide a part of their content; wide figures are moved sideways.
+CUT = """() => [...document.querySelectorAll("body :not(.wide, .wide *)")].filter((element) => {
   const box = element.getBoundingClientRect();
   return box.right > document.documentElement.clientWidth + 0.5 || element.scrollWidth > element.clientWidth + 1
     && getComputedStyle(element).overflowX !== "visible";
@@ -267,7 +276,7 @@ def test_misread_frames_are_shown_first_and_others_in_even_steps() -> None:
 
 def test_a_picture_is_to_scale_and_has_surface_and_inner_boundary_where_they_were_found(tmp_path: Path) -> None:
     looks = looked_at_frames(tmp_path, 1)
-    (picture,) = pictures(frame_pictures(evaluation_of([looks[0].answer]), looks))
+    (picture,) = pictures(write_and_read(tmp_path, evaluation_of([looks[0].answer]), looks))
     rows, columns = picture.shape[:2]
     width_m, depth_m = looks[0].extent_m
     assert abs(rows / columns - depth_m / width_m) < 0.5 / columns
@@ -296,13 +305,13 @@ def test_below_a_picture_are_the_measured_and_the_read_force_and_misread_ones_ar
         changed(looks[2].answer, measured_force_n=None, target=None, predicted=0),
     )
     looks = [replace(look, answer=answer) for look, answer in zip(looks, answers, strict=True)]
-    html = frame_pictures(evaluation_of(answers), looks)
+    html = write_and_read(tmp_path, evaluation_of(answers), looks)
     assert html.count('<figure class="marked">') == 1
     assert "measured 20.0 mN (class 1); read 31.0 mN (29.0 to 33.0; class 2)" in html
     assert "not usable: no wall found" in html
     assert "not measured; read class 0" in html
     assert "All 3 frames are shown." in html
-    assert "3 of the 101 frames are shown" in frame_pictures(evaluation_of([*answers, *many(98)]), looks)
+    assert "3 of the 101 frames are shown" in write_and_read(tmp_path, evaluation_of([*answers, *many(98)]), looks)
 
 
 ROOT = Path(scleraforce.__file__).parent
@@ -357,23 +366,146 @@ def test_a_browser_shows_the_names_and_runs_none(hostile: Path, browser: Browser
     assert faults == []
 
 
-def test_a_read_force_is_drawn_over_the_measured_one_with_its_interval() -> None:
-    read = {"force_n": 0.012, "interval_n": (0.009, 0.016)}
+def read_evaluation() -> Evaluation:
+    """Three trials with labels of 1 mN: read 2 mN too high, misread 3 mN too low, and not usable."""
+    above = {"force_n": 0.012, "interval_n": (0.009, 0.016)}
+    below = {"force_n": 0.037, "interval_n": (0.035, 0.041), "predicted": 1, "target": 2}
     frames = [
-        frame_answer(file="0.png", measured_force_n=0.010, **read),
-        frame_answer(file="1.png", measured_force_n=0.040, target=2, probabilities=(0.0, 0.6, 0.4), **read),
+        frame_answer(file="0.png", measured_force_n=0.010, measured_force_sd_n=0.001, **above),
+        frame_answer(file="1.png", measured_force_n=0.040, measured_force_sd_n=0.001, **below),
         refused_frame(file="2.png", measured_force_n=0.050, target=2),
     ]
-    axes = draw_read_forces(evaluation_of(frames)).axes[0]
-    places = {label: [] for label in ("read", "misread", "not usable")}
-    for line in axes.lines:
-        if line.get_label() in places:
-            places[line.get_label()].append((line.get_xdata()[0], line.get_ydata()[0]))
-    assert places["read"] == [(10.0, 12.0), (40.0, 12.0)]
-    assert places["misread"] == [(40.0, 12.0)]
-    assert [x for x, _ in places["not usable"]] == [50.0]
+    return evaluation_of(frames, kind="reader")
+
+
+def legend_of(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_residuals_are_read_minus_measured_forces_with_their_intervals_and_limits_of_agreement() -> None:
+    figure = draw_residuals(read_evaluation())
+    (axes,) = figure.axes
+    lines = {line.get_label(): np.column_stack(line.get_data()) for line in axes.lines}
+    np.testing.assert_allclose(lines["read as class 1"], [[10.0, 2.0], [40.0, -3.0]])
+    np.testing.assert_allclose(lines["misread"], [[40.0, -3.0]])
+    assert lines["not usable"][:, 0].tolist() == [50.0]
     intervals = [segment for entry in axes.collections for segment in entry.get_segments()]
-    np.testing.assert_allclose(intervals, [[[10.0, 9.0], [10.0, 16.0]], [[40.0, 9.0], [40.0, 16.0]]])
+    np.testing.assert_allclose(intervals, [[[10.0, -1.0], [10.0, 6.0]], [[40.0, -5.0], [40.0, 1.0]]])
+    reach = 1.959964 * np.std([2.0, -3.0], ddof=1)
+    limits = f"limits of agreement \N{MINUS SIGN}{0.5 + reach:.2f} to +{reach - 0.5:.2f} mN"
+    dashed = [line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == "--" and line.get_color() == BLACK]
+    np.testing.assert_allclose(dashed, [-0.5 - reach, -0.5 + reach], rtol=1e-6)
+    np.testing.assert_allclose(lines["mean \N{MINUS SIGN}0.50 mN"][:, 1], -0.5)
+    read = ["read as class 1", "misread", "not usable", "90 % interval", "label error, 90 %: ±1.64 mN"]
+    assert legend_of(figure) == [*read, "mean \N{MINUS SIGN}0.50 mN", limits]
+
+
+def test_a_legend_lists_only_what_occurs(logged: Recording) -> None:
+    (right, *_) = read_evaluation().frames
+    assert legend_of(draw_trial_forces(evaluation_of([right]))) == ["read as class 1"]
+    residuals = ["read as class 1", "90 % interval", "label error, 90 %: ±1.64 mN", "mean +2.00 mN"]
+    assert legend_of(draw_residuals(evaluation_of([right]))) == residuals
+    without_class_1 = ["read as class 0", "read as class 2", "not usable", "misread"]
+    assert legend_of(draw_trial_forces(answers())) == without_class_1
+    assert [text.get_text() for text in drawn_log(logged).get_legend().get_texts()] == [
+        "as logged",
+        "filtered",
+        "frames",
+    ]
+
+
+def files_of(source: str) -> dict[str, bytes]:
+    """The files that a page saves, by name."""
+    found = re.findall(r'download="([^"]*)" href="data:[^"]*;base64,([^"]*)"', source)
+    assert len({name for name, _ in found}) == len(found) == source.count("download=")
+    return {name: base64.b64decode(content) for name, content in found}
+
+
+def test_a_page_saves_its_figures_frames_and_tables(tmp_path: Path) -> None:
+    looks, evaluation = read_frames(tmp_path / "eye", "no wall", modulus_source="population")
+    source = write_and_read(tmp_path, evaluation, looks)
+    files = files_of(source)
+    frames = [f"{look.answer.file}.jpg" for look in looks]
+    assert [*files] == ["confusion.csv", "residuals.svg", *frames, "frames.csv"]
+    write_figure(draw_residuals(evaluation), tmp_path / "residuals.svg")
+    assert files["residuals.svg"] == (tmp_path / "residuals.svg").read_bytes()
+    shown = [base64.b64decode(each) for each in re.findall(r'src="data:[^"]*;base64,([^"]*)"', source)]
+    assert shown == [files[name] for name in ("residuals.svg", *frames)]
+    rows = list(csv.DictReader(StringIO(files["frames.csv"].decode())))
+    assert [row["file"] for row in rows] == [look.answer.file for look in looks]
+    assert [row["predicted_force_mn"] for row in rows] == ["21.0", "21.0", "", "21.0"]
+    confusion = list(csv.reader(StringIO(files["confusion.csv"].decode())))
+    assert confusion[2] == ["target class 1: 5 to 30 mN", "0", "2", "2", "0.50 (0.15 to 0.85)"]
+
+
+@in_chromium
+def test_a_browser_saves_a_figure_and_a_table_without_a_network(browser: Browser, wide: Path) -> None:
+    page = browser.new_context(offline=True).new_page()
+    page.goto(wide.as_uri())
+    for name, content in files_of(wide.read_text(encoding="utf-8")).items():
+        if name in ("residuals.svg", "frames.csv"):
+            with page.expect_download() as download:
+                page.click(f'a[download="{name}"]')
+            assert Path(download.value.path()).read_bytes() == content
+    page.close()
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of a colour (WCAG 2.2)."""
+    shares = np.array([int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)])
+    return float(
+        np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722]
+    )
+
+
+def contrast(one: str, other: str) -> float:
+    low, high = sorted(map(luminance, (one, other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.fixture
+def line_art(logged: Recording) -> list[Figure]:
+    curves = {"training_loss": (1.0, 0.5), "validation_loss": (0.9, 0.4)}
+    network = draw_network((140, 40), (600, 600), ("class 0", "class 1", "class 2"), 0.5)
+    drawn = [
+        draw_model(Study()),
+        network,
+        draw_curves(curves, "epoch"),
+        draw_calibration(calibration_of_a_sealed_eye()),
+    ]
+    library = draw_library(load_force_reader(SHIPPED_READER).library)
+    return [*drawn, library, draw_residuals(read_evaluation()), draw_trial_forces(answers()), draw_recording(logged)]
+
+
+def test_no_colour_of_a_figure_vanishes_on_dark_paper(line_art: list[Figure], tmp_path: Path) -> None:
+    on_dark = {light.lower(): dark for light, dark in DARK.items()}
+    for number, figure in enumerate(line_art):
+        path = tmp_path / f"{number}.svg"
+        write_figure(figure, path)
+        source = path.read_text(encoding="utf-8")
+        rules = dict(
+            re.findall(r'\[style\*="(?:fill|stroke): (#\w{6})"\]\{(?:fill|stroke):(#\w{6})!important\}', source)
+        )
+        assert rules == on_dark
+        assert all(text.get_color() not in ("black", "#000000") for text in figure.findobj(Text))
+        for colour in set(re.findall(r"(?:fill|stroke): (#\w{6})", source.partition("</style>")[2])):
+            if colour not in (PAPER.lower(), LIGHT.lower(), SHADE.lower()):
+                assert contrast(rules.get(colour, colour), DARK[PAPER]) > 1.6, (number, colour)
+
+
+@in_chromium
+def test_a_figure_has_as_much_ink_in_dark_mode_as_in_light(browser: Browser, line_art: list[Figure]) -> None:
+    for figure in line_art:
+        inked = []
+        for scheme in ("light", "dark"):
+            page = browser.new_page(viewport={"width": 700, "height": 500}, color_scheme=scheme)
+            page.set_content(f'<html style="color-scheme: light dark"><img width="700" src="{svg_uri(figure)}">')
+            shown = cv2.imdecode(np.frombuffer(page.locator("img").screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE)
+            page.close()
+            paper = np.bincount(shown.ravel()).argmax()
+            inked.append(np.count_nonzero(np.abs(shown.astype(int) - paper) > 12))
+            assert (paper < 60) == (scheme == "dark")
+        assert inked[1] > 0.6 * inked[0]
 
 
 def test_the_overlap_of_slices_is_1_if_they_are_the_same_and_0_if_they_have_nothing_in_common() -> None:

@@ -1,7 +1,6 @@
 """A reproduction: finished stages are reused, foreign files left alone; framing, readings, sections; the demo."""
 
 import json
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -28,7 +27,7 @@ from scleraforce.reader.metrics import ForceTrial
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import read_recording
 from scleraforce.reproduction import demo, run as reproduction, stages
-from scleraforce.reproduction.page import _comparison, _coverage_words, _held
+from scleraforce.reproduction.page import _comparison, _coverage, _held
 from scleraforce.reproduction.run import Progress, Run, Stage, framed_for_laboratory, open_run, run_library, run_stages
 from scleraforce.study import NetworkStudy, Study, format_study, parse_study
 
@@ -238,8 +237,7 @@ def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Eva
 def test_forces_are_compared_with_the_log_and_with_the_truth(tmp_path: Path) -> None:
     paper = evaluation(tmp_path, "classifier", (None, None))
     reader = evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3))
-    rows = [re.findall(r"<t[hd][^>]*>([^<]*)", row) for row in re.findall(r"<tr>.*?</tr>", _comparison(paper, reader))]
-    cells = {row[0]: row[1:] for row in rows}
+    cells = {row[0]: row[1:] for row in _comparison(paper, reader).rows}
     assert cells["mean error of the force in mN"] == ["\N{EN DASH}", "2.00"]
     assert cells["the same against the true force"] == ["\N{EN DASH}", "0.50"]
     assert cells["labels that agree with their 90 % interval"][1].startswith("0.00")
@@ -247,20 +245,19 @@ def test_forces_are_compared_with_the_log_and_with_the_truth(tmp_path: Path) -> 
 
 
 def test_a_low_coverage_is_explained_by_the_error_of_the_log(tmp_path: Path) -> None:
-    (words,) = _coverage_words(evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3)))
-    assert "off from the true force by 2.00 mN in the mean and by 2.00 mN at most" in words
-    assert "reach 1.00 mN to either side in the median" in words
-    assert "agree with 0.00 of the labels, whose own error counts (0.10 mN" in words
-    assert "hold 1.00 of the true forces: 2 of 2 of eye-1." in words
-    assert "share the error" in words
-    assert _coverage_words(evaluation(tmp_path, "classifier", (None, None))) == ()
+    found = _coverage(evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3)))
+    assert [found[name] for name in ("off_mn", "most_mn", "reach_mn")] == pytest.approx([2.0, 2.0, 1.0])
+    assert [found[name] for name in ("agree", "label_mn", "hold")] == pytest.approx([0.0, 0.1, 1.0])
+    assert found["by_eye"] == "2 of 2 of eye-1"
+    assert _coverage(evaluation(tmp_path, "classifier", (None, None))) == {}
 
 
 def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(tmp_path: Path) -> None:
     read = evaluation(tmp_path, "reader", (12e-3, 24e-3))
     calibrated = frame_answer(eye="eye-1", calibration=True, measured_force_n=10.3e-3, true_force_n=10e-3)
-    (words,) = _coverage_words(replace(read, frames=(*read.frames, calibrated)))
-    assert "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of its calibration." in words
+    found = _coverage(replace(read, frames=(*read.frames, calibrated)))
+    words = "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of its calibration. "
+    assert found["worst"] == words
 
 
 def test_the_band_of_a_coverage_is_over_eyes() -> None:

@@ -170,9 +170,9 @@ def write_imported(
             read = ", ".join(column.answer() for column in gathered.columns) or "forces of a bag are in N"
             raise InputError(f"{path}: {fault}; read as {read}: check the unit (--column, for a log of text)")
         from scleraforce.report.files import write_figure
-        from scleraforce.report.recording_figures import draw_preview
+        from scleraforce.report.recording_figures import draw_recording
 
-        write_figure(draw_preview(recording), recording.path / PREVIEW)
+        write_figure(draw_recording(recording), recording.path / PREVIEW)
     return done
 
 

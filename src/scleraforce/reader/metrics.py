@@ -8,13 +8,14 @@ class's answers that were right).
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, nan, sqrt
-from statistics import NormalDist
+from statistics import NormalDist, fmean, stdev
 
 import numpy as np
 
 from scleraforce.arrays import Bytes, Flags, Integers
 
 SDS_OF_INTERVAL = NormalDist().inv_cdf(0.95)  # of a normal distribution, to either end of its 90 % interval
+LIMIT_SDS = NormalDist().inv_cdf(0.975)  # to either end of the range of 95 % of all differences
 SHARED_ERROR = ("Frames of one eye share the error of its calibration, so they hold or miss together: 90 % is the mean "
                 "of many eyes; of single ones, from less than half to all hold.")  # fmt: skip
 RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
@@ -118,6 +119,16 @@ class ForceTrial:
 def mean_absolute_error(trials: Sequence[ForceTrial]) -> float:
     """Return the mean absolute error, N; NaN without trials."""
     return sum(abs(trial.read_n - trial.measured_n) for trial in trials) / len(trials) if trials else nan
+
+
+def agreement(trials: Sequence[ForceTrial]) -> tuple[float, float, float]:
+    """Return the mean of read minus measured force and its limits of agreement, N; the limits of one trial are NaN.
+
+    The limits are 1.96 standard deviations to either side of the mean (Bland and Altman 1986).
+    """
+    off_n = [trial.read_n - trial.measured_n for trial in trials]
+    middle_n, reach_n = fmean(off_n), LIMIT_SDS * stdev(off_n) if len(off_n) > 1 else nan
+    return middle_n, middle_n - reach_n, middle_n + reach_n
 
 
 def coverage(trials: Sequence[ForceTrial]) -> Proportion:

@@ -21,10 +21,22 @@ from scleraforce.units import from_si
 from scleraforce.whole_files import renamed_when_whole
 
 BLUE, AMBER, RED, BLACK, GREY = "#0072B2", "#E69F00", "#D55E00", "#222222", "#8A8A8A"
+PAPER, FAINT, TISSUE = "#FFFFFF", "#C9CED3", "#E9EDF2"  # behind everything, of lines in the background, of a drawn wall
 CLASS_COLOURS = (BLUE, AMBER, RED)
 CLASS_INKS = (BLUE, "#A06800", "#BF5300")  # the same, dark enough for letters on white
 CLASS_MARKERS = ("o", "s", "^")
 SCAN_COLOURS = "gray"
+SKY, LIGHT, SHADE = "#56B4E9", "#F4F4F4", "#111111"  # on a B-scan, with AMBER: lines, letters, and the letters' edge
+
+# An SVG's colours where the viewer prefers dark pages; others, and what is drawn on a B-scan, suit both.
+DARK = {PAPER: "#14181C", BLACK: "#E3E7EA", BLUE: SKY, CLASS_INKS[1]: "#F0B02C", CLASS_INKS[2]: "#FF9D57",
+        FAINT: "#5A646D", TISSUE: "#39424A"}  # fmt: skip
+_RULES = (
+    f'[style*="{kind}: {light.lower()}"]{{{kind}:{dark}!important}}'
+    for light, dark in DARK.items()
+    for kind in ("fill", "stroke")
+)
+DARK_RULES = f"@media screen and (prefers-color-scheme: dark){{{''.join(_RULES)}}}"
 
 Kind = Literal["png", "svg", "pdf"]
 FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
@@ -58,6 +70,15 @@ def evenly(entries: list[Entry], most: int) -> list[Entry]:
     return [entries[n] for n in np.linspace(0, len(entries) - 1, most).round().astype(int)] if most else []
 
 
+def last_letters(name: str, most: int) -> str:
+    """Return a name, or its end after an ellipsis: the ends of frames' names differ.
+
+    >>> last_letters("scan-of-monday-0001.png", 9)
+    '…0001.png'
+    """
+    return name if len(name) <= most else f"…{name[1 - most :]}"
+
+
 def show_image(axes: Axes, image: NDArray[Any], extent_m: tuple[float, float], **options: Any) -> None:
     """Draw an image (row, column) to scale, in mm from its upper left corner; `extent_m` is its width and depth."""
     extent = (0.0, from_si(extent_m[0], "mm"), from_si(extent_m[1], "mm"), 0.0)
@@ -73,26 +94,37 @@ def log_scale(axes: Axes, ticks: Locator | None = None) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def data_uri(figure: Figure, kind: Literal["png", "svg"] = "png") -> str:
-    """Return a figure as the `src` of an image in a page: line art as SVG, images as PNG."""
-    content = BytesIO()
-    _save(figure, content, kind)
-    media = "image/svg+xml" if kind == "svg" else "image/png"
-    return f"data:{media};base64,{base64.b64encode(content.getvalue()).decode('ascii')}"
+def data_uri(content: bytes, media: str) -> str:
+    """Return a file's content as an address that needs no network."""
+    return f"data:{media};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def svg_uri(figure: Figure) -> str:
+    """Return a figure as the address of an SVG."""
+    return data_uri(_encoded(figure, "svg"), "image/svg+xml")
+
+
+def png_uri(figure: Figure) -> str:
+    """Return a figure that has images as the address of a PNG; '' for line art."""
+    has_image = any(axes.images for axes in figure.axes)
+    return data_uri(_encoded(figure, "png"), "image/png") if has_image else ""
 
 
 def write_figure(figure: Figure, path: Path) -> None:
     """Write a figure as PNG, SVG or PDF, by the ending of `path`; raises `InputError`."""
     kind = check_figure_path(path)
     with renamed_when_whole(path) as part:
-        _save(figure, part, kind)
+        part.write_bytes(_encoded(figure, kind))
 
 
-def _save(figure: Figure, target: Path | BytesIO, kind: Kind) -> None:
-    """Write a figure under the common style, without a date: the same figure gives the same bytes."""
+def _encoded(figure: Figure, kind: Kind) -> bytes:
+    """Return a figure's file under the common style, without a date: the same figure gives the same bytes."""
+    content = BytesIO()
     with mpl.rc_context(fname=str(STYLE)), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # of a file's name: it is shown as a box
-        figure.savefig(target, format=kind, metadata={LEFT_OUT[kind]: None})
+        figure.savefig(content, format=kind, metadata={LEFT_OUT[kind]: None})
+    found = content.getvalue()
+    return found.replace(b"</style>", f"{DARK_RULES}</style>".encode(), 1) if kind == "svg" else found
 
 
 def check_figure_path(path: Path) -> Kind:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from math import isnan
 from operator import itemgetter
 from textwrap import shorten, wrap
@@ -10,14 +11,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from scleraforce.arrays import Bytes, Flags, Floats, Integers
+from scleraforce.arrays import Bytes, Floats, Integers
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.reader.metrics import dice
+from scleraforce.reader.metrics import SDS_OF_INTERVAL, agreement, dice
 from scleraforce.recording.folder import Recording, ScaledFrame, read_recording
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.report import files as style
@@ -30,12 +32,12 @@ from scleraforce.units import from_si
 if TYPE_CHECKING:
     from scleraforce.learning.dataset import Dataset
 
-BOTH_COLOUR = "#555555"
+PARTS = {"in the frame only": style.SKY, "simulated only": style.RED, "both": style.GREY}  # of two slices, overlaid
 SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)  # lateral, to either side of the frame's middle
-SKY = "#56B4E9"  # bright enough on a B-scan
-WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = ((SKY, "-"), (style.AMBER, "--"))
+WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = ((style.SKY, "-"), (style.AMBER, "--"))
 SLICE: dict[str, Any] = {"vmin": 0, "vmax": 255, "interpolation": "nearest"}
 
+WIDTH_MM = 170.0  # of a figure
 WIDTH = 480  # pixels of a frame in a page: 3 side by side on a wide screen, one on a telephone, both sharp
 
 
@@ -81,14 +83,17 @@ def draw_slice_pairs(pairs: Sequence[tuple[AnsweredFrame, Bytes, Bytes]], pixel_
     A pair is a frame, its slice, and the slice simulated for the same force: 255 is wall, pixels of `pixel_m`.
     """
     figure = Figure(figsize=style.inches(170, 100))
-    grid = figure.subplots(4, len(pairs), squeeze=False)
+    grid, occurring = figure.subplots(4, len(pairs), squeeze=False), set[int]()
     for column, (look, measured, simulated) in enumerate(pairs):
         answer, extent_m = look.answer, (measured.shape[1] * pixel_m, measured.shape[0] * pixel_m)
         force_mn = from_si(max(answer.measured_force_n or 0.0, 0.0), "mn")
         style.show_image(grid[0, column], look.frame, look.extent_m)
         style.show_image(grid[1, column], measured, extent_m, **SLICE)
         style.show_image(grid[2, column], simulated, extent_m, **SLICE)
-        style.show_image(grid[3, column], _overlay(measured > 0, simulated > 0), extent_m, interpolation="nearest")
+        overlaid = (measured > 0) + 2 * (simulated > 0)  # number of the part
+        occurring |= set(np.unique(overlaid).tolist())
+        colours = ListedColormap(["none", *PARTS.values()])
+        style.show_image(grid[3, column], overlaid, extent_m, cmap=colours, vmin=0, vmax=3, interpolation="nearest")
         grid[3, column].set_title(f"Dice {dice(measured, simulated):.3f}", fontsize=7, pad=2)
         title = f"class {answer.target}: {answer.eye}, {force_mn:.0f} mN"
         grid[0, column].set_title(title, color=style.CLASS_INKS[answer.target or 0], fontweight="bold")
@@ -97,18 +102,10 @@ def draw_slice_pairs(pairs: Sequence[tuple[AnsweredFrame, Bytes, Bytes]], pixel_
             axes.tick_params(labelbottom=False)
     for row, name in enumerate(("raw frame", "its slice", "simulated", "overlay")):
         grid[row, 0].set_ylabel(f"{name}\ndepth [mm]")
-    labels = {"in the frame only": style.BLUE, "simulated only": style.RED, "both": BOTH_COLOUR}
-    handles = [Patch(color=colour, label=label) for label, colour in labels.items()]
+    parts = enumerate(PARTS.items(), start=1)
+    handles = [Patch(color=colour, label=label) for number, (label, colour) in parts if number in occurring]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
-
-
-def _overlay(measured: Flags, simulated: Flags) -> Floats:
-    colours = np.ones((*measured.shape, 3))
-    parts = {style.BLUE: measured & ~simulated, style.RED: simulated & ~measured, BOTH_COLOUR: measured & simulated}
-    for colour, where in parts.items():
-        colours[where] = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
-    return colours
 
 
 @style.styled
@@ -134,8 +131,8 @@ def draw_wall(axes: Axes, look: AnsweredFrame) -> None:
     rows, columns = look.frame.shape
     style.show_image(axes, look.frame, look.extent_m)
     lateral_mm = (np.arange(columns) + 0.5) * width_mm / columns
-    for name, row, colour in (("surface", look.found.outer_row, style.AMBER), ("inner", look.found.inner_row, SKY)):
-        axes.plot(lateral_mm, (row + 0.5) * depth_mm / rows, color=colour, linewidth=0.9, label=name)
+    for row, colour in ((look.found.outer_row, style.AMBER), (look.found.inner_row, style.SKY)):
+        axes.plot(lateral_mm, (row + 0.5) * depth_mm / rows, color=colour, linewidth=0.9)
     axes.set(xlim=(0.0, width_mm), ylim=(depth_mm, 0.0))
 
 
@@ -144,12 +141,11 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
     """Draw a raw frame, the boundaries that were found, the mask of the wall, and the frame under the mask."""
     figure = Figure(figsize=style.inches(170, 68))
     raw, found, mask, masked = panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
-    titles = ("(a) raw frame", "(b) boundaries found", "(c) mask of the wall", "(d) frame, masked")
+    titles = ("(a) raw frame", "(b) surface and inner boundary", "(c) mask of the wall", "(d) frame, masked")
     for axes, title in zip(panels, titles, strict=True):
         axes.set_title(title)
     style.show_image(raw, look.frame, look.extent_m)
     draw_wall(found, look)
-    found.legend(loc="lower center", ncols=2, labelcolor="white")
     style.show_image(mask, look.found.mask, look.extent_m, interpolation="nearest")
     style.show_image(masked, np.where(look.found.mask > 0, look.frame, 0), look.extent_m)
     for axes in (raw, mask):
@@ -204,7 +200,7 @@ def draw_computed_walls(looks: Sequence[AnsweredFrame], computed: Mapping[str, S
 
 
 BINS = 128
-WIDTH_MM, HISTOGRAM_MM, MOST_MM = 170.0, 42.0, 90.0  # of the page, of the histograms, of the frames' height
+HISTOGRAM_MM, MOST_MM = 42.0, 90.0  # heights: of the histograms, of the frames at most
 
 
 @style.styled
@@ -229,94 +225,112 @@ def draw_scanner(real: Pixels, drawn: Pixels, extent_m: tuple[float, float], top
     return figure
 
 
-MOST_NAMES, NAME_LENGTH = 60, 14  # trials that carry their frame's name, and last characters of a name
-RING: dict[str, Any] = {"marker": "o", "linestyle": "", "color": "none", "markeredgecolor": style.BLACK,
-                        "label": "misread"}  # fmt: skip
+LETTER_MM = 1.5  # wide
+Place = tuple[float, float, FrameAnswer]  # of a trial in a figure
 
 
 @style.styled
 def draw_trial_forces(evaluation: Evaluation) -> Figure:
     """Draw the measured force of every trial that counts with the class bounds; misread trials are ringed."""
-    figure, frames = Figure(figsize=style.inches(170, 84)), evaluation.scored
-    axes = _draw_trials(figure, evaluation)
-    if len(frames) <= MOST_NAMES:
-        names = [frame.file if len(frame.file) <= NAME_LENGTH else f"…{frame.file[-NAME_LENGTH:]}" for frame in frames]
-        axes.set_xticks(range(1, len(frames) + 1), names, rotation=90, fontsize=5.5)
-        axes.set_xlabel("frame")
+    figure = Figure(figsize=style.inches(WIDTH_MM, 70))
+    _draw_trials(figure, evaluation)
     return figure
 
 
-def _draw_trials(figure: FigureBase, evaluation: Evaluation) -> Axes:
+def _draw_trials(figure: FigureBase, evaluation: Evaluation) -> None:
     axes, frames = figure.subplots(), evaluation.scored
-    top_mn = from_si(evaluation.max_force_n, "mn")
-    for x, frame in enumerate(frames, start=1):
-        if frame.measured_force_n is not None:
-            force_mn = from_si(frame.measured_force_n, "mn")
-            top_mn = max(top_mn, force_mn)
-            marker, colour = style.CLASS_MARKERS[frame.answer.predicted], style.CLASS_COLOURS[frame.answer.predicted]
-            fill = colour if frame.answer.usable else "white"
-            axes.plot(x, force_mn, marker, color=fill, markeredgecolor=colour, markersize=4.5, zorder=4)
-            if frame.misread:
-                axes.plot(x, force_mn, markersize=10, zorder=5, **RING)
+    places = [(x, from_si(f.measured_force_n or 0.0, "mn"), f) for x, f in enumerate(frames, start=1)]
+    top_mn = max([from_si(evaluation.max_force_n, "mn"), *(force_mn for _, force_mn, _ in places)])
+    _draw_places(axes, places)
     mark_bounds(axes, evaluation.bounds_n)
-    _separate_eyes(axes, frames)
+    _separate_eyes(axes, [frame.eye for frame in frames])
     axes.set(xlabel="trial", ylabel="measured force [mN]", xlim=(0.0, len(frames) + 1.0))
     axes.set_ylim(-0.04 * top_mn, 1.12 * top_mn)
-    unusable = Line2D([], [], linestyle="", marker="^", color="white", markeredgecolor=style.RED, label="not usable")
-    figure.legend(handles=_legend(unusable), loc="outside upper center", ncols=5)
-    return axes
+    figure.legend(loc="outside upper center", ncols=5)
 
 
-def _separate_eyes(axes: Axes, frames: Sequence[FrameAnswer]) -> None:
-    names = [frame.eye for frame in frames]
+def _draw_places(axes: Axes, places: Sequence[Place]) -> None:
+    """Draw trials: marker and colour say which class was read, hollow ones are not usable, misread ones are ringed."""
+
+    def draw(chosen: Iterable[Place], marker: str, label: str, **look: Any) -> None:
+        if some := [place[:2] for place in chosen]:
+            axes.plot(*zip(*some, strict=True), marker, label=label, **look)
+
+    for number, (marker, colour) in enumerate(zip(style.CLASS_MARKERS, style.CLASS_COLOURS, strict=True)):
+        read = [place for place in places if place[2].answer.predicted == number]
+        for usable, fill, label in ((True, colour, f"read as class {number}"), (False, style.PAPER, "not usable")):
+            chosen = (place for place in read if place[2].answer.usable == usable)
+            draw(chosen, marker, label, color=fill, markeredgecolor=colour, markersize=4.5, zorder=4)
+    ringed = (place for place in places if place[2].misread)
+    draw(ringed, "o", "misread", color="none", markeredgecolor=style.BLACK, markersize=10, zorder=5)
+
+
+def _separate_eyes(axes: Axes, names: Sequence[str]) -> None:
+    """Draw a line between the trials of two eyes, and the eyes' names where there is room."""
     starts = [n for n in range(len(names)) if n == 0 or names[n] != names[n - 1]]
-    for start, end in zip(starts, [*starts[1:], len(names)], strict=True):
+    for start, end in pairwise([*starts, len(names)]):
         if start:
-            axes.axvline(start + 0.5, color="#D9DEE3", linewidth=0.8, zorder=0)
-        middle = 0.5 * (start + end) + 0.5
-        axes.text(middle, 0.985, names[start], transform=axes.get_xaxis_transform(), ha="center", va="top")
-
-
-def _legend(*more: Line2D) -> list[Line2D]:
-    read = [
-        Line2D([], [], linestyle="", marker=marker, color=colour, markersize=4.5, label=f"read as class {number}")
-        for number, (marker, colour) in enumerate(zip(style.CLASS_MARKERS, style.CLASS_COLOURS, strict=True))
-    ]
-    return [*read, Line2D([], [], markersize=9, **RING), *more]
+            axes.axvline(start + 0.5, color=style.FAINT, linewidth=0.8, zorder=0)
+        if LETTER_MM * len(names[start]) < WIDTH_MM * 0.85 * (end - start) / len(names):
+            middle = 0.5 * (start + end) + 0.5
+            axes.text(middle, 0.985, names[start], transform=axes.get_xaxis_transform(), ha="center", va="top")
 
 
 @style.styled
-def draw_read_forces(evaluation: Evaluation) -> Figure:
-    """Draw the read force of every trial that counts with its interval over the measured one."""
-    figure = Figure(figsize=style.inches(170, 105))
-    axes = figure.subplots()
-    top = from_si(evaluation.max_force_n, "mn")
-    axes.plot([0.0, top], [0.0, top], color=style.GREY, linewidth=0.8, zorder=1, label="equal")
-    for bound in evaluation.bounds_n:
-        for draw in (axes.axhline, axes.axvline):
-            draw(from_si(bound, "mn"), color=style.GREY, linewidth=0.6, linestyle=DASHED, zorder=1)
+def draw_residuals(evaluation: Evaluation) -> Figure:
+    """Draw read minus measured force of every trial that counts, with its interval, over the measured force.
+
+    The lines are the mean and its limits of agreement (Bland and Altman 1986, against a reference), the band is the
+    labels' own error; trials that are not usable have no force, and are at the upper edge.
+    """
+    figure = Figure(figsize=style.inches(WIDTH_MM, 88))
+    axes, places, unread = figure.subplots(), list[Place](), list[float]()
     for frame in evaluation.scored:
-        if frame.measured_force_n is not None:
-            _draw_read_force(axes, frame, from_si(frame.measured_force_n, "mn"), 1.08 * top)
-    axes.set(xlim=(-0.05 * top, 1.08 * top), ylim=(-0.05 * top, 1.08 * top), aspect="equal")
-    axes.set(xlabel="measured force [mN]", ylabel="read force [mN]")
-    unusable = Line2D([], [], linestyle="", marker="x", color=style.RED, markersize=4, label="not usable (at the top)")
-    interval = Line2D([], [], linestyle="", color=style.BLACK, marker="|", markersize=8, label="90 % interval")
-    figure.legend(handles=_legend(interval, unusable), loc="outside right upper")
+        measured_n, read_n, interval_n = frame.measured_force_n, frame.answer.force_n, frame.answer.interval_n
+        if measured_n is None:
+            continue
+        if read_n is None or interval_n is None:
+            unread.append(from_si(measured_n, "mn"))
+            continue
+        x, y, low, high = (from_si(force_n, "mn") for force_n in (measured_n, read_n - measured_n, *interval_n))
+        places.append((x, y, frame))
+        axes.vlines(x, low - x, high - x, color=style.CLASS_COLOURS[frame.answer.predicted], linewidth=0.9)
+    _draw_places(axes, places)
+    if unread:
+        axes.plot(unread, np.full(len(unread), 0.97), "x", color=style.RED, markersize=4, label="not usable",
+                  transform=axes.get_xaxis_transform())  # fmt: skip
+    _draw_agreement(axes, evaluation)
+    top_mn = max([from_si(evaluation.max_force_n, "mn"), *(x for x, *_ in places)])
+    _mark_classes(axes, evaluation.bounds_n, top_mn)
+    axes.set(xlabel="measured force [mN]", ylabel="read minus measured force [mN]", xlim=(-0.02 * top_mn, top_mn))
+    figure.legend(loc="outside lower center", ncols=4, handlelength=1.5, columnspacing=1.2)
     return figure
 
 
-def _draw_read_force(axes: Axes, frame: FrameAnswer, measured_mn: float, top_mn: float) -> None:
-    if frame.answer.force_n is None or frame.answer.interval_n is None:
-        axes.plot(measured_mn, 0.98 * top_mn, "x", color=style.RED, markersize=4, zorder=4, label="not usable")
-        return
-    read_mn, low_mn, high_mn = (from_si(force, "mn") for force in (frame.answer.force_n, *frame.answer.interval_n))
-    colour, marker = style.CLASS_COLOURS[frame.answer.predicted], style.CLASS_MARKERS[frame.answer.predicted]
-    axes.vlines(measured_mn, low_mn, high_mn, color=colour, linewidth=0.8, zorder=3)
-    axes.plot(measured_mn, read_mn, marker, color=colour, markersize=3.5, zorder=4, label="read")
-    if frame.misread:
-        axes.plot(measured_mn, read_mn, markersize=9, zorder=5, **RING)
-        axes.annotate(frame.file, (measured_mn, read_mn), (6, -6), textcoords="offset points", fontsize=6, va="top")
+def _draw_agreement(axes: Axes, evaluation: Evaluation) -> None:
+    middle, low, high = (from_si(off_n, "mn") for off_n in agreement(evaluation.forces))
+    words = f"mean {middle:+.2f} mN", f"limits of agreement {low:+.2f} to {high:+.2f} mN"
+    mean_label, limits_label = (each.replace("-", "\N{MINUS SIGN}") for each in words)
+    label_mn = SDS_OF_INTERVAL * from_si(evaluation.label_sd_n, "mn")
+    axes.plot([], [], "|", color=style.BLACK, markersize=8, label="90 % interval")
+    if label_mn:
+        label = f"label error, 90 %: ±{label_mn:.2f} mN"
+        axes.axhspan(-label_mn, label_mn, color=style.GREY, alpha=0.15, linewidth=0, zorder=0, label=label)
+    axes.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=1)
+    axes.axhline(middle, color=style.BLACK, linewidth=0.9, zorder=1, label=mean_label)
+    if not isnan(low):
+        for limit, name in ((low, limits_label), (high, None)):
+            axes.axhline(limit, color=style.BLACK, linewidth=0.9, linestyle=DASHED, zorder=1, label=name)
+
+
+def _mark_classes(axes: Axes, bounds_n: Sequence[float], top_mn: float) -> None:
+    """Draw the class bounds across the horizontal axis and name the classes above it."""
+    bounds_mn = from_si(np.array(bounds_n), "mn")
+    for bound_mn in bounds_mn:
+        axes.axvline(bound_mn, color=style.GREY, linewidth=0.6, linestyle=DASHED, zorder=1)
+    for number, (low, high) in enumerate(pairwise([0.0, *bounds_mn, top_mn])):
+        axes.annotate(f"class {number}", (0.5 * (low + high), 1.0), (0, 3), ("data", "axes fraction"), "offset points",
+                      ha="center", color=style.CLASS_INKS[number], annotation_clip=False)  # fmt: skip
 
 
 @style.styled
@@ -420,6 +434,6 @@ def _draw_frame(axes: Axes, one: SheetFrame) -> None:
             axes.plot(x, np.where(y < 1.0, y, np.nan), color=colour, linestyle=line, linewidth=width)
     axes.set(xlim=(0.0, 1.0), ylim=(1.0, 0.0), xticks=[], yticks=[], box_aspect=one.aspect, anchor="NW")
     axes.spines[:].set(visible=not found.usable, color=style.RED, linewidth=1.5)
-    name = one.name if len(one.name) <= NAME_LETTERS else f"…{one.name[1 - NAME_LETTERS :]}"
+    name = style.last_letters(one.name, NAME_LETTERS)
     axes.annotate(name, (0, 0), (0, -3), "axes fraction", "offset points", va="top", fontsize=6.5, fontweight="bold")
     axes.set_xlabel("\n".join(one.words), loc="left", fontsize=6, labelpad=11.0)

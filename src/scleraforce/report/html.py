@@ -1,19 +1,17 @@
-"""HTML of pages without templates or dependencies: elements, tables of answers, provenance; an evaluation's page."""
+"""Pages from templates: tables of answers, provenance, downloads; an evaluation's page."""
 
-import base64
 import platform
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from html import escape
 from importlib.metadata import version
-from importlib.resources import files
 from math import isnan
 from pathlib import Path
-from typing import Literal, NewType
+from typing import Any
 
 import cv2
 import numpy as np
-from matplotlib.figure import Figure
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from scleraforce import __version__
 from scleraforce.arrays import Integers
@@ -22,119 +20,46 @@ from scleraforce.known import MODULUS_SOURCES
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.metrics import SHARED_ERROR, Proportion, mean_absolute_error, precision, recall
-from scleraforce.report.files import data_uri, evenly
-from scleraforce.report.frame_figures import WIDTH, AnsweredFrame, draw_read_forces, draw_trial_forces
+from scleraforce.recording.export import csv_text
+from scleraforce.report.files import data_uri, evenly, png_uri, svg_uri
+from scleraforce.report.frame_figures import WIDTH, AnsweredFrame, draw_residuals, draw_trial_forces
 from scleraforce.segmentation.found import draw_overlay
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
 from scleraforce.whole_files import write_whole
 
-Html = NewType("Html", str)
 
-STACKED_COLUMNS, STACKED_SENTENCES = 7, 3  # from as many columns, a table's rows become blocks on a narrow screen
-STYLE_SHEET = files("scleraforce.report").joinpath("page.css").read_text(encoding="utf-8")
+@dataclass(frozen=True)
+class Table:
+    """A table of a page: titles of the columns, rows, and the cells (row, column) to highlight.
 
+    `records` are the rows of its CSV file; by default, the cells.
+    """
 
-def text(content: object) -> Html:
-    """Return a value as escaped text."""
-    return Html(escape(str(content)))
+    head: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    marked: Iterable[tuple[int, int]] = ()
+    records: Sequence[Mapping[str, Any]] = ()
 
-
-def paragraph(content: str, *, notice: bool = False) -> Html:
-    """Return a paragraph of plain text; a `notice` must not be missed."""
-    return Html(f"<p{_class('notice' if notice else '')}>{text(content)}</p>")
-
-
-def bullets(entries: Iterable[str]) -> Html:
-    """Return a list of plain texts."""
-    return Html("<ul>" + "".join(f"<li>{text(entry)}</li>" for entry in entries) + "</ul>")
-
-
-def table(
-    head: Sequence[str], rows: Sequence[Sequence[object]], caption: str, marked: Iterable[tuple[int, int]] = (), *,
-    prose: bool = False, remarks: bool = False,
-) -> Html:  # fmt: skip
-    """Return a table with `marked` cells (row, column); `prose`, or with `remarks` the last column, is flush left."""
-    classes = dict.fromkeys(marked, "marked")
-    if remarks:
-        classes |= {(number, len(head) - 1): "words" for number in range(len(rows))}
-    top = "".join(
-        f'<th scope="col"{_class("words" if remarks and entry is head[-1] else "")}>{text(entry)}</th>'
-        for entry in head
-    )
-    body = "".join(_row(number, row, head, classes) for number, row in enumerate(rows))
-    stacked = "stacked" if len(head) >= (STACKED_SENTENCES if prose else STACKED_COLUMNS) else ""
-    return Html(
-        f'<div class="table"><table{_class("prose" if prose else "", stacked)}><caption>{text(caption)}</caption>'
-        f"<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
-    )
+    @property
+    def csv(self) -> str:
+        """The address of the CSV file."""
+        cells = ([str(cell).replace(NO_BREAK, " ").replace(NOTHING, "") for cell in row] for row in self.rows)
+        records = self.records or [dict(zip(self.head, row, strict=True)) for row in cells]
+        return data_uri(csv_text(records).encode(), "text/csv")
 
 
-def _row(number: int, row: Sequence[object], head: Sequence[str], classes: Mapping[tuple[int, int], str]) -> str:
-    """Return a row; each cell carries its column's title, for where the row becomes a block."""
-    first, *rest = (text(entry) for entry in row)
-    cells = (
-        f'<td data-title="{escape(title)}"{_class(classes.get((number, column), ""))}>{entry}</td>'
-        for column, (title, entry) in enumerate(zip(head[1:], rest, strict=True), start=1)
-    )
-    return f'<tr><th scope="row">{first}</th>{"".join(cells)}</tr>'
-
-
-def _class(*names: str) -> str:
-    chosen = " ".join(name for name in names if name)
-    return f' class="{chosen}"' if chosen else ""
-
-
-def figure(drawn: Figure, alternative: str, caption: str, kind: Literal["png", "svg"] = "svg") -> Html:
-    """Return a figure with a caption; `alternative` describes it in words. Images are PNG, line art is SVG."""
-    return Html(
-        f'<figure><img src="{data_uri(drawn, kind)}" alt="{escape(alternative)}">'
-        f"<figcaption>{text(caption)}</figcaption></figure>"
-    )
-
-
-def gallery(pictures: Iterable[tuple[str, str, str]], marked: Iterable[int] = ()) -> Html:
-    """Return small pictures (data URI, name, description) side by side; the numbers in `marked` are highlighted."""
-    highlighted = set(marked)
-    items = (
-        f"<figure{_class('marked' if number in highlighted else '')}>"
-        f'<img src="{escape(source)}" alt="{escape(f"{name}: {words}")}">'
-        f"<figcaption><b>{text(name)}</b> {text(words)}</figcaption></figure>"
-        for number, (source, name, words) in enumerate(pictures)
-    )
-    return Html(f'<div class="gallery">{"".join(items)}</div>')
-
-
-def cards(entries: Iterable[tuple[str, str, str]]) -> Html:
-    """Return the figures that matter most, side by side: value, what it is, a remark."""
-    boxes = (
-        f'<div class="card"><b>{text(value)}</b><span>{text(name)}</span><small>{text(remark)}</small></div>'
-        for value, name, remark in entries
-    )
-    return Html(f'<div class="cards">{"".join(boxes)}</div>')
-
-
-def section(title: str, *blocks: Html) -> Html:
-    """Return a section of a page."""
-    return Html(f"<section><h2>{text(title)}</h2>{''.join(blocks)}</section>")
-
-
-def page(title: str, lead: str, stamp: str, *sections: Html) -> Html:
-    """Return a whole page: heading, a sentence or two, version and date, sections."""
-    return Html(
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{text(title)}</title><style>\n{STYLE_SHEET}</style></head>\n"
-        f"<body><main><header><h1>{text(title)}</h1><p>{text(lead)}</p>"
-        f'<p class="stamp">{text(stamp)}</p></header>\n' + "\n".join(sections) + "</main></body></html>\n"
-    )
-
-
-def write_page(content: Html, path: Path, *, overwrite: bool = False) -> None:
-    """Write a page; raises `InputError`."""
+def write_page(
+    template: str, path: Path, made_at: datetime, values: Mapping[str, Any], *, overwrite: bool = False
+) -> None:
+    """Write a page from a template of the package and its values, as one file; raises `InputError`."""
     if path.exists() and not overwrite:
         raise InputError(f"{path}: exists already; remove it or choose another name")
-    write_whole(content, path)
+    pages = Environment(loader=PackageLoader("scleraforce", ""), autoescape=True, undefined=StrictUndefined)
+    pages.filters |= {"svg": svg_uri, "png": png_uri, "si": from_si}
+    pages.filters |= {"cards": evaluation_cards, "confusion": confusion_table}
+    pages.filters |= {"residuals": draw_residuals, "trial_forces": draw_trial_forces}
+    write_whole(pages.get_template(template).render(values, made=made_line(made_at)), path)
 
 
 NOTHING = "\N{EN DASH}"  # in a cell that has no value
@@ -151,9 +76,9 @@ def class_names(bounds_n: Sequence[float]) -> tuple[str, str, str]:
     return f"class 0: below {low} mN", f"class 1: {low} to {high} mN", f"class 2: above {high} mN"
 
 
-def confusion_table(confusion: Integers, bounds_n: Sequence[float], caption: str) -> Html:
-    """Return a confusion matrix, rows targets, with recall and precision; misread trials are highlighted."""
-    names = class_names(bounds_n)
+def confusion_table(evaluation: Evaluation, confusion: Integers | None = None) -> Table:
+    """Return the confusion matrix, or another one, with recall and precision; misread trials are highlighted."""
+    names, confusion = class_names(evaluation.bounds_n), evaluation.confusion if confusion is None else confusion
     rows = [
         [f"target {name}", *counts.tolist(), found.words(NOTHING)]
         for name, counts, found in zip(names, confusion, recall(confusion), strict=True)
@@ -161,10 +86,10 @@ def confusion_table(confusion: Integers, bounds_n: Sequence[float], caption: str
     rows.append(["precision", *(right.words(NOTHING) for right in precision(confusion)), ""])
     wrong = [(r, c + 1) for r, c in np.argwhere(confusion > 0).tolist() if r != c]
     head = ["", *(f"predicted {number}" for number in range(len(names))), "recall"]
-    return table(head, rows, caption, wrong)
+    return Table(head, rows, wrong)
 
 
-def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: str) -> Html:
+def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer]) -> Table:
     """Return a row for each frame: measured and read force, and remarks; of several eyes, with the eye's name."""
     several = len({frame.eye for frame in frames}) > 1
     with_force = evaluation.reads_force
@@ -181,7 +106,7 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     wrong = [(r, 3) for r, f in enumerate(frames) if f.misread]
     read = ["read [mN]", "90 % [mN]"] if with_force else []
     head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
-    return table(head, rows, caption, wrong, remarks=True)
+    return Table(head, rows, wrong, [frame.as_json() for frame in frames])
 
 
 def measured_force(frame: FrameAnswer) -> str:
@@ -226,7 +151,7 @@ def made_line(made_at: datetime) -> str:
     return f"scleraforce {__version__}, {made_at.astimezone(UTC):%Y-%m-%d %H:%M} UTC. {RESEARCH_USE}"
 
 
-def provenance_table(study: Study, reader: Reader) -> Html:
+def provenance_table(study: Study, reader: Reader) -> Table:
     """Return study hash, seeds, model and data set hashes, and the versions of the packages."""
     rows: list[Sequence[object]] = [
         ["study, SHA-256", study_hash(study)], ["data set, SHA-256", reader.provenance.get("dataset_sha256", "")],
@@ -234,28 +159,26 @@ def provenance_table(study: Study, reader: Reader) -> Html:
         ["seed of the virtual eyes", study.phantom.seed], ["Python", platform.python_version()],
         ["PyTorch", reader.provenance.get("torch", "")], *([name, version(name)] for name in PACKAGES),
     ]  # fmt: skip
-    caption = "Inputs of this run; the same study and versions give the same result."
-    return table(["", "value"], rows, caption, prose=True)
-
-
-NAMES_REMARK = ("Rows are targets, columns predictions; in brackets the 95 % Wilson interval. Recall is row-wise (of "
-                "the trials of a class, how many were recognised), precision column-wise (of the answers of a class, "
-                "how many were right); the paper's Table 3 has the two names the other way round.")  # fmt: skip
+    return Table(["", "value"], rows)
 
 
 def write_evaluation_html(
     evaluation: Evaluation, looks: Sequence[AnsweredFrame], path: Path, made_at: datetime
 ) -> None:
     """Write an evaluation as one self-contained page, with pictures of some frames; raises `InputError`."""
-    limits = [section("What limits the result", bullets(evaluation.notes))] if evaluation.notes else []
-    pictures = [frame_pictures(evaluation, looks)] if looks else []
-    tables = [
-        frame_table(evaluation, [frame for frame in evaluation.frames if frame.recording == name], name)
-        for name in dict.fromkeys(frame.recording for frame in evaluation.frames)
+    recordings = dict.fromkeys(frame.recording for frame in evaluation.frames)
+    tables = {
+        name: frame_table(evaluation, [frame for frame in evaluation.frames if frame.recording == name])
+        for name in recordings
+    }
+    several = len(recordings) > 1
+    names = [f"{look.answer.eye}/{look.answer.file}" if several else look.answer.file for look in looks]
+    pictures = [
+        (_picture(look), name, _words(look.answer), look.answer.misread)
+        for look, name in zip(looks, names, strict=True)
     ]
-    sections = [_result(evaluation), *limits, *pictures, section("Every frame", *tables)]
-    title = "Forces of recordings" if evaluation.reads_force else "Force classes of recordings"
-    write_page(page(title, _lead(evaluation), made_line(made_at), *sections), path)
+    values = {"evaluation": evaluation, "lead": _lead(evaluation), "shared_error": SHARED_ERROR}
+    write_page("report/evaluation.html", path, made_at, values | {"pictures": pictures, "tables": tables})
 
 
 def _lead(evaluation: Evaluation) -> str:
@@ -272,8 +195,8 @@ def _lead(evaluation: Evaluation) -> str:
     return f"Model {evaluation.model}. Young's modulus with which each eye was read: {', '.join(moduli)}."
 
 
-def evaluation_cards(evaluation: Evaluation) -> Html:
-    """Return the figures that matter most: accuracy, recall of the dangerous class, frames that could not be read."""
+def evaluation_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
+    """Return the figures that matter most: value, what it is, a remark."""
     low, high = evaluation.accuracy.interval
     danger = evaluation.recall[-1]
     unusable = [frame for frame in evaluation.frames if not frame.answer.usable]
@@ -283,7 +206,7 @@ def evaluation_cards(evaluation: Evaluation) -> Html:
         (_percent(danger.value), "of the dangerous forces seen", _of(danger)),
         (str(len(unusable)), "frames not usable", f"of {len(evaluation.frames)}; each counts as class 2"),
     ]
-    return cards([*most, *_force_cards(evaluation)])
+    return [*most, *_force_cards(evaluation)]
 
 
 def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
@@ -301,30 +224,6 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     ]
 
 
-def read_forces_figure(evaluation: Evaluation) -> Html:
-    """Return the read forces with their intervals over the measured ones."""
-    caption = ("Read force with its 90 % interval over the measured force. Dashed: class bounds. Misread trials are "
-               "ringed and named; unusable trials are at the upper edge and count as class 2.")  # fmt: skip
-    return figure(draw_read_forces(evaluation), "read force of each trial over its measured force", caption)
-
-
-def forces_figure(evaluation: Evaluation) -> Html:
-    """Return the measured forces with the class bounds and the misread trials (Fig. 10)."""
-    caption = ("Measured forces of the trials that count, and the class bounds (Fig. 10). Colour and marker say what "
-               "was read; misread trials are ringed. Each trial has the name of its "
-               "frame where there is room.")  # fmt: skip
-    return figure(draw_trial_forces(evaluation), "measured force of each trial against the class bounds", caption)
-
-
-def _result(evaluation: Evaluation) -> Html:
-    if not evaluation.scored:
-        return section("Result", paragraph("No frame has a label that counts, so there are no metrics."))
-    confusion = confusion_table(evaluation.confusion, evaluation.bounds_n, NAMES_REMARK)
-    words = paragraph(f"A label is given with the standard deviation of its error. {SHARED_ERROR}")
-    forces = [words, read_forces_figure(evaluation)] if evaluation.forces else []
-    return section("Result", evaluation_cards(evaluation), confusion, *forces, forces_figure(evaluation))
-
-
 def _percent(value: float) -> str:
     return NOTHING if isnan(value) else f"{from_si(value, 'percent'):.0f} %"
 
@@ -333,12 +232,9 @@ def _of(found: Proportion) -> str:
     return f"{found.hits} of {found.total} trials"
 
 
-MOST_PICTURES = 48  # of 20 KB each: a page of 1 MB, which a mail carries
+MOST_PICTURES = 48  # of 20 KB each, once to see and once to save: a page of 2 MB, which a mail carries
 QUALITY = 75
 DEEPEST = 2.0  # times as deep as wide, at most
-
-WALL_COLOURS = ("Orange: the tissue's surface. Blue: the wall's inner boundary, dashed if it is not seen, 1 mm below "
-                "the surface. Depth and width are to scale.")  # fmt: skip
 
 
 def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:
@@ -349,22 +245,6 @@ def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:
     return tuple(frames[n] for n in sorted(chosen + evenly(others, MOST_PICTURES - len(chosen))))
 
 
-def frame_pictures(evaluation: Evaluation, looks: Sequence[AnsweredFrame]) -> Html:
-    """Return the section with the pictures of `shown_frames`, and how many frames it leaves out."""
-    several, total = len({frame.recording for frame in evaluation.frames}) > 1, len(evaluation.frames)
-    pictures = [
-        (_picture(look), f"{look.answer.eye}/{look.answer.file}" if several else look.answer.file, _words(look.answer))
-        for look in looks
-    ]
-    marked = {n for n, look in enumerate(looks) if look.answer.misread}
-    left_out = f"All {total} frames are shown." if len(looks) == total else (
-        f"{len(looks)} of the {total} frames are shown: first the frames that were misread or could not be read, then "
-        "others in even steps; the table below lists all."
-    )  # fmt: skip
-    words = paragraph(f"{WALL_COLOURS} {left_out}")
-    return section("The wall in the frames", words, gallery(pictures, marked))
-
-
 def _picture(look: AnsweredFrame) -> str:
     """Return a frame with its wall as the `src` of an image in a page."""
     width_m, depth_m = look.extent_m
@@ -373,7 +253,7 @@ def _picture(look: AnsweredFrame) -> str:
     # Thin coloured lines need their colour at full resolution.
     full_colour = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
     content = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY, *full_colour])[1].tobytes()
-    return f"data:image/jpeg;base64,{base64.b64encode(content).decode('ascii')}"
+    return data_uri(content, "image/jpeg")
 
 
 def _words(answer: FrameAnswer) -> str:

@@ -15,7 +15,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 
 from scleraforce.arrays import Floats, Integers
 from scleraforce.laboratory.virtual_eye import SimulatedEye
-from scleraforce.report.files import AMBER, BLACK, BLUE, CLASS_INKS, GREY, RED, SCAN_COLOURS, inches, log_scale, styled
+from scleraforce.report import files as style
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
@@ -29,16 +29,16 @@ FACE_OUTLINES = (
 )
 
 
-@styled
+@style.styled
 def draw_simulation(eye: SimulatedEye) -> Figure:
     """Draw the deformed mesh and, beside it, the slice."""
-    figure = Figure(figsize=inches(170, 65))
+    figure = Figure(figsize=style.inches(170, 65))
     figure.set_layout_engine("none")  # the automatic layout leaves three-dimensional axes small
     _draw_mesh(figure, eye, width=0.5)
     axes = figure.add_axes((0.56, 0.2, 0.42, 0.6))
     rows, columns = eye.slice.shape
     width, depth = (from_si(pixels * eye.window.pixel_m, "mm") for pixels in (columns, rows))
-    axes.imshow(eye.slice, cmap=SCAN_COLOURS, vmin=0, vmax=255, extent=(-width / 2, width / 2, depth, 0))
+    axes.imshow(eye.slice, cmap=style.SCAN_COLOURS, vmin=0, vmax=255, extent=(-width / 2, width / 2, depth, 0))
     axes.set(xlabel="lateral [mm]", ylabel="depth [mm]")
     axes.set_title(f"slice beside the needle, {columns} x {rows} pixels")
     wall = f"wall of {from_si(eye.mesh.thickness_m, 'um'):.0f} µm"
@@ -57,11 +57,14 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     amount = from_si(np.linalg.norm(eye.displacement_nc, axis=1)[outlines].mean(axis=1), "mm")
     scale = Normalize(0.0, max(float(amount.max()), 1e-6))
     colours = ScalarMappable(scale, DISPLACEMENT_COLOURS)
-    faces = Poly3DCollection(moved[outlines], facecolors=colours.to_rgba(amount), edgecolors="white", linewidths=0.15)
+    faces = Poly3DCollection(
+        moved[outlines], facecolors=colours.to_rgba(amount), edgecolors=style.PAPER, linewidths=0.15
+    )
+    faces.set_rasterized(True)  # thousands of polygons
     axes.add_collection3d(faces)
     normal, length = eye.contact.normal, eye.mesh.radius_m - eye.tip_m
     ends = from_si(np.stack([length * normal, (length + NEEDLE_LENGTH_M) * normal]), "mm")
-    axes.plot(*ends.T, color=RED, linewidth=2.0, zorder=10)
+    axes.plot(*ends.T, color=style.RED, linewidth=2.0, zorder=10)
     radius = from_si(eye.mesh.radius_m, "mm")
     axes.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(0, radius))
     axes.set_box_aspect((2, 2, 1), zoom=1.38)
@@ -87,21 +90,21 @@ ARROW = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8}
 BOX_MM, ROW_MM = 24.0, 14.0
 
 
-@styled
+@style.styled
 def draw_model(study: Study) -> Figure:
     """Draw the meridian of the needle: the wall, its clamped base, pressure, weight, needle and the B-scan plane."""
     radius = from_si(study.eye.radius_m, "mm")
     polar_deg = degrees(sum(study.needle.polar_angle_rad.bounds) / 2)
-    figure = Figure(figsize=inches(120, 62))
+    figure = Figure(figsize=style.inches(120, 62))
     axes = figure.add_subplot()
     angles = np.linspace(-np.pi / 2, np.pi / 2, 181)
     wall = np.concatenate([_arc(radius, angles), _arc(radius - THICKNESS_DRAWN_MM, angles[::-1])])
-    axes.add_patch(Polygon(wall, facecolor="#E9EDF2", edgecolor=BLACK, linewidth=0.8))
+    axes.add_patch(Polygon(wall, facecolor=style.TISSUE, edgecolor=style.BLACK, linewidth=0.8))
     _draw_base(axes, radius)
     _draw_pressure(axes, radius - THICKNESS_DRAWN_MM)
     _sketch_needle(axes, radius, polar_deg)
-    _arrow(axes, (-0.1 * radius, 0.52 * radius), (-0.1 * radius, 0.28 * radius), BLACK)
-    axes.text(-0.07 * radius, 0.36 * radius, "gravity, $f_g$", color=BLACK, parse_math=True)
+    _arrow(axes, (-0.1 * radius, 0.52 * radius), (-0.1 * radius, 0.28 * radius), style.BLACK)
+    axes.text(-0.07 * radius, 0.36 * radius, "gravity, $f_g$", color=style.BLACK, parse_math=True)
     of_eye = f"E, $\\nu$ = {study.eye.poisson_ratio:g}, R = {radius:g} mm"
     axes.text(0.0, 0.08 * radius, of_eye, ha="center", parse_math=True)
     axes.set(xlim=(-1.15 * radius, 2.0 * radius), ylim=(-0.2 * radius, 1.3 * radius), aspect="equal")
@@ -109,29 +112,30 @@ def draw_model(study: Study) -> Figure:
     return figure
 
 
-@styled
+@style.styled
 def draw_network(pixels: tuple[int, int], hidden: Sequence[int], classes: Sequence[str], dropout: float) -> Figure:
     """Draw the layers from a slice of (columns, rows) over hidden layers with dropout to the named classes."""
     columns, rows = pixels
     layers = [
-        (f"slice\n{columns} x {rows}\npixels", BLACK), (f"input\n{columns * rows}", GREY),
-        *((f"{size}\nReLU\ndropout {dropout:g}", BLUE) for size in hidden), (f"{len(classes)}\nsoftmax", RED),
+        (f"slice\n{columns} x {rows}\npixels", style.BLACK), (f"input\n{columns * rows}", style.GREY),
+        *((f"{size}\nReLU\ndropout {dropout:g}", style.BLUE) for size in hidden),
+        (f"{len(classes)}\nsoftmax", style.RED),
     ]  # fmt: skip
     step = 1.3 * BOX_MM
-    figure = Figure(figsize=inches(170, 28))
+    figure = Figure(figsize=style.inches(170, 28))
     axes = figure.add_subplot()
     for place, (text, colour) in enumerate(layers):
         left = place * step
         box = FancyBboxPatch((left, -ROW_MM / 2), BOX_MM, ROW_MM, boxstyle="round,pad=0,rounding_size=1.5")
-        box.set(facecolor="white", edgecolor=colour, linewidth=1.1)
+        box.set(facecolor=style.PAPER, edgecolor=colour, linewidth=1.1)
         axes.add_patch(box)
         axes.text(left + BOX_MM / 2, 0.0, text, ha="center", va="center")
         if place:
-            _arrow(axes, (left - step + BOX_MM, 0.0), (left, 0.0), GREY)
+            _arrow(axes, (left - step + BOX_MM, 0.0), (left, 0.0), style.GREY)
     end = (len(layers) - 1) * step + BOX_MM
     for place, name in enumerate(classes):
         height = ROW_MM * (0.55 - 0.55 * place)
-        _arrow(axes, (end, 0.5 * height), (end + 7.0, height), GREY)
+        _arrow(axes, (end, 0.5 * height), (end + 7.0, height), style.GREY)
         axes.text(end + 8.5, height, name, va="center")
     axes.set(xlim=(-2.0, end + 38.0), ylim=(-0.7 * ROW_MM, 0.7 * ROW_MM), aspect="equal")
     axes.set_axis_off()
@@ -157,40 +161,40 @@ def _arrow(axes: Axes, start: Point, end: Point, colour: str) -> None:
 def _draw_base(axes: Axes, radius: float) -> None:
     for side in (-1.0, 1.0):
         ends = np.sort(side * np.array([radius - 1.4 * THICKNESS_DRAWN_MM, radius + 0.4 * THICKNESS_DRAWN_MM]))
-        axes.plot(ends, [0.0, 0.0], color=BLACK, linewidth=1.4)
+        axes.plot(ends, [0.0, 0.0], color=style.BLACK, linewidth=1.4)
         for start in np.linspace(ends[0], ends[1], 6):
-            axes.plot([start, start - 0.5], [0.0, -0.8], color=BLACK, linewidth=0.6)
+            axes.plot([start, start - 0.5], [0.0, -0.8], color=style.BLACK, linewidth=0.6)
     axes.text(0.0, -0.14 * radius, "the base is clamped", ha="center")
 
 
 def _draw_pressure(axes: Axes, inner: float) -> None:
     for polar_deg in (-75, -55, -35, -15, 5, 60, 78):
-        _arrow(axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), BLUE)
+        _arrow(axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), style.BLUE)
     across, up = _point(0.74 * inner, -45)
-    axes.text(across, up, "IOP, $f_p$", color=BLUE, ha="center", va="center", parse_math=True)
+    axes.text(across, up, "IOP, $f_p$", color=style.BLUE, ha="center", va="center", parse_math=True)
 
 
 def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
     ends = np.array([_point(radius, polar_deg), _point(1.42 * radius, polar_deg)])
-    axes.plot(*ends.T, color=RED, linewidth=2.6, solid_capstyle="butt")
-    _arrow(axes, _point(0.98 * radius, polar_deg), _point(0.72 * radius, polar_deg), RED)
+    axes.plot(*ends.T, color=style.RED, linewidth=2.6, solid_capstyle="butt")
+    _arrow(axes, _point(0.98 * radius, polar_deg), _point(0.72 * radius, polar_deg), style.RED)
     across, up = _point(0.64 * radius, polar_deg)
-    axes.text(across, up, "needle, $f_n$", color=RED, ha="center", va="center", parse_math=True)
+    axes.text(across, up, "needle, $f_n$", color=style.RED, ha="center", va="center", parse_math=True)
     half = 0.38 * radius
     corners = [(1.22, -half), (1.22, half), (0.86, half), (0.86, -half)]
     outline = np.array([_point(share * radius, polar_deg, along) for share, along in corners])
-    axes.add_patch(Polygon(outline, fill=False, edgecolor=AMBER, linewidth=1.1, linestyle=(0, (4, 2))))
-    across, up = _point(1.2 * radius, polar_deg, 0.42 * radius)
-    axes.text(across, up, "B-scan, parallel to this\nplane, beside the needle", color=CLASS_INKS[1], va="bottom")
+    axes.add_patch(Polygon(outline, fill=False, edgecolor=style.AMBER, linewidth=1.1, linestyle=(0, (4, 2))))
+    across, up = _point(1.2 * radius, polar_deg, 0.44 * radius)
+    axes.text(across, up, "B-scan, parallel to this\nplane, beside the needle", color=style.CLASS_INKS[1], va="bottom")
 
 
-@styled
+@style.styled
 def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
     """Draw the curves of a training (`training_loss`, `validation_loss` and so on), a panel for each quantity."""
     names = list(dict.fromkeys(name.partition("_")[2] for name in curves))
-    figure = Figure(figsize=inches(170 if len(names) > 1 else 110, 60))
+    figure = Figure(figsize=style.inches(170 if len(names) > 1 else 110, 60))
     for axes, name in zip(figure.subplots(1, max(len(names), 1), squeeze=False)[0], names, strict=False):
-        for part, colour, line in (("training", RED, (0, (4, 2))), ("validation", BLUE, "-")):
+        for part, colour, line in (("training", style.RED, (0, (4, 2))), ("validation", style.BLUE, "-")):
             values = curves.get(f"{part}_{name}", ())
             if values:
                 axes.plot(range(1, len(values) + 1), values, color=colour, linestyle=line, label=part)
@@ -198,5 +202,5 @@ def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="best")
         if name == "loss" and min(min(curves[key]) for key in curves if key.endswith("_loss")) > 0:
-            log_scale(axes, LogLocator(subs=(1.0, 2.0, 5.0)))
+            style.log_scale(axes, LogLocator(subs=(1.0, 2.0, 5.0)))
     return figure

@@ -22,33 +22,38 @@ from scleraforce.units import from_si
 POINTS_DRAWN = 6000
 DASHED = (0, (4, 3))
 SHOWN_FRAMES = 3
-WIDTH_MM, FORCE_MM, WORDS_MM, TALLEST_MM = 170.0, 46.0, 12.0, 110.0
+WIDTH_MM, FORCE_MM, TIMES_MM, WORDS_MM, TALLEST_MM = 170.0, 46.0, 20.0, 12.0, 110.0
 BARS_MM = (5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02)
 BAR_SHARE = 0.4  # of the frame's extent, at most
 OUTLIERS = 0.1  # per cent of the pixels that may be off the grey scale
-OF_DIFFERENT_FORCE = 3
+NAME_LETTERS = 24
 
 
 @style.styled
-def draw_preview(recording: Recording) -> Figure:
-    """Draw a recording's first frames side by side, to scale, and the contact force with the times of all frames."""
-    entries = recording.frames[:SHOWN_FRAMES]
-    frames = [recording.frame(entry) for entry in entries]
+def draw_recording(recording: Recording, trials: Sequence[Trial] = (), bounds_n: Sequence[float] = ()) -> Figure:
+    """Draw frames side by side, to scale, above the contact force with the times of all frames.
+
+    With `trials`, labels of all frames, it shows the least, the middle and the largest force; else the first frames.
+    """
+    forces_n = [trial.measured_force_n for trial in trials] or [None] * len(recording.frames)
+    order = sorted(range(len(forces_n)), key=lambda n: forces_n[n] or 0.0)
+    shown = style.evenly(order, SHOWN_FRAMES) if trials else order[:SHOWN_FRAMES]
+    frames = [recording.frame(recording.frames[n]) for n in shown]
     extent_m = recording.info.oct.width_m, recording.info.oct.depth_m
     width_mm, depth_mm = (float(from_si(length, "mm")) for length in extent_m)
     frame_mm = min(TALLEST_MM, (WIDTH_MM - 12.0) / len(frames) * depth_mm / width_mm)
-    heights = [frame_mm + WORDS_MM, *([] if recording.forces is None else [FORCE_MM])]
+    heights = [frame_mm + WORDS_MM, TIMES_MM if recording.forces is None else FORCE_MM]
     figure = Figure(figsize=style.inches(WIDTH_MM, sum(heights)))
     grid = figure.add_gridspec(len(heights), len(frames), height_ratios=heights)
     low, high = np.percentile(np.stack(frames), [OUTLIERS, 100.0 - OUTLIERS])
-    for nth, (entry, frame) in enumerate(zip(entries, frames, strict=True)):
-        axes = figure.add_subplot(grid[0, nth])
+    for place, (nth, frame) in enumerate(zip(shown, frames, strict=True)):
+        axes, entry, force_n = figure.add_subplot(grid[0, place]), recording.frames[nth], forces_n[nth]
         style.show_image(axes, frame, extent_m, vmin=low, vmax=max(high, low + 1))
-        axes.set_title(f"{entry.file}, {entry.time_s:.3f} s")
+        said = f"{entry.time_s:.3f} s" if force_n is None else f"{from_si(force_n, 'mn'):.1f} mN"
+        axes.set_title(f"{style.last_letters(entry.file, NAME_LETTERS)}, {said}")
         axes.set_axis_off()
         _scale_bars(axes, width_mm, depth_mm)
-    if recording.forces is not None:
-        draw_log(figure.add_subplot(grid[1, :]), recording)
+    draw_log(figure.add_subplot(grid[1, :]), recording, trials, bounds_n)
     return figure
 
 
@@ -60,35 +65,10 @@ def _scale_bars(axes: Axes, width_mm: float, depth_mm: float) -> None:
     line: dict[str, Any] = {"color": style.AMBER, "linewidth": 1.6, "solid_capstyle": "butt"}
     axes.plot([left, left + across], [bottom, bottom], **line)
     axes.plot([left, left], [bottom, bottom - down], **line)
-    edge = [withStroke(linewidth=2.0, foreground=style.BLACK)]  # letters are readable on bright tissue, too
+    edge = [withStroke(linewidth=2.0, foreground=style.SHADE)]  # letters are readable on bright tissue, too
     words: dict[str, Any] = {"color": style.AMBER, "fontsize": 7.0, "path_effects": edge}
     axes.text(left + across + 0.015 * width_mm, bottom, f"{across:g} mm", va="center", **words)
     axes.text(left, bottom - down - 0.02 * depth_mm, f"{down:g} mm deep", va="bottom", **words)
-
-
-@style.styled
-def draw_recording(recording: Recording, trials: Sequence[Trial], bounds_n: Sequence[float]) -> Figure:
-    """Draw the force log with the frames' labels and, above it, the frames of least, middle and largest force."""
-    figure = Figure(figsize=style.inches(170, 80))
-    grid = figure.add_gridspec(2, 1, height_ratios=(0.7, 1.0))
-    pictures, curve = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-    order = sorted(range(len(trials)), key=lambda n: trials[n].measured_force_n or 0.0)
-    shown = style.evenly(order, OF_DIFFERENT_FORCE)
-    extent_m = recording.info.oct.width_m, recording.info.oct.depth_m
-    for axes, place in zip(pictures.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
-        trial, force_n = trials[place], trials[place].measured_force_n
-        style.show_image(axes, recording.frame(recording.frames[place]), extent_m)
-        axes.set_title(trial.file if force_n is None else f"{trial.file}: {from_si(force_n, 'mn'):.1f} mN")
-        axes.set_xlabel("mm")
-    axes = curve.subplots()
-    if recording.forces is None or recording.info.force is None:
-        axes.plot([trial.time_s for trial in trials], [0.0] * len(trials), "|", color=style.BLACK)
-        axes.set_yticks([])
-        axes.set(title="frames; their forces were not logged", xlabel="time [s]")
-    else:
-        draw_log(axes, recording, trials)
-        mark_bounds(axes, bounds_n)
-    return figure
 
 
 @style.styled
@@ -96,37 +76,45 @@ def draw_force_log(recording: Recording, trials: Sequence[Trial], bounds_n: Sequ
     """Draw the beginning of a force log with the labels of its frames and the class bounds."""
     figure = Figure(figsize=style.inches(170, 62))
     axes = figure.subplots()
-    draw_log(axes, recording, trials)
-    mark_bounds(axes, bounds_n)
+    draw_log(axes, recording, trials, bounds_n)
     axes.set_xlim(right=until_s)
     return figure
 
 
-def draw_log(axes: Axes, recording: Recording, trials: Sequence[Trial] = ()) -> None:
-    """Draw a force log, as logged (shifted to the filtered zero) and filtered, with the frames' times and labels."""
+def draw_log(axes: Axes, recording: Recording, trials: Sequence[Trial] = (), bounds_n: Sequence[float] = ()) -> None:
+    """Draw a force log, as logged (shifted to the filtered zero) and filtered, with the frames' times and labels.
+
+    Without a log, draw the times alone.
+    """
     log, info = recording.forces, recording.info.force
-    assert log is not None
-    assert info is not None
+    times_s = [frame.time_s for frame in recording.frames]
+    axes.set_xlabel("time [s]")
+    if log is None or info is None:
+        axes.plot(times_s, np.zeros(len(times_s)), "|", color=style.BLACK)
+        axes.set(title="frames; their forces were not logged", yticks=[])
+        return
     filtered_mn = from_si(contact_force(log, info), "mn")
     raw_mn = from_si(info.contact_sign * log.force_n(info.axis), "mn")
     raw_mn = raw_mn - np.nanmean(raw_mn - filtered_mn)
     every = slice(None, None, max(1, len(log.time_s) // POINTS_DRAWN))
-    axes.plot(log.time_s[every], raw_mn[every], color="#C9CED3", linewidth=0.5, label="as logged")
-    axes.plot(log.time_s[every], filtered_mn[every], color=style.BLUE, label="filtered")
+    axes.plot(log.time_s[every], raw_mn[every], color=style.FAINT, linewidth=0.5, label="as logged")
+    axes.plot(log.time_s[every], filtered_mn[every], color=style.BLACK, linewidth=0.8, label="filtered")
     missing_s = log.time_s[np.isnan(raw_mn)]
     if len(missing_s):
         missing_s = missing_s[:: max(1, len(missing_s) // POINTS_DRAWN)]
         axes.plot(missing_s, np.zeros_like(missing_s), "|", color=style.RED, label="no force")
-    times_s = [frame.time_s for frame in recording.frames]
-    axes.vlines(times_s, 0, 1, transform=axes.get_xaxis_transform(), color=style.BLACK, linewidth=0.5, label="frames")
+    ends = 0.0, 0.06  # of the axes' height
+    axes.vlines(times_s, *ends, transform=axes.get_xaxis_transform(), color=style.BLACK, linewidth=0.5, label="frames")
     for target, (colour, marker) in enumerate(zip(style.CLASS_COLOURS, style.CLASS_MARKERS, strict=True)):
         labels = [(t.time_s, from_si(t.measured_force_n, "mn")) for t in trials if t.target == target]
         if labels:
             label = f"label: class {target}"
             axes.plot(*zip(*labels, strict=True), marker, color=colour, markersize=4, label=label, zorder=5)
     axes.set_xlim(min(times_s[0], float(log.time_s[0])), max(times_s[-1], float(log.time_s[-1])))
-    axes.set(xlabel="time [s]", ylabel="contact force [mN]")
+    axes.set_ylabel("contact force [mN]")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=7)
+    if bounds_n:
+        mark_bounds(axes, bounds_n)
 
 
 def mark_bounds(axes: Axes, bounds_n: Sequence[float]) -> None:
@@ -147,14 +135,10 @@ EYES_IN_A_ROW = 3
 @style.styled
 def draw_modulus_over_frames(eye: EyeCalibration, truth_pa: float | None = None) -> Figure:
     """Draw mean and band (one and two standard deviations) of E over the frames (Fig. 5), and a virtual eye's E."""
-    figure = Figure(figsize=style.inches(170, 62))
-    whole, close = figure.subplots(1, 2)
-    for axes, title in ((whole, "from the prior on"), (close, "the same, from the first frame on")):
-        _draw_over_frames(axes, eye, truth_pa)
-        axes.set_title(title)
-    ends = [from_si(f.mean_pa + sign * 3 * f.sd_pa, "mpa") for f in eye.used for sign in (-1, 1)]
-    close.set(xlim=(1, max(len(eye.used), 2)), ylim=(min(ends), max(ends)))
-    close.get_legend().remove()
+    figure = Figure(figsize=style.inches(WIDTH_MM, 62))
+    axes = figure.subplots()
+    _draw_over_frames(axes, eye, truth_pa)
+    figure.legend(loc="outside right upper")
     return figure
 
 
@@ -173,7 +157,7 @@ def draw_observed_points(eye: EyeCalibration, frame: Pixels, index: int, width_m
         axes.set_title(f"{title}: E = {from_si(modulus_pa, 'mpa'):.2f} MPa")
         axes.set(xlabel="lateral [mm]", xlim=extent[:2], ylim=extent[2:])
     panels[0].set_ylabel("depth [mm]")
-    panels[0].legend(loc="upper right", labelcolor="white")
+    panels[0].legend(loc="upper right", labelcolor=style.LIGHT)
     return figure
 
 
@@ -192,11 +176,13 @@ def draw_calibration(calibration: Calibration) -> Figure:
         modulus = f"{eye.id}: {from_si(eye.mean_pa, 'mpa'):.3f} MPa, sd {from_si(eye.sd_pa, 'mpa'):.4f} MPa"
         above.set_title("\n".join((modulus, *found_words(eye))))
         _draw_by_force(below, eye)
-        below.axhline(from_si(eye.mean_pa, "mpa"), color=style.RED, linewidth=0.8)
+    drawn = {label: each for axes in figure.axes for each, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(drawn.values(), drawn.keys(), loc="outside lower left", ncols=2)
     return figure
 
 
 def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -> None:
+    """Draw E over the frames; the axis shows the frames' bands, and the prior's, at no frames, reaches beyond it."""
     moments = [(frame.mean_pa, frame.sd_pa) for frame in eye.used]
     if eye.filter is not None:
         moments.insert(0, (eye.filter.study.prior_mean_pa, eye.filter.study.prior_sd_pa))
@@ -208,16 +194,18 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
     axes.plot(count, mean, "o-", color=style.BLUE, markersize=2.5, label="mean")
     if truth_pa is not None:
         axes.axhline(from_si(truth_pa, "mpa"), color=style.RED, linestyle="--", linewidth=0.8, label="true")
-    axes.set(xlabel="frames", ylabel="E [MPa]", ylim=(0.0, 1.05 * float((mean + 2 * sd).max())))
+    ends = np.concatenate([mean - 3 * sd, mean + 3 * sd]).reshape(2, -1)[:, 1 - first :]
+    axes.set(xlabel="frames", ylabel="E [MPa]", ylim=(ends.min(), ends.max()))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.legend(loc="best")
 
 
 def _draw_by_force(axes: Axes, eye: EyeCalibration) -> None:
     alone = [frame for frame in eye.used if frame.own_modulus_pa is not None]
     moduli = [from_si(frame.own_modulus_pa or 0.0, "mpa") for frame in alone]
     if alone:
-        axes.plot([from_si(frame.force_n, "mn") for frame in alone], moduli, "o", color=style.BLUE, markersize=3.5)
+        forces_mn = [from_si(frame.force_n, "mn") for frame in alone]
+        axes.plot(forces_mn, moduli, "o", color=style.AMBER, markersize=3.5, label="a frame alone")
+    axes.axhline(from_si(eye.mean_pa, "mpa"), color=style.RED, linewidth=0.8, label="mean after all frames")
     axes.set(xlabel="force [mN]", ylabel="E [MPa]")
     axes.set_xlim(left=0.0)
     axes.set_ylim(0.0, max(1.15 * max(moduli, default=1.0), axes.get_ylim()[1]))

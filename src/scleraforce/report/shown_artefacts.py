@@ -77,19 +77,18 @@ def draw_library(library: Library) -> Figure:
     """Draw F/E over the dent for every thickness, at the lowest, the middle and the highest pressure."""
     figure = Figure(figsize=inches(170, 62))
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
-    dent_mm = from_si(library.tip_m, "mm")
-    shades = colormaps["viridis"](np.linspace(0.0, 0.85, len(library.thickness_m)))
+    dent_mm, largest = from_si(library.tip_m, "mm"), from_si(library.max_force_ratio, "mm2")
+    shades = colormaps["viridis"](np.linspace(0.35, 0.75, len(library.thickness_m)))
     for axes, pressure in zip(panels, (0, len(library.tension) // 2, -1), strict=True):
         walls = zip(library.thickness_m, library.force_ratio_tpd[:, pressure], shades, strict=True)
         for thickness_m, ratio_d, shade in walls:
             label = f"{from_si(thickness_m, 'um'):.0f} µm"
             axes.plot(dent_mm, from_si(ratio_d, "mm2"), color=shade, label=label)
-        axes.axhline(from_si(library.max_force_ratio, "mm2"), color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
+        axes.axhline(largest, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), label="largest F/E")
         axes.set_title(f"tension p R/(E t) = {library.tension[pressure]:.3g}")
         axes.set_xlabel("dent [mm]")
-    highest = 1.1 * from_si(library.max_force_ratio, "mm2")
-    panels[0].set(ylabel="force over Young's modulus [mm²]", ylim=(0.0, highest))
-    panels[0].legend(*(evenly(each, 6) for each in panels[0].get_legend_handles_labels()), loc="upper left")
+    panels[0].set(ylabel="force over Young's modulus [mm²]", ylim=(0.0, 1.1 * largest))
+    figure.legend(*(each[::-1] for each in panels[0].get_legend_handles_labels()), loc="outside right upper")
     return figure
 
 
@@ -307,21 +306,22 @@ def _changes(decisions: Sequence[Entry]) -> list[Entry]:
 
 @styled
 def draw_decisions(decisions: Sequence[Entry]) -> Figure:
-    """Draw the read force with its interval over time; the ground says the state, a line each withdrawal."""
+    """Draw the read force with its interval over time; the ground says the state."""
     figure = Figure(figsize=inches(170, 70))
     axes = figure.subplots()
     start_s = decisions[0].at_s if decisions else 0.0
     read = [entry for entry in decisions if entry.force_mn is not None and entry.interval_mn is not None]
     at_s = np.array([entry.at_s - start_s for entry in read])
     ends_mn = np.array([entry.interval_mn for entry in read], dtype=float).reshape(-1, 2)
-    axes.fill_between(at_s, *ends_mn.T, color=AMBER, alpha=0.35, linewidth=0, label="90 % interval")
     force_mn = np.array([entry.force_mn for entry in read], dtype=float)
-    axes.plot(at_s, force_mn, color=BLACK, linewidth=0.8, label="force")
+    if read:
+        axes.fill_between(at_s, *ends_mn.T, color=AMBER, alpha=0.35, linewidth=0, label="90 % interval")
+        axes.plot(at_s, force_mn, color=BLACK, linewidth=0.8, label="force")
     changes = _changes(decisions)
     for begin, end in zip(changes, [*changes[1:], *decisions[-1:]], strict=False):
         axes.axvspan(begin.at_s - start_s, end.at_s - start_s, color=SHADES[begin.state], alpha=0.12, linewidth=0)
-    for state, shade in SHADES.items():
-        axes.fill_between([], [], color=shade, alpha=0.12, label=state)
+    for state in dict.fromkeys(change.state for change in changes):
+        axes.fill_between([], [], color=SHADES[state], alpha=0.12, label=state)
     axes.set(xlabel="time [s]", ylabel="force [mN]")
     axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside upper left", ncols=5)

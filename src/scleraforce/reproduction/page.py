@@ -12,6 +12,7 @@ from statistics import mean, median
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from scleraforce.arrays import Bytes, Places
@@ -34,6 +35,7 @@ from scleraforce.recording.labels import label_frames
 from scleraforce.report import frame_figures, html
 from scleraforce.report.files import write_figure
 from scleraforce.report.frame_figures import AnsweredFrame, look_at_all
+from scleraforce.report.html import NOTHING, Table
 from scleraforce.report.model_figures import draw_curves, draw_model, draw_network, draw_simulation
 from scleraforce.report.recording_figures import draw_force_log, draw_modulus_over_frames, draw_observed_points
 from scleraforce.reproduction.run import CALIBRATED_EYES, CALIBRATION_FORCES_N, Progress, Run, bent_trials, run_library
@@ -43,69 +45,38 @@ from scleraforce.units import from_si
 SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
 
 
-def _text(name: str) -> str:
-    return files("scleraforce.reproduction").joinpath(name).read_text(encoding="utf-8")
-
-
-TEXTS = tomllib.loads(_text("words.toml"))
-
-
-def said(key: str, /, **fields: Any) -> str:
-    """Return a text of `words.toml` with its fields filled in."""
-    return str(TEXTS[key]).format(**fields)
-
-
-def _bent(run: Run, paper: Evaluation, reader: Evaluation) -> html.Html:
+def _comparison(paper: Evaluation, reader: Evaluation) -> Table:
     """Return the comparison of the paper's method and the force reader on the same frames."""
-    forces = ", ".join(f"{from_si(force, 'mn'):g}" for force in CALIBRATION_FORCES_N)
-    trained = "The reader was trained in this run."
-    if not run.train:
-        made_by = load_model(run.reader).provenance["scleraforce"]
-        trained = said("bundled", name=model_name(run.reader), made_by=made_by)
-    return html.section(
-        "Walls that bend: the paper's method and the force reader",
-        html.paragraph(said("bent", calibrated=CALIBRATED_EYES, forces=forces, reader=trained)),
-        _comparison(paper, reader), *_coverage_words(reader), _moduli(run), html.read_forces_figure(reader),
-        html.confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
-        html.confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
-        _misread(paper, "the paper's method"), _misread(reader, "the force reader"), _walls_figure(run, reader),
-    )  # fmt: skip
-
-
-def _comparison(paper: Evaluation, reader: Evaluation) -> html.Html:
     both, true = (paper, reader), reader.true_forces
     rows: list[list[object]] = [
-        ["trials read right", *(one.accuracy.words(html.NOTHING) for one in both)],
-        ["the same, of the usable ones", *(one.usable.accuracy.words(html.NOTHING) for one in both)],
-        ["dangerous forces seen (recall of class 2)", *(one.recall[-1].words(html.NOTHING) for one in both)],
+        ["trials read right", *(one.accuracy.words(NOTHING) for one in both)],
+        ["the same, of the usable ones", *(one.usable.accuracy.words(NOTHING) for one in both)],
+        ["dangerous forces seen (recall of class 2)", *(one.recall[-1].words(NOTHING) for one in both)],
         ["dangerous forces read as harmless (2 as 0)", *(int(one.confusion[-1, 0]) for one in both)],
         ["trials not usable, which count as class 2", *(len(one.scored) - len(one.usable.scored) for one in both)],
         ["mean error of the force in mN", *(_number(from_si(one.mae_n, "mn")) for one in both)],
-        ["the same against the true force", html.NOTHING, _number(from_si(metrics.mean_absolute_error(true), "mn"))],
+        ["the same against the true force", NOTHING, _number(from_si(metrics.mean_absolute_error(true), "mn"))],
         ["labels that agree with their 90 % interval", *(_held(one.forces) for one in both)],
-        ["true forces within their 90 % interval", html.NOTHING, _held(true)],
+        ["true forces within their 90 % interval", NOTHING, _held(true)],
     ]
-    caption = said("comparison", trials=len(reader.scored))
-    return html.table(["", "the paper's method", "the force reader"], rows, caption)
+    return Table(["", "the paper's method", "the force reader"], rows)
 
 
 def _held(trials: Sequence[metrics.ForceTrial]) -> str:
     band = metrics.band_of(trials)
-    return html.NOTHING if band is None else f"{metrics.coverage(trials).value:.2f} ({band[0]:.2f} to {band[1]:.2f})"
+    return NOTHING if band is None else f"{metrics.coverage(trials).value:.2f} ({band[0]:.2f} to {band[1]:.2f})"
 
 
-def _coverage_words(reader: Evaluation) -> tuple[html.Html, ...]:
+def _coverage(reader: Evaluation) -> dict[str, object]:
+    """Return the errors of the force log, the median reach of the intervals, mN, and what they hold."""
     logged, true = reader.forces, reader.true_forces
     if not logged:
-        return ()
+        return {}
     off_mn = [from_si(abs(log.measured_n - fact.measured_n), "mn") for log, fact in zip(logged, true, strict=True)]
     reach_mn = median(from_si(high - low, "mn") / 2 for low, high in (trial.interval_n for trial in true))
-    words = said(
-        "coverage", off_mn=mean(off_mn), most_mn=max(off_mn), reach_mn=reach_mn, agree=metrics.coverage(logged).value,
-        label_mn=from_si(reader.label_sd_n, "mn"), hold=metrics.coverage(true).value, by_eye=metrics.held_by_eye(true),
-        shared=metrics.SHARED_ERROR, worst=_worst_eye(reader),
-    )  # fmt: skip
-    return (html.paragraph(words),)
+    log = {"off_mn": mean(off_mn), "most_mn": max(off_mn), "label_mn": from_si(reader.label_sd_n, "mn")}
+    held = {"agree": reader.coverage.value, "hold": reader.true_coverage.value, "by_eye": metrics.held_by_eye(true)}
+    return {**log, **held, "reach_mn": reach_mn, "worst": _worst_eye(reader)}
 
 
 def _worst_eye(reader: Evaluation) -> str:
@@ -124,7 +95,7 @@ def _worst_eye(reader: Evaluation) -> str:
     return f"{worst} is read {from_si(off, 'percent'):+.1f} % off in the mean{labels}. "
 
 
-def _moduli(run: Run) -> html.Html:
+def _bent_moduli(run: Run) -> Table:
     linear, finite = (read_calibration(path).eyes for path in (run.bent_linear, run.bent_finite_strain))
     eyes = {eye.id: eye.youngs_modulus_pa for eye, _ in bent_trials(run.study)}
     off = {
@@ -136,21 +107,19 @@ def _moduli(run: Run) -> html.Html:
     ]
     rows: list[list[object]] = [
         ["true", *(f"{from_si(true_pa, 'mpa'):.3f}" for true_pa in eyes.values())],
-        ["linear, all frames", *(posteriors[0].get(name, html.NOTHING) for name in eyes)],
-        ["finite strain, three frames", *(posteriors[1].get(name, html.NOTHING) for name in eyes)],
-        ["its error, in standard deviations", *(f"{off[name]:+.1f}" if name in off else html.NOTHING for name in eyes)],
+        ["linear, all frames", *(posteriors[0].get(name, NOTHING) for name in eyes)],
+        ["finite strain, three frames", *(posteriors[1].get(name, NOTHING) for name in eyes)],
+        ["its error, in standard deviations", *(f"{off[name]:+.1f}" if name in off else NOTHING for name in eyes)],
     ]
-    return html.table(["", *eyes], rows, said("bent_moduli"))
+    return Table(["", *eyes], rows)
 
 
-def _misread(evaluation: Evaluation, name: str) -> html.Html:
+def _misread(evaluation: Evaluation) -> Table | None:
     misread = [frame for frame in evaluation.scored if frame.misread]
-    if not misread:
-        return html.paragraph(f"No trial was misread by {name}.")
-    return html.frame_table(evaluation, misread, f"Trials misread by {name}.")
+    return html.frame_table(evaluation, misread) if misread else None
 
 
-def _walls_figure(run: Run, reader: Evaluation) -> html.Html:
+def _walls_figure(run: Run, reader: Evaluation) -> Figure:
     first = [frame for frame in reader.scored if frame.eye == reader.scored[0].eye]
     nearest = [min(first, key=lambda frame: abs((frame.measured_force_n or 0.0) - force)) for force in SHOWN_FORCES_N]
     looks = look_at_all(list(dict.fromkeys(nearest)))
@@ -160,9 +129,7 @@ def _walls_figure(run: Run, reader: Evaluation) -> html.Html:
         "finite strain": _finite_sections(run_library(run), finite, forces_n),
         "linear": LinearSections(linear, run.study)(forces_n),
     }
-    drawn = frame_figures.draw_computed_walls(looks, computed)
-    caption = said("walls", eye=linear.id)
-    return html.figure(drawn, "raw frames with the linear and the finite-strain section", caption, "png")
+    return frame_figures.draw_computed_walls(looks, computed)
 
 
 def _stated_eye(run: Run, calibration: Path, look: AnsweredFrame) -> PhantomEye:
@@ -182,7 +149,7 @@ def _finite_sections(library: Library, eye: PhantomEye, forces_n: Sequence[float
 
 
 def _number(value: float) -> str:
-    return html.NOTHING if isnan(value) else f"{value:.2f}"
+    return NOTHING if isnan(value) else f"{value:.2f}"
 
 
 def eye_of(recording: Recording, study: Study) -> PhantomEye:
@@ -199,12 +166,11 @@ def eye_of(recording: Recording, study: Study) -> PhantomEye:
     )  # fmt: skip
 
 
-PAPER_TITLE = "Mendizabal, Sznitman, Cotin: Force classification during robotic interventions (2020)"
 PAPER_MODULUS_PA = 0.25e6  # the paper's mean for all eyes, sec. 3.2
 PAPER_SD_PA = (4.7e3, 6.7e3, 3.9e3, 4.9e3)  # of the eyes' moduli, Table 2
 PAPER_CONFUSION = ((5, 2, 0), (0, 14, 1), (0, 0, 23))  # Table 3, rows are targets
 
-SECTIONS = 12  # progress ticks of the page
+SECTIONS = 14  # progress ticks of the page
 MONTAGE_SLICES = 36
 LOG_TRIALS = 5  # the paper's Fig. 3 shows five acquisitions
 AFTER_LAST_S = 4.0  # of them, in the figure
@@ -214,43 +180,44 @@ def write_reproduction_html(
     run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str, float], made_at: datetime, progress: Progress
 ) -> None:
     """Write the page of a run; `evaluations`: linear, up to the bounds, finite strain by paper and by reader."""
-    sections = list[html.Html]()
-    for section in _sections(run, evaluations, seconds):
-        sections.append(section)
+    values: dict[str, Any] = {"run": run, "seconds": seconds}
+    for part in _parts(run, evaluations, seconds):
+        values |= part
         progress(1)
-    lead = f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports."
-    content = html.page("Force from a single OCT slice", lead, html.made_line(made_at), *sections)
-    html.write_page(content, run.report, overwrite=True)
+    html.write_page("reproduction/report.html", run.report, made_at, values, overwrite=True)
 
 
-def _sections(run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str, float]) -> Iterator[html.Html]:
+def _parts(run: Run, evaluations: Sequence[Evaluation], seconds: Mapping[str, float]) -> Iterator[dict[str, Any]]:
+    """Yield the values of the page's sections, in their order."""
     evaluation, to_the_bounds, bent_paper, bent_reader = evaluations
-    reader = load_classifier(run.model)
-    drawn = frame_figures.draw_overview(look_at_all(_typical(evaluation, 0)), evaluation)
-    write_figure(drawn, run.overview)
-    overview = html.figure(drawn, "frames with the class read, and the forces of all trials", said("overview"), "png")
-    simulated, cards = html.paragraph(said("simulated"), notice=True), html.evaluation_cards(evaluation)
-    yield html.section("Result", simulated, cards, html.paragraph(said("paper_result")), overview)
-    yield _design(run, evaluation)
-    model = html.figure(draw_model(run.study), "a half-sphere with its loads and its clamped base", said("model"))
-    yield html.section("The simulated eye", model, _mesh_figure(run.study))
-    yield html.section("Measured forces", _force_log_figure(run, evaluation))
-    yield html.section("From the raw frame to the slice", _segmentation_figure(evaluation))
+    reader, study = load_classifier(run.model), run.study
+    overview = frame_figures.draw_overview(look_at_all(_typical(evaluation, 0)), evaluation)
+    write_figure(overview, run.overview)
+    yield {"evaluation": evaluation, "overview": overview, "design": _design(run, evaluation)}
+    contact = Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
+    eye = simulate_eye(study, 500e-6, study.classes.bounds_n[1], contact)
+    yield {"model": draw_model(study), "eye": eye, "mesh": draw_simulation(eye)}
+    yield _frames(run, evaluation)
     yield _calibration(run, evaluation)
-    pairs = [_pairs_figure(evaluation, reader, rank, name) for rank, name in enumerate(("Fig. 6", "Fig. 7"))]
-    yield html.section("Frames beside the simulation", *pairs)
+    pairs = [_pairs(evaluation, reader, rank) for rank in (0, 1)]
+    yield {"pairs": pairs, "modulus_mpa": from_si(reader.study.eye.youngs_modulus_pa, "mpa")}
     yield _training(run, reader, seconds)
-    yield _reading(evaluation, to_the_bounds)
-    yield _bent(run, bent_paper, bent_reader)
-    deviations = tomllib.loads(_text("deviations.toml"))["deviation"]
-    rows, caption = [list(deviation.values()) for deviation in deviations], "Differences from the paper's method."
-    yield html.section("Deviations", html.table(["", "the paper", "here", "why"], rows, caption, prose=True))
+    paper_table = html.confusion_table(evaluation, np.array(PAPER_CONFUSION))
+    yield {"paper_table": paper_table, "to_the_bounds": _to_the_bounds(evaluation, to_the_bounds)}
+    yield {"misread": _misread(evaluation), "bent_misread": [_misread(bent_paper), _misread(bent_reader)]}
+    yield {"bent_paper": bent_paper, "bent_reader": bent_reader, "comparison": _comparison(bent_paper, bent_reader)}
+    yield {"coverage": _coverage(bent_reader), "shared_error": metrics.SHARED_ERROR, "bent_moduli": _bent_moduli(run)}
+    forces_mn = [f"{from_si(force_n, 'mn'):g}" for force_n in CALIBRATION_FORCES_N]
+    yield {"calibrated": CALIBRATED_EYES, "forces_mn": forces_mn, "walls": _walls_figure(run, bent_reader)}
+    yield {"reader": load_model(run.reader), "reader_name": model_name(run.reader)}
+    text = files("scleraforce.reproduction").joinpath("deviations.toml").read_text(encoding="utf-8")
+    deviations = [list(deviation.values()) for deviation in tomllib.loads(text)["deviation"]]
+    yield {"deviations": Table(["", "the paper", "here", "why"], deviations)}
     taken = [[name, f"{value:.1f}"] for name, value in [*seconds.items(), ("together", sum(seconds.values()))]]
-    times = html.table(["stage", "seconds"], taken, "Stages of this run; writing this page comes on top.")
-    yield html.section("Time and provenance", times, html.provenance_table(run.study, reader))
+    yield {"times": Table(["stage", "seconds"], taken), "provenance": html.provenance_table(study, reader)}
 
 
-def _design(run: Run, evaluation: Evaluation) -> html.Html:
+def _design(run: Run, evaluation: Evaluation) -> Table:
     """Return Table 1: wall thickness and trials of each class, here and in the paper."""
     design, names = paper_eyes(run.study), html.class_names(run.study.classes.bounds_n)
     eyes, bounds_n = [eye for eye, _ in design], run.study.classes.bounds_n
@@ -259,12 +226,12 @@ def _design(run: Run, evaluation: Evaluation) -> html.Html:
     paper = _counts([np.digitize(forces_n, bounds_n) for _, forces_n in design], len(names))
     moduli = [f"{from_si(eye.youngs_modulus_pa, 'mpa'):.2f}" for eye in eyes]
     rows: list[list[object]] = [
-        ["wall thickness in µm", *(f"{from_si(eye.thickness_m, 'um'):.0f}" for eye in eyes), html.NOTHING],
-        ["Young's modulus in MPa (Table 2)", *moduli, html.NOTHING],
+        ["wall thickness in µm", *(f"{from_si(eye.thickness_m, 'um'):.0f}" for eye in eyes), NOTHING],
+        ["Young's modulus in MPa (Table 2)", *moduli, NOTHING],
     ]
     for name, mine, theirs in zip([*names, "trials"], here, paper, strict=True):
         rows.append([name, *(f"{count} ({stated})" for count, stated in zip(mine, theirs, strict=True))])
-    return html.section("Design", html.table(["", *(eye.id for eye in eyes), "total"], rows, said("design")))
+    return Table(["", *(eye.id for eye in eyes), "total"], rows)
 
 
 def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
@@ -273,58 +240,37 @@ def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
     return np.hstack([counts, counts.sum(axis=1, keepdims=True)])
 
 
-def _mesh_figure(study: Study) -> html.Html:
-    """Return the deformed mesh under a dangerous force (Fig. 1b)."""
-    contact = Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
-    eye = simulate_eye(study, 500e-6, study.classes.bounds_n[1], contact)
-    caption = said("mesh", force_mn=from_si(eye.force_n, "mn"), cells=len(eye.mesh.cells_en))
-    return html.figure(draw_simulation(eye), "the deformed mesh and its slice", caption, "png")
-
-
-def _force_log_figure(run: Run, evaluation: Evaluation) -> html.Html:
-    """Return the first acquisitions of the first eye's force log with their imaging times (Fig. 3)."""
+def _frames(run: Run, evaluation: Evaluation) -> dict[str, Any]:
+    """Return the first eye's first acquisitions in its force log (Fig. 3), and its frame of the largest force (9)."""
     recording, classes = read_recording(run.recordings / evaluation.frames[0].eye), run.study.classes
     trials = label_frames(recording, classes)[:LOG_TRIALS]
-    drawn = draw_force_log(recording, trials, classes.bounds_n, trials[-1].time_s + AFTER_LAST_S)
-    caption = said("force_log", eye=recording.info.eye.id, trials=len(trials))
-    return html.figure(drawn, "contact force over time with the imaging times", caption)
-
-
-def _segmentation_figure(evaluation: Evaluation) -> html.Html:
-    """Return a raw frame and the wall found in it (Fig. 9): the first eye's frame of the largest force."""
+    log = draw_force_log(recording, trials, classes.bounds_n, trials[-1].time_s + AFTER_LAST_S)
     first = [frame for frame in evaluation.frames if frame.eye == evaluation.frames[0].eye]
     look = look_at_all([max(first, key=lambda frame: frame.measured_force_n or 0.0)])[0]
-    caption = f"Raw frame {look.answer.eye}/{look.answer.file} and the wall that was found in it (the paper's Fig. 9)."
-    drawn = frame_figures.draw_segmentation(look)
-    return html.figure(drawn, "raw frame, boundaries, mask, masked frame", caption, "png")
+    segmentation = frame_figures.draw_segmentation(look)
+    return {"log": log, "log_trials": len(trials), "segmented": look.answer, "segmentation": segmentation}
 
 
-def _calibration(run: Run, evaluation: Evaluation) -> html.Html:
+def _calibration(run: Run, evaluation: Evaluation) -> dict[str, Any]:
     """Return Table 2, the estimate over the frames of the first eye (Fig. 5), and its points before and after (4)."""
     calibration = parse_calibration(open_calibration(run.calibration))
     # Calibrated once more: the file keeps no points to draw.
     opened = read_recording(run.recordings / next(iter(calibration.eyes)))
     finder, study = load_wall_finder(SHIPPED_WALL_FINDER), run.study
     (first,) = calibrate_recordings([opened], study, study_hash(study), None, finder=finder).eyes.values()
-    mean_pa, spread_pa = calibration.population
-    spread = "not known from one eye" if spread_pa is None else f"{_mpa(spread_pa)} MPa"
-    paper_mpa = from_si(PAPER_MODULUS_PA, "mpa")
-    words = said("calibration", mean=_mpa(mean_pa), spread=spread, paper_mpa=paper_mpa)
-    truth_pa = paper_eyes(study)[0][0].youngs_modulus_pa
-    caption = f"Young's modulus of {first.id} over its frames, from the prior on (the paper's Fig. 5)."
-    drawn_e = draw_modulus_over_frames(first, truth_pa)
-    over_frames = html.figure(drawn_e, "mean and band of the modulus over the frames", caption)
+    over_frames = draw_modulus_over_frames(first, paper_eyes(study)[0][0].youngs_modulus_pa)
     index = max(range(len(first.used)), key=lambda number: first.used[number].force_n)
     shown = first.id, first.used[index].file
     look = look_at_all([next(frame for frame in evaluation.frames if (frame.eye, frame.file) == shown)])[0]
-    observed = draw_observed_points(first, look.frame, index, *look.extent_m)
-    caption = said("points", frame="/".join(shown))
-    points = html.figure(observed, "observed and predicted points before and after", caption, "png")
-    table = modulus_table(calibration, study)
-    return html.section("Young's modulus", html.paragraph(words), table, over_frames, points)
+    mean_pa, spread_pa = calibration.population
+    spread = "not known from one eye" if spread_pa is None else f"{_mpa(spread_pa)} MPa"
+    moments = {"mean": _mpa(mean_pa), "spread": spread, "paper_mpa": from_si(PAPER_MODULUS_PA, "mpa")}
+    points = draw_observed_points(first, look.frame, index, *look.extent_m)
+    drawn = {"calibrated_eye": first.id, "over_frames": over_frames, "points": points, "points_frame": "/".join(shown)}
+    return {**moments, **drawn, "moduli": modulus_table(calibration, study)}
 
 
-def modulus_table(calibration: Calibration, study: Study) -> html.Html:
+def modulus_table(calibration: Calibration, study: Study) -> Table:
     """Return Table 2."""
     eyes: list[EyeCalibration] = list(calibration.eyes.values())
     truths_pa = [eye.youngs_modulus_pa for (eye, _), _ in zip(paper_eyes(study), eyes, strict=False)]
@@ -336,21 +282,18 @@ def modulus_table(calibration: Calibration, study: Study) -> html.Html:
         ["the paper's standard deviation in kPa",
          *(f"{from_si(sd_pa, 'kpa'):.1f}" for sd_pa, _ in zip(PAPER_SD_PA, eyes, strict=False))],
     ]  # fmt: skip
-    return html.table(["", *calibration.eyes], rows, said("moduli"))
+    return Table(["", *calibration.eyes], rows)
 
 
 def _mpa(modulus_pa: float) -> str:
     return f"{from_si(modulus_pa, 'mpa'):.3f}"
 
 
-def _pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: str) -> html.Html:
-    """Return a frame of each class, of its `rank`-th eye, and the slice simulated for its force (Figs. 6, 7)."""
+def _pairs(evaluation: Evaluation, reader: Classifier, rank: int) -> tuple[Figure, float]:
+    """Return a frame of each class, of its `rank`-th eye, beside the slice simulated for its force; their mean Dice."""
     pairs = [_pair(look, reader.study) for look in look_at_all(_typical(evaluation, rank))]
-    likeness = np.mean([metrics.dice(measured, simulated) for _, measured, simulated in pairs])
-    modulus_mpa = from_si(reader.study.eye.youngs_modulus_pa, "mpa")
-    caption = said("pairs", modulus_mpa=modulus_mpa, figure=name, likeness=likeness)
-    drawn = frame_figures.draw_slice_pairs(pairs, reader.study.slice.pixel_m)
-    return html.figure(drawn, "frames beside simulated slices for each class", caption, "png")
+    likeness = float(np.mean([metrics.dice(measured, simulated) for _, measured, simulated in pairs]))
+    return frame_figures.draw_slice_pairs(pairs, reader.study.slice.pixel_m), likeness
 
 
 def _typical(evaluation: Evaluation, rank: int) -> list[FrameAnswer]:
@@ -381,42 +324,23 @@ def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> B
     return max(drawn, key=lambda one: metrics.dice(one, measured))
 
 
-def _training(run: Run, reader: Classifier, seconds: Mapping[str, float]) -> html.Html:
+def _training(run: Run, reader: Classifier, seconds: Mapping[str, float]) -> dict[str, Any]:
     """Return the network (Fig. 2), its curves (Fig. 8a), and slices that it has learned from (Fig. 8b)."""
     study, record = reader.study, reader.record
-    reached, samples, seconds_taken = record["metrics"], record["samples"], seconds["generate"]
-    images = samples["training"] + samples["validation"]
-    shares = (reached["validation_accuracy"], *reached["validation_interval"])
-    accuracy, low, high = (from_si(share, "percent") for share in shares)
-    counts = {"images": images, "samples": samples, "epochs": record["epochs"]}
-    times = {"seconds": seconds_taken, "rate_ms": from_si(seconds_taken / images, "ms")}
-    words = said("training", **counts, **times, accuracy=accuracy, low=low, high=high)
     window, names = (study.slice.columns, study.slice.rows), html.class_names(study.classes.bounds_n)
     network = draw_network(window, study.network.hidden, names, study.network.dropout)
     dataset, rng = open_dataset(run.dataset), np.random.default_rng(run.study.dataset.seed)
-    montage = frame_figures.draw_montage(dataset, np.sort(rng.choice(dataset.images, MONTAGE_SLICES, replace=False)))
-    shown = said("montage", shown=MONTAGE_SLICES, images=dataset.images)
-    return html.section(
-        "Training",
-        html.paragraph(words),
-        html.figure(network, "the layers of the network", "The network of this run (the paper's Fig. 2)."),
-        html.figure(draw_curves(record["curves"], "epoch"), "loss and accuracy over the epochs", said("curves")),
-        html.figure(montage, "simulated slices with force and wall thickness", shown, "png"),
-    )
+    chosen = np.sort(rng.choice(dataset.images, MONTAGE_SLICES, replace=False))
+    counts = {"images": dataset.images, "shown": MONTAGE_SLICES, "rate_s": seconds["generate"] / dataset.images}
+    curves, montage = draw_curves(record["curves"], "epoch"), frame_figures.draw_montage(dataset, chosen)
+    return {**counts, "record": record, "network": network, "curves": curves, "montage": montage}
 
 
-def _reading(evaluation: Evaluation, to_the_bounds: Evaluation) -> html.Html:
-    """Return Table 3, here and the paper's, the trials up to the bounds, Fig. 10, and the trials that were misread."""
+def _to_the_bounds(evaluation: Evaluation, to_the_bounds: Evaluation) -> Table:
     rows: list[list[object]] = []
     designs = {"2 mN clear of the bounds, as above": evaluation, "up to the bounds": to_the_bounds}
     for name, answers in designs.items():
         right, dangerous = answers.accuracy, answers.confusion[2]
         recall = f"{dangerous[2]} of {dangerous.sum()}"
         rows.append([name, f"{right.hits} of {right.total}", recall, int(dangerous[0])])
-    head = ["forces of the trials", "read right", "recall of class 2", "class 2 read as 0"]
-    gap = html.table(head, rows, said("to_the_bounds"))
-    bounds_n, caption = evaluation.bounds_n, "The paper's Table 3, under the standard names: 42 of 45."
-    mine = html.confusion_table(evaluation.confusion, bounds_n, f"Confusion matrix of this run. {html.NAMES_REMARK}")
-    paper = html.confusion_table(np.array(PAPER_CONFUSION), bounds_n, caption)
-    forces, misread = html.forces_figure(evaluation), _misread(evaluation, "the network")
-    return html.section("Reading the forces", mine, paper, gap, forces, misread)
+    return Table(["forces of the trials", "read right", "recall of class 2", "class 2 read as 0"], rows)
