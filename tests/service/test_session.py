@@ -15,7 +15,7 @@ from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.reader.felt import History
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.clients import reading_messages
-from scleraforce.service.messages import LATER, Entry
+from scleraforce.service.messages import Entry
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.session import MOST_FRAMES, DeferredFrames, Frame, FramePace, Session
 
@@ -263,12 +263,6 @@ def test_nan_and_infinity_are_null_everywhere():
     assert record["force_mn"] is record["latency_ms"] is None
     assert record["interval_mn"] == [None, 13.5]
     assert record["probabilities"] == [None, None, 0.5]
-
-
-def test_an_entry_of_a_log_without_what_is_true_now_is_read():
-    record = {name: value for name, value in READ_ENTRY.as_json().items() if name not in LATER}
-    assert len(record) == len(READ_ENTRY.as_json()) - len(LATER)
-    assert Entry.from_json(record) == replace(READ_ENTRY, time_to_bound_ms=None, time_to_bound_ms_interval=None)
 
 
 def test_a_frame_that_was_not_read_is_not_usable_and_another_event_is_neither():

@@ -2,7 +2,6 @@
 
 import mmap
 import os
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,41 +14,33 @@ from scleraforce.errors import InputError
 from scleraforce.units import from_si
 
 PROC, GROUPS = Path("/proc"), Path("/sys/fs/cgroup")
-LIMITS = (("", "memory.max", "memory.current"), ("memory", "memory.limit_in_bytes", "memory.usage_in_bytes"))
+# Limit and usage of a group by its controllers; of version 2 without names.
+LIMITS = {"": ("memory.max", "memory.current"), "memory": ("memory.limit_in_bytes", "memory.usage_in_bytes")}
 SPARED_BYTES = 512 * 2**20  # for the processes beside the monitor: models, library, what is written
 
 
 def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
     """Return the least memory that the machine and the control groups of this process leave; None if unknown."""
-    left = list(_group_bytes(proc, groups))
-    with suppress(OSError, ValueError):
-        lines = (proc / "meminfo").read_text("ascii").splitlines()
-        left += [1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+    left = list[int]()
+    with suppress(OSError, ValueError, KeyError):
+        left.append(1024 * _numbers(proc / "meminfo")["MemAvailable:"])
+    with suppress(OSError):
+        for _, controllers, path in (
+            line.split(":", 2) for line in (proc / "self" / "cgroup").read_text().splitlines()
+        ):
+            place = Path(path.strip("/"))
+            for group in (place, *place.parents) if controllers in LIMITS else ():
+                with suppress(OSError, ValueError):  # "max": there is no limit
+                    folder = groups / controllers / group
+                    most, used = (int((folder / name).read_text()) for name in LIMITS[controllers])
+                    cached = _numbers(folder / "memory.stat")
+                    left.append(most - used + cached.get("total_inactive_file", cached.get("inactive_file", 0)))
     return max(0, min(left)) if left else None
 
 
-def _group_bytes(proc: Path, groups: Path) -> Iterator[int]:
-    """Yield the bytes that each control group of this process leaves; inactive file cache counts as free."""
-    with suppress(OSError):
-        for line in (proc / "self" / "cgroup").read_text("utf-8").splitlines():
-            _, controllers, path = line.split(":", 2)
-            for name, limit, usage in LIMITS:
-                if controllers != name:
-                    continue
-                place = Path(path.strip("/"))
-                for group in (place, *place.parents):
-                    with suppress(OSError, ValueError):  # "max": there is no limit
-                        folder = groups / name / group
-                        most = int((folder / limit).read_text("ascii"))
-                        yield most - int((folder / usage).read_text("ascii")) + _cache_bytes(folder)
-
-
-def _cache_bytes(folder: Path) -> int:
-    with suppress(OSError, ValueError):
-        for line in (folder / "memory.stat").read_text("ascii").splitlines():
-            if line.startswith(("inactive_file ", "total_inactive_file ")):
-                return int(line.split()[1])
-    return 0
+def _numbers(file: Path) -> dict[str, int]:
+    """Return the numbers of a file with one a line, behind its name."""
+    return {words[0]: int(words[1]) for words in map(str.split, file.read_text().splitlines()) if words}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,11 +25,6 @@ from scleraforce.units import from_si, to_si
 
 # Of the OpenIGTLink messages.
 STATUS_DEVICE, READING_DEVICE, NEEDLE_DEVICE = "ForceMonitor", "ForceReading", "NeedlePose"
-# Logs of earlier versions lack these.
-LATER = {
-    "withdrawn_s": None, "present_cause": None, "present": "", "elastic_force_mn": None, "time_to_bound_ms": None,
-    "time_to_bound_ms_interval": None, "modulus_mpa": None, "modulus_sd_mpa": None, "modulus_frames": None,
-}  # fmt: skip
 OF_PLANES = dict.fromkeys(("plane", "planes_force_mn", "planes_interval_mn", "contact_xyz_mm"))  # left out if None
 
 
@@ -114,7 +109,7 @@ class Entry:
     @classmethod
     def from_json(cls, value: Any) -> "Entry":
         """Return the entry of an object of `as_json`; in a list null becomes NaN. A MessageError names the field."""
-        if not isinstance(value, dict) or (LATER | OF_PLANES | value).keys() != KEYS:
+        if not isinstance(value, dict) or (OF_PLANES | value).keys() != KEYS:
             raise MessageError("not an entry: an object with the keys of one")
         try:
             return convert(value | {"verdict": _verdict_of(value)}, cls)
@@ -137,7 +132,7 @@ def _verdict_of(value: dict[str, Any]) -> Verdict | None:
         "class": "predicted", "force_mn": "force_n", "interval_mn": "interval_n", "elastic_force_mn": "elastic_force_n"
     }  # fmt: skip
     known = (*names, "probabilities", "usable", "reason")
-    verdict = convert({names.get(name, name): _with_nan((LATER | value)[name]) for name in known}, Verdict)
+    verdict = convert({names.get(name, name): _with_nan(value[name]) for name in known}, Verdict)
     low_mn, high_mn = verdict.interval_n or (nan, nan)
     return replace(
         verdict,

@@ -2,10 +2,10 @@
 
 from dataclasses import KW_ONLY, dataclass, replace
 from math import hypot, prod
-from typing import Any
 
 import numpy as np
 
+from scleraforce.arrays import Flags
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import MAX_BODY_BYTES, Image
 from scleraforce.recording.pixels import Pixels
@@ -38,7 +38,9 @@ class FrameAssembler:
 
     def __init__(self, max_frame_bytes: int = MAX_BODY_BYTES) -> None:
         self.max_frame_bytes = max_frame_bytes
-        self._begun: _Begun | None = None
+        self._stated: tuple[object, ...] = ()  # by all parts of the frame that has begun; empty if none has
+        self._pixels: Pixels = np.empty((0, 0), np.uint16)
+        self._missing: Flags = np.empty((0, 0), np.bool_)
 
     def add(self, image: Image) -> ScannerFrame | None:
         """Take the next image of the scanner; return the frame that it completes, None if parts are still missing.
@@ -46,78 +48,37 @@ class FrameAssembler:
         A whole image is not copied. A ProtocolError refuses an image that is not a B-scan, or does not belong to the
         parts before it, which are forgotten; a new frame begins with the image if it has the first pixel.
         """
-        begun, self._begun = self._begun, None
-        frame, part = _frame(image), _Part.of(image)
-        if begun is None and part.whole:
-            return frame
-        reason = begun.refusal(part) if begun else None
-        if begun is None or (reason and part.first and not part.whole):
-            begun = _Begun(part, frame.pixels.dtype, self.max_frame_bytes)
-        if reason is None or begun.first is part:
-            begun.put(frame.pixels, part)
-            self._begun = begun if begun.left else None
-        if reason:
-            raise ProtocolError(f"IMAGE: the part {part} {reason}")
-        if begun.left:
-            return None
-        begun.pixels.flags.writeable = False
-        return replace(frame, pixels=begun.pixels)
-
-
-@dataclass(frozen=True)
-class _Part:
-    """A part's place in the whole image (rows, columns), and its statement of the whole, in which all parts agree."""
-
-    rows: slice
-    columns: slice
-    size: tuple[int, int]
-    stated: tuple[object, ...]
-
-    @classmethod
-    def of(cls, image: Image) -> "_Part":
-        _, rows, columns = image.pixels.shape
+        begun, self._stated = self._stated, ()
+        frame = _frame(image)
+        (rows, columns), (column, row, _) = frame.pixels.shape, image.offset
         whole_columns, whole_rows, _ = image.size or (columns, rows, 1)
-        column, row, _ = image.offset
         size = whole_rows, whole_columns
+        if not begun and (rows, columns) == size:
+            return frame
+        place = np.s_[row : row + rows, column : column + columns]
         stated = size, image.pixels.dtype, image.matrix, image.coordinates
-        return cls(slice(row, row + rows), slice(column, column + columns), size, stated)
-
-    @property
-    def first(self) -> bool:
-        return (self.rows.start, self.columns.start) == (0, 0)
-
-    @property
-    def whole(self) -> bool:
-        return (self.rows.stop - self.rows.start, self.columns.stop - self.columns.start) == self.size
-
-    def __str__(self) -> str:
-        rows, columns = self.rows, self.columns
-        return f"rows {rows.start} to {rows.stop}, columns {columns.start} to {columns.stop} of {self.size}"
-
-
-class _Begun:
-    """A frame of which parts have come; `left` pixels are missing."""
-
-    def __init__(self, first: _Part, dtype: np.dtype[Any], most_bytes: int) -> None:
-        stated = prod(first.size) * dtype.itemsize
-        if not first.first:
-            raise ProtocolError(f"IMAGE: the part {first} arrived without the one with the first pixel")
-        if stated > most_bytes:
-            raise ProtocolError(f"IMAGE: parts of an image of {stated} bytes: at most {most_bytes}")
-        self.first, self.left = first, prod(first.size)
-        self.pixels: Pixels = np.empty(first.size, dtype=dtype)
-        self._covered = np.zeros(first.size, dtype=np.bool_)
-
-    def refusal(self, part: _Part) -> str | None:
-        """Return the reason if a part does not belong here."""
-        if part.stated != self.first.stated:
-            return "states another size, type or matrix than those before it"
-        return "overlaps those before it" if self._covered[part.rows, part.columns].any() else None
-
-    def put(self, pixels: Pixels, part: _Part) -> None:
-        self.pixels[part.rows, part.columns] = pixels
-        self._covered[part.rows, part.columns] = True
-        self.left -= pixels.size
+        part = f"IMAGE: the part rows {row} to {row + rows}, columns {column} to {column + columns} of {size}"
+        reason = ""
+        if begun and stated != begun:
+            reason = "states another size, type or matrix than those before it"
+        elif begun and not self._missing[place].all():
+            reason = "overlaps those before it"
+        begins = not begun or (bool(reason) and (row, column) == (0, 0) and (rows, columns) != size)
+        if begins:
+            if (row, column) != (0, 0):
+                raise ProtocolError(f"{part} arrived without the one with the first pixel")
+            if (needed := prod(size) * frame.pixels.itemsize) > self.max_frame_bytes:
+                raise ProtocolError(f"IMAGE: parts of an image of {needed} bytes: at most {self.max_frame_bytes}")
+            self._pixels, self._missing = np.empty(size, frame.pixels.dtype), np.ones(size, np.bool_)
+        if begins or not reason:
+            self._pixels[place], self._missing[place] = frame.pixels, False
+            self._stated = stated if self._missing.any() else ()
+        if reason:
+            raise ProtocolError(f"{part} {reason}")
+        if self._stated:
+            return None
+        self._pixels.flags.writeable = False
+        return replace(frame, pixels=self._pixels)
 
 
 def _frame(image: Image) -> ScannerFrame:
