@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import click
 
 import scleraforce as sf
 from scleraforce.cli.options import PATH, options
-from scleraforce.cli.output import Command, Report, count_bar, is_json, say
+from scleraforce.cli.output import Command, Report, count_bar, is_json, resumable_bar, say
 from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation, FrameAnswer
     from scleraforce.reader.intervals import Stretch
 
+COLUMNS = (("accuracy", 9), ("mae_mn", 9), ("coverage", 6), ("youngs_modulus_mpa", 7))  # of a summary by eye
 CALIBRATED = 3  # frames of each recording for the eye's modulus, where the others are read
 
 
@@ -117,9 +119,12 @@ def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
 @options("calibration", "wall_finder", "html",
          calibration="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.")  # fmt: skip
+@click.option("--table", type=PATH, metavar="FILE", help="File to write with a row for each frame, .csv or .parquet, "
+              "in place of the printed table; after Ctrl-C the same command completes it.")  # fmt: skip
 def evaluate(
-    model: Path, recordings: tuple[Path, ...], calibration: Path | None, wall_finder: Path | None, html: Path | None
-) -> Report:
+    model: Path, recordings: tuple[Path, ...], calibration: Path | None, wall_finder: Path | None, html: Path | None,
+    table: Path | None,
+) -> Report:  # fmt: skip
     """Read every frame of RECORDINGs with MODEL and compare with the force log.
 
     MODEL is a folder that `train` wrote, or `default`, the bundled reader.
@@ -132,7 +137,15 @@ def evaluate(
     listed and left out. A frame that cannot be judged counts as class 2. A
     model of kind "reader" uses an eye's own modulus if the calibration has it,
     otherwise the population's; a classifier knows one modulus only.
+
+    With --table, RECORDINGs are read one by one and a summary by eye is
+    printed. Recordings that have not changed are not read again; other files
+    and folders among RECORDINGs are left out.
     """
+    if table is not None:
+        if html is not None:
+            raise click.UsageError("--html: not together with --table; run evaluate once for each")
+        return _table(model, recordings, table, calibration, wall_finder)
     reader = sf.load_model(model, wall_finder=wall_finder)
     evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
     if html is not None:
@@ -144,6 +157,24 @@ def evaluate(
     notes = (wrapped(note, "note: ") for note in evaluation.notes)
     parts = ("\n".join(part) for part in (_frames(evaluation), _confusion(evaluation), _forces(evaluation), notes))
     return Report(evaluation.as_json(), ["\n\n".join(filter(None, parts))])
+
+
+def _table(
+    model: Path, recordings: tuple[Path, ...], table: Path, calibration: Path | None, wall_finder: Path | None
+) -> Report:
+    from scleraforce.notebook.batch import by_eye, evaluate_to_table
+
+    bar = partial(resumable_bar, table, "recordings")
+    batch = evaluate_to_table(model, recordings, table, calibration, wall_finder, bar)
+    eyes = by_eye(batch.rows)
+    lines = [f"{'eye':<20}{'frames':>7}{'scored':>7}{'accuracy':>9}{'error/mN':>9}{'held':>6}{'E/MPa':>7}  from"]
+    for eye in eyes:
+        figures = (f"{'-' if eye[name] is None else f'{eye[name]:.2f}':>{width}}" for name, width in COLUMNS)
+        lines.append(f"{eye['eye']:<20}{eye['frames']:>7}{eye['scored']:>7}{''.join(figures)}  {eye['modulus_source']}")
+    wrote = f"wrote {table}: {len(batch.rows)} frames; recordings read now: {batch.read} of {batch.recordings}"
+    notes = [wrapped(note, "note: ") for note in batch.notes]
+    result = {"table": str(table), "recordings": batch.recordings, "read": batch.read, "frames": len(batch.rows)}
+    return Report({**result, "eyes": eyes, "notes": batch.notes}, [*lines, *notes, wrote])
 
 
 def _frames(evaluation: "Evaluation") -> Iterator[str]:

@@ -20,6 +20,7 @@ from scleraforce.models import model_name
 from scleraforce.monitor.limits import MonitorLimits, upper_end
 from scleraforce.monitor.state import DENTS, NOISE_WINDOWS
 from scleraforce.monitor.trend import OUTSIDE, Dent, TimeToBound, rise_of, time_to_bound, unexplained_fall
+from scleraforce.plain_json import finite
 from scleraforce.reader import metrics
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History, Leak
@@ -27,6 +28,7 @@ from scleraforce.reader.intervals import Score, scored
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import suited
 from scleraforce.recording import labels
+from scleraforce.recording.export import flat, tidy
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale
@@ -78,6 +80,26 @@ class FrameAnswer:
     def misread(self) -> bool:
         """True if the frame has a label and the answer is another class."""
         return self.target is not None and self.answer.predicted != self.target
+
+    def trial(self, force_n: float | None, sd_n: float | None = None) -> metrics.ForceTrial | None:
+        """Return the read force beside a known one, N, with the SD of its error, N; None if either is missing."""
+        read_n, interval_n = self.answer.force_n, self.answer.interval_n
+        if force_n is None or read_n is None or interval_n is None:
+            return None
+        return metrics.ForceTrial(
+            eye=self.eye, measured_n=force_n, read_n=read_n, interval_n=interval_n, measured_sd_n=sd_n or 0.0
+        )
+
+    @property
+    def label(self) -> metrics.ForceTrial | None:
+        """The read force beside the measured one; None if the frame does not count."""
+        return self.trial(self.measured_force_n, self.measured_force_sd_n) if self.scored else None
+
+    def as_row(self) -> dict[str, Any]:
+        """Return the keys of `as_json` without lists in lists, and `time_s`, `scored` and `covered`."""
+        keys = {"recording": self.recording, "eye": self.eye, "file": self.file, "time_s": self.time_s}
+        row = flat(finite(keys | self.as_json() | {"warnings": "; ".join(self.answer.warnings)}))
+        return row | {"scored": self.scored, "covered": self.label.covered if self.label else None}
 
     def as_json(self) -> dict[str, Any]:
         """Return the frame's keys in `evaluate --json`."""
@@ -140,22 +162,12 @@ class Evaluation:
     @cached_property
     def forces(self) -> tuple[metrics.ForceTrial, ...]:
         """Measured and read force of each usable frame that counts; empty with a classifier."""
-        return tuple(self._trials(lambda frame: (frame.measured_force_n, frame.measured_force_sd_n or 0.0)))
+        return tuple(trial for frame in self.scored if (trial := frame.label))
 
     @cached_property
     def true_forces(self) -> tuple[metrics.ForceTrial, ...]:
         """True and read force of each usable frame that counts and whose true force is known."""
-        return tuple(self._trials(lambda frame: (frame.true_force_n, 0.0)))
-
-    def _trials(self, measured: Callable[[FrameAnswer], tuple[float | None, float]]) -> Iterator[metrics.ForceTrial]:
-        """Yield the frames that count and have both a read force and one to compare it with, N, and its SD, N."""
-        for frame in self.scored:
-            force_n, sd_n = measured(frame)
-            read_n, interval_n = frame.answer.force_n, frame.answer.interval_n
-            if force_n is not None and read_n is not None and interval_n is not None:
-                yield metrics.ForceTrial(
-                    eye=frame.eye, measured_n=force_n, read_n=read_n, interval_n=interval_n, measured_sd_n=sd_n
-                )
+        return tuple(trial for frame in self.scored if (trial := frame.trial(frame.true_force_n)))
 
     @property
     def mae_n(self) -> float:
@@ -205,6 +217,14 @@ class Evaluation:
             "usable": self.usable._metrics(), "notes": self.notes, "frames": [frame.as_json() for frame in self.frames],
         }  # fmt: skip
 
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a tidy table: a flat row for each frame, all with the same columns, their units in the names.
+
+        Columns are the keys of `evaluate --json` (docs/formats.md), `time_s`, `scored` (the frame counts in the
+        metrics) and `covered` (interval and label agree).
+        """
+        return tidy(frame.as_row() for frame in self.frames)
+
     def _metrics(self) -> dict[str, Any]:
         return {
             "scored": len(self.scored),
@@ -220,6 +240,13 @@ class Evaluation:
         }
 
 
+def check_once(paths: Sequence[Path]) -> None:
+    """Raise a `RecordingError` if a recording is given twice."""
+    for number, path in enumerate(paths):
+        if path.resolve() in {before.resolve() for before in paths[:number]}:
+            raise RecordingError(f"{path}: given twice; give each recording once")
+
+
 FOREIGN = ("the modulus is the population's, not this eye's own",)
 
 
@@ -233,10 +260,7 @@ def evaluate_recordings(
     reads an eye of it with its own modulus, others with the population's. A recording or a frame that cannot be used
     raises `RecordingError` or `FrameError`, a calibration that does not suit the model `CalibrationError`.
     """
-    paths = [entry.path if isinstance(entry, Recording) else Path(entry) for entry in recordings]
-    for number, path in enumerate(paths):
-        if path.resolve() in {before.resolve() for before in paths[:number]}:
-            raise RecordingError(f"{path}: given twice; give each recording once")
+    check_once([entry.path if isinstance(entry, Recording) else Path(entry) for entry in recordings])
     if calibration is not None and reader.fixed_modulus_pa is None and calibration.mechanics == "linear":
         raise CalibrationError(f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: "
                                "calibrate with --mechanics finite-strain")  # fmt: skip

@@ -17,7 +17,7 @@ from scleraforce.recording.pixels import PixelScale, check_bytes, package_for
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
-from scleraforce.whole_files import KINDS, read_text, renamed_when_whole
+from scleraforce.whole_files import KINDS, read_text, renamed_when_whole, write_whole
 
 Row = dict[str, Any]
 
@@ -85,14 +85,30 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
     return columns
 
 
-def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Return rows as a table, empty where a row lacks a key; an apostrophe goes before a would-be formula."""
+def tidy(rows: Iterable[Mapping[str, Any]]) -> list[Row]:
+    """Return flat rows that all have the same columns, None where a row lacks one."""
     flattened = [flat(row) for row in rows]
     every = dict.fromkeys(name for row in flattened for name in row)
     filled = {name for row in flattened for name, value in row.items() if value is not None}
     # What is null in one row and an object in another has the object's columns only.
     names = [name for name in every if name in filled or not any(other.startswith(f"{name}_") for other in every)]
-    return _line(names) + "".join(_line(row.get(name) for name in names) for row in flattened)
+    return [{name: row.get(name) for name in names} for row in flattened]
+
+
+def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
+    """Return rows as a table, empty where a row lacks a key; an apostrophe goes before a would-be formula."""
+    found = tidy(rows)
+    return _line(found[0] if found else ()) + "".join(_line(row.values()) for row in found)
+
+
+def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Write rows as CSV, or as Parquet (with pyarrow), by the file's ending, whole or not at all."""
+    if path.suffix == ".csv":
+        write_whole(csv_text(rows), path)
+        return
+    pyarrow, parquet = (package_for(name, ".parquet") for name in ("pyarrow", "pyarrow.parquet"))
+    with renamed_when_whole(path) as part:
+        parquet.write_table(pyarrow.Table.from_pylist(tidy(rows)), part)
 
 
 def _line(cells: Iterable[Any]) -> str:

@@ -1,0 +1,141 @@
+"""Evaluation of many recordings into one table; recordings that are finished are not read again."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import file_digest, sha256
+from pathlib import Path
+from typing import Any
+
+from scleraforce import __version__
+from scleraforce.errors import InputError, RecordingError
+from scleraforce.known.calibration_file import read_calibration
+from scleraforce.notebook import Counting
+from scleraforce.notebook.frames import load_model
+from scleraforce.plain_json import parse_json
+from scleraforce.reader.evaluate import check_once, evaluate_recordings
+from scleraforce.recording.export import Row, tidy, write_table
+from scleraforce.recording.folder import read_recording
+from scleraforce.recording.pixels import package_for
+from scleraforce.whole_files import KINDS, read_text, write_whole
+
+ENDINGS = (".csv", ".parquet")
+PARTS = ("", "frames", "walls")  # folders of a recording or a model with files that count
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Rows of all frames, as of `Evaluation.rows`; notes; the number of recordings, and of those read now."""
+
+    rows: list[Row]
+    notes: tuple[str, ...]
+    recordings: int
+    read: int
+
+
+def evaluate_to_table(
+    model: str | Path, recordings: Sequence[Path], table: Path, calibration: Path | None, wall_finder: Path | None,
+    counting: Counting,
+) -> Batch:  # fmt: skip
+    """Evaluate recordings as `sf.evaluate` does, one by one, and write the rows to a .csv or .parquet file.
+
+    Each recording's rows are kept in a folder beside the table, `.NAME.state`, with the version, the hashes of model,
+    calibration and wall finder, and the recording's own: it is read again only if one of them has changed. Paths that
+    are not recordings are left out with a note. Counts "recordings".
+    """
+    _check(table)
+    folders = [path for path in recordings if (path / "recording.toml").is_file()]
+    check_once(folders)
+    if missing := [path for path in recordings if not path.exists()]:
+        raise RecordingError(f"{missing[0]}: no such recording")
+    if not folders:
+        raise RecordingError(f"{recordings[0]}: not a recording; none of the given paths is one")
+    reader = load_model(model, wall_finder=wall_finder)
+    summary = None if calibration is None else read_calibration(calibration)
+    same = {
+        "version": __version__, "model_sha256": _digest(reader.path),
+        "calibration_sha256": summary and summary.sha256, "wall_finder_sha256": wall_finder and _digest(wall_finder),
+    }  # fmt: skip
+    state = _state(table)
+    state.mkdir(exist_ok=True)
+    rows, read, used = list[Row](), 0, set[str]()
+    others = [str(path) for path in recordings if path not in folders]
+    notes = [f"left out, not recordings: {', '.join(others)}"] if others else []
+    with counting("recordings", len(folders)) as advance:
+        for path in folders:
+            key = same | {"recording": str(path), "recording_sha256": _digest(path)}
+            part = state / f"{sha256(json.dumps(key).encode()).hexdigest()}.json"
+            if (found := _kept(part, key)) is None:
+                evaluation = evaluate_recordings(reader, [read_recording(path)], summary)
+                found = {"key": key, "rows": evaluation.rows(), "notes": list(evaluation.notes)}
+                write_whole(json.dumps(found, allow_nan=False), part)
+                read += 1
+            used.add(part.name)
+            rows += found["rows"]
+            notes += found["notes"]
+            advance(1)
+    rows = tidy(rows)
+    write_table(rows, table)
+    for old in (each for each in state.glob("*.json") if each.name not in used):
+        old.unlink()
+    return Batch(rows, tuple(notes), len(folders), read)
+
+
+def by_eye(rows: Sequence[Mapping[str, Any]]) -> list[Row]:
+    """Return for each eye the numbers of its frames and of scored ones, their metrics, and the modulus that was used.
+
+    `accuracy`, `mae_mn` and `coverage` are those of `Evaluation`, of this eye's frames; None without any.
+    """
+    return [
+        _of_eye(eye, [row for row in rows if row["eye"] == eye]) for eye in dict.fromkeys(row["eye"] for row in rows)
+    ]
+
+
+def _of_eye(eye: str, rows: Sequence[Mapping[str, Any]]) -> Row:
+    scored = [row for row in rows if row["scored"]]
+    known = [row for row in scored if row["covered"] is not None]
+    return {
+        "eye": eye, "frames": len(rows), "scored": len(scored),
+        "accuracy": _mean([row["predicted"] == row["target"] for row in scored]),
+        "mae_mn": _mean([abs(row["predicted_force_mn"] - row["measured_force_mn"]) for row in known]),
+        "coverage": _mean([row["covered"] for row in known]),
+        "youngs_modulus_mpa": rows[0]["youngs_modulus_mpa"], "modulus_source": rows[0]["modulus_source"],
+    }  # fmt: skip
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return sum(values) / len(values) if values else None
+
+
+def _state(table: Path) -> Path:
+    return table.with_name(f".{table.name}.state")
+
+
+def _check(table: Path) -> None:
+    if table.suffix not in ENDINGS:
+        raise InputError(f"--table: {table}: give a file that ends in {' or '.join(ENDINGS)}")
+    if table.suffix == ".parquet":
+        package_for("pyarrow.parquet", table.suffix)
+    if table.exists() and not _state(table).is_dir():
+        raise InputError(f"{table}: exists already; remove it or choose another name")
+    if not table.absolute().parent.is_dir():
+        raise InputError(f"{table}: its folder does not exist")
+
+
+def _kept(part: Path, key: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return a recording's rows and notes; None if they are missing, damaged or of another key."""
+    try:
+        found: Any = parse_json(read_text(part, KINDS["result"]))
+    except (InputError, ValueError):
+        return None
+    return found if isinstance(found, dict) and found.get("key") == key else None
+
+
+def _digest(folder: Path) -> str:
+    """Return the SHA-256 of a recording's or model's files and their names; hidden ones do not count."""
+    whole = sha256()
+    for place in (folder / part for part in PARTS if (folder / part).is_dir()):
+        for path in sorted(each for each in place.iterdir() if each.is_file() and not each.name.startswith(".")):
+            with path.open("rb") as file:
+                whole.update(f"{path.relative_to(folder)}\0{file_digest(file, 'sha256').hexdigest()}\n".encode())
+    return whole.hexdigest()
