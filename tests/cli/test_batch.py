@@ -92,7 +92,7 @@ def test_what_has_changed_is_read_again_and_nothing_else(folder: Path, monkeypat
     (folder / "eye-c" / "walls" / ".0001.draft.json").write_text("{}")  # hidden: of no effect on the answers
     assert evaluated().read == 0
     state = sorted((folder / ".t.csv.state").iterdir())
-    assert len(state) == 3  # those of earlier contents are gone
+    assert len(state) == 3  # files of earlier contents are gone
     state[1].write_bytes(state[1].read_bytes()[:-9])
     assert evaluated().read == 1
     shutil.rmtree(folder / "eye-c")

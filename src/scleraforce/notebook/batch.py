@@ -84,7 +84,7 @@ def evaluate_to_table(
 def by_eye(rows: Sequence[Mapping[str, Any]]) -> list[Row]:
     """Return for each eye the numbers of its frames and of scored ones, their metrics, and the modulus that was used.
 
-    `accuracy`, `mae_mn` and `coverage` are those of `Evaluation`, of this eye's frames; None without any.
+    `accuracy`, `mae_mn` and `coverage` are computed as in `Evaluation`, on the eye's frames; None without any.
     """
     return [
         _of_eye(eye, [row for row in rows if row["eye"] == eye]) for eye in dict.fromkeys(row["eye"] for row in rows)
