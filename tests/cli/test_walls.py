@@ -146,7 +146,7 @@ def test_a_changed_frame_invalidates_its_wall_and_a_table_that_contradicts_is_re
     table = walls.read_text()
     for text, words in (
         (table.replace("2.png", "3.png"), "walls.csv: file: 2.png is missing"),
-        (table.replace("author", "who"), "walls.csv:1: found"),
+        (table.replace("author", "who"), "walls.csv:1: unknown column 'who'"),
         (table[:-20], "source_sha256: not a SHA-256 for 2.png"),
     ):
         walls.write_text(text)

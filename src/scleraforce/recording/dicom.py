@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from datetime import UTC, datetime, tzinfo
+from datetime import datetime, tzinfo
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -263,7 +263,11 @@ def _numbers(item: "Dataset", name: str) -> list[float]:
 
 
 def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
-    zone = _zone(dataset)
+    stated_zone = str(dataset.get("TimezoneOffsetFromUTC", None) or "+0000").strip()
+    try:
+        zone = datetime.strptime(stated_zone, "%z").tzinfo
+    except ValueError as fault:
+        raise FrameError(f"TimezoneOffsetFromUTC: {stated_zone!r}; like +0100, from -1200 to +1400") from fault
     for name in FRAME_TIMES:
         contents = [item.get(name, None) for place, item in _places(dataset, "FrameContentSequence") if place]
         time_s = np.array([_seconds(stated, zone) for stated in contents], dtype=np.float64)  # None becomes NaN
@@ -288,15 +292,7 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
     return scans.even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime"), None
 
 
-def _zone(dataset: "Dataset") -> tzinfo:
-    stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "+0000").strip()
-    try:
-        return datetime.strptime(stated, "%z").tzinfo or UTC
-    except ValueError as fault:
-        raise FrameError(f"TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400") from fault
-
-
-def _seconds(stated: Any, zone: tzinfo) -> float | None:
+def _seconds(stated: Any, zone: tzinfo | None) -> float | None:
     """Return seconds since 1970 of a DICOM date and time; its own zone takes precedence (PS3.3 C.12.1.1)."""
     from pydicom.valuerep import DT
 

@@ -14,7 +14,7 @@ from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale, check_bytes, package_for
-from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
+from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_text, renamed_when_whole, write_whole
@@ -45,7 +45,10 @@ def read_answers(path: Path) -> list[Row]:
     except ValueError as fault:
         raise InputError(f"{path}: {fault}") from fault
     frames = found.get("frames") if isinstance(found, dict) else None
-    if not isinstance(frames, list) or not all(map(_is_answer, frames)):
+    if not isinstance(frames, list) or not all(
+        isinstance(each, dict) and isinstance(each.get("file"), str) and isinstance(each.get("recording"), str | None)
+        for each in frames
+    ):
         raise InputError(f"{path}: no frames with a file each; give what evaluate, read or segment print with --json")
     return frames
 
@@ -54,7 +57,11 @@ def with_answers(rows: Sequence[Row], answers: Sequence[Row], recording: Path) -
     """Return rows with the answers to their frames; what the recording states stays, but a target is the answer's."""
     alone = len({Path(row["file"]).name for row in rows}) == len(rows)  # else folders tell frames of one name apart
     asked, files = ([Path(row["file"]).name if alone else row["file"] for row in each] for each in (rows, answers))
-    by_file = {file: each for file, each in zip(files, answers, strict=True) if _is_of(each, recording)}
+    here = recording.resolve()
+    by_file = {
+        file: each for file, each in zip(files, answers, strict=True)
+        if (named := each.get("recording")) is None or Path(named).resolve() == here or Path(named).name == here.name
+    }  # fmt: skip
     if not by_file.keys() & set(asked):
         raise InputError(f"{recording}: none of its frames is among the answers")
     found = [by_file.get(file, {}) for file in asked]
@@ -122,16 +129,6 @@ def _cell(value: Any) -> Any:
     if isinstance(value, str):
         return f"'{value}" if value.startswith(FORMULA_BEGINS) else value
     return int(value) if isinstance(value, bool) else "" if value is None else value
-
-
-def _is_answer(frame: Any) -> bool:
-    named = isinstance(frame, dict) and isinstance(frame.get("file"), str)
-    return named and isinstance(frame.get("recording"), str | None)
-
-
-def _is_of(answer: Row, recording: Path) -> bool:
-    named = answer.get("recording")
-    return named is None or Path(named).resolve() == recording.resolve() or Path(named).name == recording.resolve().name
 
 
 SLICE_MM = 0.1  # as thick as a B-scan is drawn; it has no thickness of its own
@@ -217,16 +214,11 @@ def _messages(recording: Recording, rows: Sequence[Row], origin_s: float, store:
         elif topic == ANSWER_TOPIC:
             yield time_ns, topic, _answer(rows[nth], header, store)
         elif log is not None:
-            yield time_ns, topic, _wrench(log, nth, header, store)
-
-
-def _wrench(log: ForceLog, nth: int, header: Any, store: Any) -> Any:
-    """Return a sample of the log; an axis that it does not have is NaN, as zero would be a measurement."""
-    found = dict(zip(log.columns, log.wrench_sc[nth].tolist(), strict=True))
-    values = [found.get(name, float("nan")) for name in FORCE_COLUMNS[1:]]
-    vector = store.types["geometry_msgs/msg/Vector3"]
-    wrench = store.types["geometry_msgs/msg/Wrench"](force=vector(*values[:3]), torque=vector(*values[3:]))
-    return store.types[WRENCH](header=header, wrench=wrench)
+            found = dict(zip(log.columns, log.wrench_sc[nth].tolist(), strict=True))
+            values = [found.get(name, np.nan) for name in FORCE_COLUMNS[1:]]  # zero would be a measurement
+            vector, wrench = (store.types[f"geometry_msgs/msg/{name}"] for name in ("Vector3", "Wrench"))
+            sample = wrench(force=vector(*values[:3]), torque=vector(*values[3:]))
+            yield time_ns, topic, store.types[WRENCH](header=header, wrench=sample)
 
 
 def _answer(row: Row, header: Any, store: Any) -> Any:

@@ -57,7 +57,8 @@ class Table:
         return [row[at] if len(row) > at else "" for row in map(self.fields, range(len(self.lines)))]
 
 
-def _read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
+def read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
+    """Return a table of a recording, whose first line names its columns: some of `known`, and all `required` ones."""
     header, *lines = read_text(path, kind).splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
     names = fields_of(header.rstrip(f" \t{separator}"), separator, f"{path}:1")
@@ -279,23 +280,22 @@ class ForceLog:
 
 def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     """Read frames.csv, in its order."""
-    table = _read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
+    table = read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
     mark = decimal_mark(table, [at for at, name in enumerate(table.names) if name in ("time_s", *FRAME_NUMBERS)])
     entries: list[FrameEntry] = []
-    seen, together = dict[str, int](), set[str | None]()  # planes of one time
+    seen, planes = dict[str, int](), set[tuple[float, str | None]]()
     for index, line in enumerate(table.numbers):
         place = table.place(index)
         entry = _frame_entry(place, dict(zip(table.names, table.fields(index), strict=False)), mark)
-        if entry.file in seen:
+        if seen.setdefault(entry.file, line) != line:
             raise RecordingError(f"{place}: file: {entry.file} is in line {seen[entry.file]} already")
-        together = together if entries and entry.time_s == entries[-1].time_s else set()
-        if entry.plane is not None and entry.plane in together:
+        last_s = entries[-1].time_s if entries else -np.inf
+        if entry.time_s == last_s and entry.plane is not None and (last_s, entry.plane) in planes:
             raise RecordingError(f"{place}: plane: {entry.plane!r} has a frame at {entry.time_s:g} s already")
-        together = together | {entry.plane}
-        if entries and entry.time_s <= entries[-1].time_s and (len(together) == 1 or None in together):
-            found = f"{entry.time_s:g} does not come after {entries[-1].time_s:g}"
+        planes.add((entry.time_s, entry.plane))
+        if entry.time_s < last_s or (entry.time_s == last_s and (last_s, None) in planes):
+            found = f"{entry.time_s:g} does not come after {last_s:g}"
             raise RecordingError(f"{place}: time_s: {found}; frames are in the order of their times, one at a time")
-        seen[entry.file] = line
         entries.append(entry)
     if not entries:
         raise RecordingError(f"{path}: no frames; give a line for each frame")
@@ -320,7 +320,7 @@ def _of_moment(path: Path, entries: Sequence[FrameEntry]) -> Sequence[FrameEntry
 
 def read_force_log(path: Path, axis: str) -> ForceLog:
     """Read forces.csv; `axis` (fx, fy or fz) must be among its columns."""
-    table = _read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
+    table = read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
     columns = tuple(name for name in table.names if name != "time_s")
     forces = [table.names.index(name) for name in columns]
     values_sc = numbers_of(table, [table.names.index("time_s"), *forces], gaps=forces, ours=True)
@@ -384,8 +384,7 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
     largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE_N] * len(log.columns)])
     bad = ~(np.abs(values_sc) <= largest_c)  # a NaN is bad as well: of a time; of a force it says that there is none
     bad[:, 1:] &= ~np.isnan(log.wrench_sc)
-    if bad.any():
-        sample, column = np.argwhere(bad)[0].tolist()
+    for sample, column in np.argwhere(bad)[:1].tolist():
         value = values_sc[sample, column]
         fault = f"is beyond {largest_c[column]:g}" if np.isfinite(value) else "is not a finite number"
         raise RecordingError(f"{place(sample)}: {columns[column]}: {value:g} {fault}")

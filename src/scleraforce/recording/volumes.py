@@ -295,7 +295,11 @@ SAMPLE = np.dtype("<f4")
 def read_thorlabs(path: Path) -> Scan:
     """Return the frames of Thorlabs' .oct (ThorImage OCT 4, 5): sizes in mm, intensity in dB, depth fastest."""
     with scans.named_faults(path, OCT_KIND), ZipFile(path) as archive:
-        header = _oct_header(archive)
+        if archive.getinfo(HEADER).file_size > XML_BYTES:
+            raise FrameError(f"{HEADER} of more than {XML_BYTES} bytes")
+        if b"<!DOCTYPE" in (text := archive.read(HEADER)) or b"<!ENTITY" in text:
+            raise FrameError(f"{HEADER} defines entities, which a scanner does not")
+        header = ElementTree.fromstring(text)
         entry, name = _intensity(archive, header)
         rows, columns, count = (int(entry.get(f"Size{axis}", "1" if axis == "Y" else "0")) for axis in "ZXY")
         if not (rows and columns):
@@ -318,15 +322,6 @@ def read_thorlabs(path: Path) -> Scan:
         notes = tuple(f"{HEADER} states RefractiveIndex = {each.text}" for each in header.iter("RefractiveIndex"))
         scan = Scan(scans.frame_names(path, count), rows, columns, lambda: _pictures(path, name, (columns, rows)))
         return replace(scan, size=size, scale_fault=scale_fault, notes=notes).of_file(path)
-
-
-def _oct_header(archive: ZipFile) -> ElementTree.Element:
-    if archive.getinfo(HEADER).file_size > XML_BYTES:
-        raise FrameError(f"{HEADER} of more than {XML_BYTES} bytes")
-    text = archive.read(HEADER)
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise FrameError(f"{HEADER} defines entities, which a scanner does not")
-    return ElementTree.fromstring(text)
 
 
 def _intensity(archive: ZipFile, header: ElementTree.Element) -> tuple[ElementTree.Element, str]:

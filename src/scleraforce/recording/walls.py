@@ -13,10 +13,11 @@ import numpy as np
 from scleraforce.arrays import Bytes
 from scleraforce.errors import FrameError, RecordingError
 from scleraforce.recording.images import read_frame
-from scleraforce.whole_files import KINDS, read_bytes, read_text, write_whole
+from scleraforce.recording.tables import read_table
+from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 NO_WALL, NOT_JUDGED, WALL = 0, 128, 255
-COLUMNS = ["file", "author", "time_utc", "source_sha256"]
+COLUMNS = ("file", "author", "time_utc", "source_sha256")
 
 
 def mask_of(mask: Any, place: str) -> Bytes:
@@ -111,11 +112,9 @@ def remove_wall(recording: Path, file: str) -> None:
 
 
 def _rows(table: Path) -> dict[str, list[str]]:
-    rows = csv.reader(read_text(table, KINDS["walls"]).splitlines())
-    if (names := next(rows, [])) != COLUMNS:
-        raise RecordingError(f"{table}:1: found {names}, expected {','.join(COLUMNS)}")
-    found = {row[0]: row for row in rows if row}
-    if bad := [file for file, row in found.items() if len(row) != len(COLUMNS) or len(row[-1]) != 64]:
+    text = read_table(table, KINDS["walls"], COLUMNS, COLUMNS)
+    found = {row[0]: list(row) for row in zip(*map(text.column, COLUMNS), strict=True)}
+    if bad := [file for file, row in found.items() if len(row[-1]) != 64]:
         raise RecordingError(f"{table}: source_sha256: not a SHA-256 for {bad[0]}")
     return found
 
