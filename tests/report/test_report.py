@@ -45,7 +45,7 @@ from scleraforce.report.frame_figures import (  # isort: skip
     MOST, WALLS, WORST, AnsweredFrame, draw_residuals, draw_sheet, draw_trial_forces, laid_on_surface, look_at_all,
     sheet_frame, shown_on_sheet,
 )  # fmt: skip
-from scleraforce.report.html import MOST_PICTURES, shown_frames, write_evaluation_html, write_page
+from scleraforce.report.html import MOST_PICTURES, Table, shown_frames, write_evaluation_html, write_page
 from scleraforce.report.model_figures import draw_curves, draw_model, draw_network
 from scleraforce.report.recording_figures import draw_calibration, draw_log, draw_recording
 from scleraforce.report.shown_artefacts import draw_library
@@ -436,6 +436,12 @@ def test_a_page_saves_its_figures_frames_and_tables(tmp_path: Path) -> None:
     assert [row["predicted_force_mn"] for row in rows] == ["21.0", "21.0", "", "21.0"]
     confusion = list(csv.reader(StringIO(files["confusion.csv"].decode())))
     assert confusion[2] == ["target class 1: 5 to 30 mN", "0", "2", "2", "0.50 (0.15 to 0.85)"]
+
+
+def test_a_saved_table_has_numbers_texts_and_empty_cells() -> None:
+    row = ["=2", 3, "+1.5", "-0.40", "\N{EN DASH}", "2 \N{EN DASH} 3", "1.0\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}0.2"]
+    _, content = Table("abcdefg", [row]).csv.split(";base64,")
+    assert base64.b64decode(content).decode().splitlines()[1] == "'=2,3,1.5,-0.4,,2 \N{EN DASH} 3,1.0 ± 0.2"
 
 
 @in_chromium

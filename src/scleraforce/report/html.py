@@ -44,9 +44,17 @@ class Table:
     @property
     def csv(self) -> str:
         """The address of the CSV file."""
-        cells = ([str(cell).replace(NO_BREAK, " ").replace(NOTHING, "") for cell in row] for row in self.rows)
-        records = self.records or [dict(zip(self.head, row, strict=True)) for row in cells]
+        records = self.records or [dict(zip(self.head, map(_value, row), strict=True)) for row in self.rows]
         return data_uri(csv_text(records).encode(), "text/csv")
+
+
+def _value(cell: object) -> object:
+    """Return a cell as a value of a CSV file: a number, a text, or None."""
+    words = str(cell).replace(NO_BREAK, " ")
+    try:
+        return None if words == NOTHING else float(words) if isinstance(cell, str) else cell
+    except ValueError:
+        return words
 
 
 def write_page(
