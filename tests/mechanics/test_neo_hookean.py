@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import skfem
 from energy import LAMBDA, MU, NU, STEP, energy, stress
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from skfem.helpers import ddot, grad, identity, inv, transpose
 
 from reference_walls import stiffness_matrix, symmetric_base
 from scleraforce.arrays import Floats
@@ -17,7 +15,6 @@ from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_pa
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.elements import element_stiffness, factored, volume_points
-from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
@@ -26,7 +23,6 @@ from scleraforce.mechanics.material import burst_tension, growth, lame_constants
 from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.neo_hookean import FibreLaw, NeoHookeanSolid, fibre_law
-from scleraforce.mechanics.shapes import node_positions
 
 R, T, B = 12e-3, 1e-3, 12.0
 ORDERS = (1, 2)
@@ -142,68 +138,6 @@ def test_the_strain_measure_is_twice_the_energy_over_mu() -> None:
     np.testing.assert_allclose(strain_measure(np.sum(F**2, axis=(1, 2)) - 3.0, np.log(J), NU), 2.0 * neo / MU)
 
 
-@pytest.mark.parametrize(
-    ("order", "element", "mesh_type"),
-    [
-        (1, skfem.ElementHex1, skfem.MeshHex1),
-        pytest.param(2, skfem.ElementHex2, skfem.MeshHex2, marks=pytest.mark.slow),
-    ],
-)
-def test_forces_and_tangent_agree_with_scikit_fem(order: int, element: type, mesh_type: type) -> None:
-    mesh = distorted(order)
-    basis, ours_of_theirs = scikit_fem_basis(mesh, element, mesh_type)
-    u = large_displacement(mesh)
-    theirs = np.empty(u.size)
-    theirs[:] = u.ravel()[ours_of_theirs]
-    residual, matrix = scikit_fem_assembly(basis, theirs)
-    solid = NeoHookeanSolid(mesh, NU)
-    forces, K = solid.forces(u).ravel(), stiffness_matrix(mesh, solid.tangents(u))
-    np.testing.assert_allclose(residual, forces[ours_of_theirs], atol=1e-12 * np.abs(forces).max())
-    assert abs(K[ours_of_theirs][:, ours_of_theirs] - matrix).max() < 1e-12 * abs(K).max()
-
-
-def scikit_fem_basis(mesh: HexMesh, element: type, mesh_type: type) -> tuple[skfem.CellBasis, np.ndarray]:
-    """Their basis on our mesh, and our unknown (3 n + c: node n, component c) for each of theirs."""
-    reference = node_positions(3, mesh.cells_en.shape[1]) / 2 + 0.5
-    ours_for = [int(np.argmin(np.linalg.norm(reference - place, axis=1))) for place in element.doflocs]
-    corners, vertex_of = np.unique(mesh.cells_en[:, ours_for[:8]], return_inverse=True)
-    linear = skfem.MeshHex1(mesh.points_nc[corners].T, vertex_of.reshape(-1, 8).T.astype(np.int32))
-    scalar = skfem.CellBasis(linear, element(), intorder=2)
-    places = np.empty((scalar.N, 3))
-    places[scalar.element_dofs.T] = mesh.points_nc[mesh.cells_en[:, ours_for]]
-    curved = mesh_type(places.T, linear.t) if mesh.order == 2 else linear
-    # 5: three Gauss points along each direction; 3, for trilinear elements: two.
-    basis = skfem.CellBasis(curved, skfem.ElementVector(element()), intorder=5 if mesh.order == 2 else 3)
-    ours = np.empty(basis.N, dtype=int)
-    unknowns = 3 * mesh.cells_en[:, ours_for][..., None] + np.arange(3)
-    ours[basis.element_dofs.T] = unknowns.reshape(len(mesh.cells_en), -1)
-    return basis, ours
-
-
-def scikit_fem_assembly(basis: skfem.CellBasis, u: np.ndarray):
-    """Residual and tangent of the same energy in scikit-fem's weak forms."""
-
-    def kinematics(w):
-        F = grad(w["u"]) + identity(grad(w["u"]))
-        return F, inv(F), np.log(np.linalg.det(np.moveaxis(F, (0, 1), (-2, -1))))
-
-    @skfem.LinearForm
-    def residual(v, w):
-        F, F_inverse, log_J = kinematics(w)
-        return ddot(MU * F + (LAMBDA * log_J - MU) * transpose(F_inverse), grad(v))
-
-    @skfem.BilinearForm
-    def stiffness(du, v, w):
-        _, F_inverse, log_J = kinematics(w)
-        H = np.einsum("ij...,jk...->ik...", grad(du), F_inverse)
-        G = np.einsum("ij...,jk...->ik...", grad(v), F_inverse)
-        volumetric = np.einsum("ii...", H) * np.einsum("ii...", G)
-        return MU * ddot(grad(du), grad(v)) + (MU - LAMBDA * log_J) * ddot(transpose(H), G) + LAMBDA * volumetric
-
-    field = basis.interpolate(u)
-    return residual.assemble(basis, u=field), stiffness.assemble(basis, u=field)
-
-
 def test_a_wall_turned_inside_out_has_no_forces_and_no_tangent() -> None:
     mesh = distorted()
     solid, inverted = NeoHookeanSolid(mesh, NU), -1.5 * mesh.points_nc
@@ -229,58 +163,9 @@ RADIUS, NEEDLE = 12e-3, 0.35e-3
 RIGHT_ANGLE = 0.5 * np.pi
 
 
-class Block:
-    """A unit cube of one element between three planes of symmetry, drawn by a nominal stress on other faces."""
-
-    def __init__(self, stiffening: float, drawn: tuple[int, ...]) -> None:
-        self.points_nc = np.array(
-            [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], dtype=np.float64
-        )
-        quads = np.array([[4, 5, 6, 7]])
-        self.mesh = HexMesh(
-            points_nc=self.points_nc, cells_en=np.arange(8)[None], outer_qn=quads, inner_qn=quads,
-            base_nodes=np.array([], dtype=np.int64), radius_m=1.0, thickness_m=1.0, order=1,
-        )  # fmt: skip
-        self.solid = NeoHookeanSolid(self.mesh, NU, stiffening=stiffening)
-        self.free = np.flatnonzero(self.points_nc.ravel() > 0.0)
-        load_nc = np.zeros((8, 3))
-        for axis in drawn:
-            load_nc[self.points_nc[:, axis] > 0.0, axis] = 0.25
-        self.needle = self.tip = load_nc.ravel()[self.free]
-
-    def all(self, u: Floats) -> Floats:
-        full = np.zeros(24)
-        full[self.free] = u
-        return full.reshape(8, 3)
-
-    def residual(self, u: Floats, pressure: float) -> Floats:
-        return self.solid.forces(self.all(u)).ravel()[self.free] - pressure * self.needle
-
-    def factor(self, u: Floats, pressure: float) -> Solve:  # noqa: ARG002 (a dead load)
-        whole = stiffness_matrix(self.mesh, self.solid.tangents(self.all(u))).toarray()
-        K = whole[np.ix_(self.free, self.free)]
-        return lambda rhs: np.linalg.solve(K, rhs)
-
-    def stretches(self, nominal_stress: float) -> Floats:
-        """Stretches of the edges under a stress over E; every face stays plane."""
-        places_nc = self.points_nc + self.all(pressurise(self, nominal_stress))
-        for axis in range(3):
-            np.testing.assert_allclose(np.ptp(places_nc[self.points_nc[:, axis] > 0.0, axis]), 0.0, atol=1e-9)
-        return places_nc[6]
-
-
 def nominal(stretches: Floats, b: float) -> Floats:
     """Principal nominal stresses over E."""
     return np.diag(stress(np.diag(stretches), b))
-
-
-@pytest.mark.parametrize("b", [0.0, 3.0, 30.0, 200.0])
-def test_one_element_drawn_along_two_axes_takes_the_stretch_of_the_closed_form(b: float) -> None:
-    along, second, across = Block(b, drawn=(0, 1)).stretches(0.25)
-    assert along == pytest.approx(second, rel=1e-9)
-    free = brentq(lambda s: MU * (s * s - 1.0) + LAMBDA * np.log(along**2 * s), 0.3, 1.0, xtol=1e-15)
-    assert across == pytest.approx(free, rel=1e-7)
-    np.testing.assert_allclose(nominal(np.array([along, along, free]), b), [0.25, 0.25, 0.0], atol=1e-7)
 
 
 def test_the_tangent_modulus_is_what_the_study_and_the_physics_say() -> None:

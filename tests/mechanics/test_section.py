@@ -15,7 +15,7 @@ from scleraforce.mechanics.form import form_mesh
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.mesh import build_mesh
-from scleraforce.mechanics.section import WALL, cut_sections, fill_section, slice_window
+from scleraforce.mechanics.section import cut_sections, fill_section, slice_window
 from scleraforce.mechanics.shapes import shape_values
 from scleraforce.study import FormStudy, SliceStudy
 
@@ -269,13 +269,6 @@ def from_pixels(contour, window=WINDOW):
     return Section(points[:half], points[half:][::-1])
 
 
-def naive_slice(section, window):
-    """Second implementation: the definition at every pixel centre."""
-    rows, columns = np.divmod(np.arange(window.rows * window.columns), window.columns)
-    places = (np.stack([columns, rows], axis=1) + 0.5) * window.pixel_m + (window.left_m, window.top_m)
-    return np.where(inside(places, section.contour), WALL, 0).reshape(window.rows, window.columns)
-
-
 def test_a_rectangle_through_pixel_centres_holds_its_left_and_top_edge_only():
     image = fill_section(from_pixels([(10.5, 5.5), (20.5, 5.5), (20.5, 9.5), (10.5, 9.5)]), WINDOW)
     rows, columns = np.nonzero(image)
@@ -291,42 +284,6 @@ def test_walls_that_touch_neither_overlap_nor_leave_a_seam():
     above = fill_section(from_pixels(np.r_[[(-5, -5), (145, -5)], seam[::-1]]), WINDOW)
     below = fill_section(from_pixels(np.r_[seam, [(145, 45), (-5, 45)]]), WINDOW)
     np.testing.assert_array_equal(above, 255 - below)
-
-
-def wall(outer_pixels, thickness_pixels=6.0):
-    """A wall of constant thickness under a curve, as a section."""
-    step = np.gradient(outer_pixels, axis=0)
-    normal = np.c_[-step[:, 1], step[:, 0]] / np.hypot(*step.T)[:, None]
-    points = [
-        p * PIXEL + (WINDOW.left_m, WINDOW.top_m) for p in (outer_pixels, outer_pixels + thickness_pixels * normal)
-    ]
-    return Section(*points)
-
-
-X = np.linspace(-10, 150, 161)
-
-
-def drawn_w_dent():
-    return wall(np.c_[X, 4 + 14 * np.exp(-(((X - 60) / 7) ** 2)) + 11 * np.exp(-(((X - 85) / 6) ** 2))], 5.0)
-
-
-def drawn_fold():
-    u = np.linspace(-1, 1, 300)
-    return wall(np.c_[70 + 80 * u - 45 * np.sin(np.pi * u), 17 + 14 * u], 4.0)
-
-
-def dent_through_the_floor():
-    return wall(np.c_[X, 3 + 60 * np.exp(-(((X - 70) / 20) ** 2))])
-
-
-def dome_through_the_roof():
-    return wall(np.c_[X, -8 + 0.01 * (X - 70) ** 2], 5.0)
-
-
-@pytest.mark.parametrize("shape", [drawn_w_dent, drawn_fold, dent_through_the_floor, dome_through_the_roof])
-def test_a_slice_agrees_with_the_winding_number_at_every_centre(shape):
-    section = shape()
-    np.testing.assert_array_equal(fill_section(section, WINDOW), naive_slice(section, WINDOW))
 
 
 @settings(max_examples=40, deadline=None)
