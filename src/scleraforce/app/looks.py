@@ -3,7 +3,6 @@
 import json
 from contextlib import suppress
 from functools import cached_property, lru_cache
-from itertools import pairwise
 from pathlib import Path, PurePath
 from threading import Lock
 from typing import Any
@@ -48,14 +47,10 @@ def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
 
 
 def curve(time_s: Floats, values: Floats) -> dict[str, Any]:
-    """Return a curve with the least and the largest value of each of `BINS` stretches, null where there is none."""
-    edges = np.linspace(0, len(values), min(BINS, len(values)) + 1).astype(np.intp)
-    parts = [values[start:stop][np.isfinite(values[start:stop])] for start, stop in pairwise(edges)]
-    return {
-        "time_s": time_s[edges[:-1]].tolist(),
-        "low": [float(part.min()) if part.size else None for part in parts],
-        "high": [float(part.max()) if part.size else None for part in parts],
-    }
+    """Return a curve with the least and the largest value of each of `BINS` stretches, NaN where there is none."""
+    starts = np.linspace(0, len(values), min(BINS, len(values)), endpoint=False).astype(np.intp)
+    low, high = (extreme.reduceat(values, starts).tolist() for extreme in (np.fmin, np.fmax))
+    return {"time_s": time_s[starts].tolist(), "low": low, "high": high}
 
 
 def mask_between(
@@ -116,7 +111,7 @@ class Looks:
         if log is not None and info.force is not None:
             known = log.known(info.force.axis)
             force = curve(known.time_s, from_si(contact_force(known, info.force), "mn"))
-        return {
+        found: dict[str, Any] = finite({
             "eye": info.eye.id, "rows": info.oct.rows, "columns": info.oct.columns,
             "width_mm": from_si(info.oct.width_m, "mm"), "depth_mm": from_si(info.oct.depth_m, "mm"),
             "files": files,
@@ -124,8 +119,9 @@ class Looks:
             "planes": [entry.plane for entry in recording.frames] if info.oct.plane else None,
             "force_mn": [from_si(trial.measured_force_n, "mn") for trial in trials] or None,
             "log": force, "notes": notes,
-            "corrected": [file for file in files if PurePath(file).stem in drawn] if drawn else [],
-        }  # fmt: skip
+            "corrected": [file for file in files if PurePath(file).stem in drawn],
+        })  # fmt: skip
+        return found
 
     def look(self, path: Path, file: str) -> dict[str, Any]:
         """Return the wall of a frame, and the answer of the bundled reader with its warnings."""

@@ -85,4 +85,5 @@ for (const kind of ["dragover", "drop"]) addEventListener(kind, (event) => event
 
 await poll();
 if (!document.body.dataset.step) go(state.recordings.length ? "look" : "import"); // a step may be clicked already
-setInterval(poll, EVERY_MS);
+const later = () => setTimeout(() => void poll().then(later), EVERY_MS); // one at a time, in folders of many files
+later();
