@@ -169,10 +169,10 @@ def _of_each_kind(path: Path, by_header: Sequence[LogColumn], given: Sequence[Lo
 
 
 def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[str]) -> tuple[LogColumn, ...]:
-    """Return the columns, in our order; ask for the time and a force if they are missing."""
+    """Return the columns but for the status, in our order; ask for the time and a force if they are missing."""
+    columns, listed = [*columns], ", ".join(map(repr, names))
     found = {column.ours: column for column in columns}
-    listed = ", ".join(repr(name) for name in names)
-    for column in found.values():
+    for column in columns:
         if column.name not in names:
             raise InputError(f"{path}: --column: no column {column.name!r}; there are {listed}")
         if list(names).count(column.name) > 1:
@@ -237,7 +237,8 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
         by_header += _clock_column(text)
     answered = _of_each_kind(text.path, by_header, given)
     _check_units(text, [column for column in answered if column not in given], stated)
-    time, *forces = columns = required_columns(text.path, answered, text.names)
+    flags = _flagged(text, given)
+    time, *forces = columns = required_columns(text.path, [*answered, *flags], text.names)
     read = forces if time.unit in log_text.CLOCKS else columns
     places = [text.names.index(column.name) for column in read]
     mark = tables.decimal_mark(text, places)
@@ -247,7 +248,6 @@ def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, 
     time_s, wrench_sc = values_sc[:, 0] if read is columns else _dated(text, time), values_sc[:, -len(forces) :]
     notes = ["numbers have decimal commas"] if mark == "," else []
     notes += [*_overruled(by_header, given), *tables.gap_notes(text.path, wrench_sc)]
-    flags = _flagged(text, given)
     for column in flags:
         faulty, said = _faulty_samples(text, column)
         wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
@@ -312,13 +312,9 @@ def _range_n(text: Table) -> float:
 
 
 def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
-    stated = {column.name: column for column in given if column.ours == STATUS}
-    if missing := stated.keys() - set(text.names):
-        listed = ", ".join(map(repr, text.names))
-        raise InputError(f"{text.path}: --column: no column {min(missing)!r}; there are {listed}")
     meanings = {name: _status_meaning(name, text.names) for name in text.names}
     named = {name: LogColumn(STATUS, name, meaning) for name, meaning in meanings.items() if meaning}
-    return tuple((named | stated).values())
+    return tuple((named | {column.name: column for column in given if column.ours == STATUS}).values())
 
 
 def _overruled(by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> tuple[str, ...]:

@@ -98,12 +98,10 @@ def unit_fault(recording: Recording, labels: Sequence[float | str | None], class
     peak = int(np.argmax(sizes_n))
     noise_n = float(np.abs(np.diff(raw_n)).mean()) * np.sqrt(np.pi) / 2.0 if len(raw_n) > 1 else 0.0
     if sizes_n[peak] > largest_n:
-        found = f"{sizes_n[peak]:.4g} N under {recording.frames[peak].file}, more than {largest_n:.4g} N"
-    elif noise_n > LARGEST_NOISE_N:
-        found = f"a noise of {noise_n:.2g} N, more than the {from_si(LARGEST_NOISE_N, 'mn'):g} mN of a coarse sensor"
-    else:
-        return None
-    return f"{info.axis}_n: {found}"
+        under = f"under {recording.frames[peak].file}, more than {largest_n:.4g} N"
+        return f"{info.axis}_n: {sizes_n[peak]:.4g} N {under}"
+    coarse = f"more than the {from_si(LARGEST_NOISE_N, 'mn'):g} mN of a coarse sensor"
+    return f"{info.axis}_n: a noise of {noise_n:.2g} N, {coarse}" if noise_n > LARGEST_NOISE_N else None
 
 
 def _trial(

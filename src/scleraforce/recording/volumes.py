@@ -98,7 +98,12 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         shape = header.get_data_shape()
         size = int(np.prod(shape, dtype=np.int64)) * header.get_data_dtype().itemsize
         scans.check_bytes(size)
-        _check_nifti_end(image, size)
+        plane = max(1, size // max(1, int(np.prod(shape[2:], dtype=np.int64))))
+        with image.file_map["image"].get_prepare_fileobj("rb") as file:
+            file.seek(image.dataobj.offset + size)
+            if len(file.read(plane)) >= plane:
+                sizes = " x ".join(map(str, shape))
+                raise FrameError(f"dim states {sizes} pixels, and more follow; correct dim, or write the file again")
         unscaled = (image.dataobj.slope, image.dataobj.inter) == (1.0, 0.0)
         array = np.asarray(image.dataobj.get_unscaled() if unscaled else image.dataobj)
         note = f"pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}"
@@ -110,17 +115,6 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         times = scans.even_times(len(scan.names), float(header.get_zooms()[3]) * unit_s, "NIfTI's pixdim")
         start_s = float(header["toffset"]) * unit_s
         return replace(scan, times=times and replace(times, time_s=times.time_s + start_s))
-
-
-def _check_nifti_end(image: Any, size: int) -> None:
-    """Check that no further slice follows the last one that the header states."""
-    file_map = image.file_map["image"]
-    plane = max(1, size // max(1, int(np.prod(image.shape[2:], dtype=np.int64))))
-    with file_map.get_prepare_fileobj("rb") as file:
-        file.seek(image.dataobj.offset + size)
-        if len(file.read(plane)) >= plane:
-            sizes = " x ".join(map(str, image.shape))
-            raise FrameError(f"dim states {sizes} pixels, and more follow; correct dim, or write the file again")
 
 
 def _nifti_steps(header: Any) -> list[Steps]:
