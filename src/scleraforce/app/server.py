@@ -25,7 +25,7 @@ from scleraforce.app.sources import ANSWERS, Checked, Sources
 from scleraforce.arrays import Bytes
 from scleraforce.errors import InputError
 from scleraforce.notebook.frames import save_wall
-from scleraforce.recording.export import csv_text, flat
+from scleraforce.recording.export import csv_text
 from scleraforce.recording.folder import Plane, Recording, check_alone, parse_plane
 from scleraforce.recording.sources import ImportOptions, option_name
 from scleraforce.recording.walls import remove_wall
@@ -267,7 +267,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     @app.get("/api/csv")
     def table() -> dict[str, Any]:
-        return {"text": csv_text(map(flat, json.loads(kept("evaluate").read_bytes())["result"]["frames"]))}
+        return {"text": csv_text(json.loads(kept("evaluate").read_bytes())["result"]["frames"])}
 
     app.mount("/", StaticFiles(packages=[("scleraforce.app", "page")], html=True))
     return OwnPagesOnly(app, HOST, MOST_UPLOAD_BYTES)
