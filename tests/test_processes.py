@@ -19,6 +19,7 @@ import workers as tasks
 from waiting import alive, wait_until
 from workers import NEEDS_DASK, Cluster, large, no_preparation, tripled, waits_for_ever
 
+import scleraforce
 from scleraforce import processes as processes_module
 from scleraforce.errors import InputError, SolverError
 from scleraforce.processes import cluster_workers, next_unit, work_in_order, work_units
@@ -190,7 +191,7 @@ def test_a_failure_on_a_cluster_reaches_the_caller(cluster: Cluster, monkeypatch
         list(work_in_order(no_preparation, range(3), workers, ahead=2))
     with pytest.raises(SolverError, match="die one after the other"):
         list(work_units(tasks.ends_its_process, [7], workers))
-    monkeypatch.setattr(processes_module, "_version", lambda: "0.0.1")
+    monkeypatch.setattr(scleraforce, "__version__", "0.0.1")
     with pytest.raises(InputError, match=r"a worker has scleraforce \d.*, this process 0\.0\.1"):
         list(work_units(SLOW, [1], workers))
 

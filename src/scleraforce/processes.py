@@ -24,6 +24,7 @@ from tempfile import TemporaryDirectory
 from threading import Thread, local
 from typing import Any, NamedTuple, TypeVar
 
+import scleraforce
 from scleraforce.errors import InputError, SolverError
 
 Result = TypeVar("Result")
@@ -160,7 +161,7 @@ def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
 @contextmanager
 def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> Iterator[Submit]:
     """Give a function that submits a unit to an executor of some workers, which end with the block."""
-    work = pickle.dumps((_version(), prepare))
+    work = pickle.dumps((scleraforce.__version__, prepare))
     if isinstance(workers, ClusterWorkers):
         with _submitting_to_cluster(work, workers) as submit:
             yield submit
@@ -223,8 +224,8 @@ def _do(work: bytes | Path, unit: int) -> Any:
     try:
         if getattr(_prepared, "work", None) != work:
             version, prepare = pickle.loads(work if isinstance(work, bytes) else work.read_bytes())
-            if version != _version():
-                raise InputError(f"a worker has scleraforce {_version()}, this process {version}; install the same")
+            if version != (own := scleraforce.__version__):
+                raise InputError(f"a worker has scleraforce {own}, this process {version}; install the same")
             _prepared.work, _prepared.do = work, prepare()
         result = _prepared.do(unit)
         if isinstance(work, bytes):
@@ -241,12 +242,6 @@ def _do(work: bytes | Path, unit: int) -> Any:
         except Exception:  # the constructor of an exception that does not survive pickling may raise anything
             raise SolverError(f"{type(fault).__name__} in a worker: {fault}") from None
         raise
-
-
-def _version() -> str:
-    from importlib.metadata import version  # a tenth of a second, with its imports
-
-    return version("scleraforce")
 
 
 def one_thread() -> AbstractContextManager[None]:

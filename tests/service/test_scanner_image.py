@@ -101,6 +101,10 @@ def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotte
             assembler.add(LOWER)
         assert assembler.add(part(slice(0, 4), counts=OTHER)) is None
         assert np.array_equal(frame_of(assembler.add(part(slice(4, 6), counts=OTHER))).pixels, OTHER)
+    assembler.add(UPPER)
+    with pytest.raises(ProtocolError, match="overlaps"):
+        assembler.add(part(slice(0, 3), counts=OTHER))  # it begins the next image
+    assert np.array_equal(frame_of(assembler.add(part(slice(3, 6), counts=OTHER))).pixels, OTHER)
 
 
 @settings(max_examples=100, deadline=None)
