@@ -85,7 +85,7 @@ def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
 
 
 def _checked_orientation(data: bytes) -> int:
-    """Check a PNG or JPEG, whose missing parts OpenCV would fill with black, and return its EXIF Orientation."""
+    """Check a PNG or JPEG, whose missing parts OpenCV 4 fills with black, and return its EXIF Orientation."""
     from PIL import Image
 
     with Image.open(BytesIO(data)) as image:
