@@ -125,6 +125,6 @@ clean:  ## remove the environments and what the tools left; out/ stays
 .venv-napari/installed: $(NAPARI)/requirements.lock $(NAPARI)/pyproject.toml pyproject.toml
 	@python=$$($(FIND_PYTHON)); rm -rf .venv-napari && $$python -m venv .venv-napari
 	@pip=".venv-napari/bin/python -m pip --disable-pip-version-check -qq"; $$pip install -r $(NAPARI)/requirements.lock && \
-	$$pip install --no-deps --no-build-isolation -e . -e $(NAPARI) && $$pip check && touch $@
+	$$pip install --no-build-isolation -c $(NAPARI)/requirements.lock -e . -e $(NAPARI) && touch $@
 
 .PHONY: help install reproduce test slow lint bench figures screenshots stale trace ranges wall-finder model living paper dist sbom size wheels lock clean docs gallery napari

@@ -49,9 +49,8 @@ def test_the_wall_has_the_scale_of_the_frames_and_the_rows_that_sf_segments(eye:
     np.testing.assert_array_equal(layer.scale, viewer.layers[0].scale)
     assert layer.units == viewer.layers[0].units
     for (name, points), row in zip(panel.paths(), (found.outer_row, found.inner_row), strict=True):
-        assert np.abs(np.interp(np.arange(len(row)), points[:, 2], points[:, 1]) - row)[np.isfinite(row)].max() < 0.5, (
-            name
-        )
+        drawn = np.interp(np.arange(len(row)), points[:, 2], points[:, 1])
+        assert np.nanmax(np.abs(drawn - row)) < 1.0, name
     assert [name for name, _ in panel.paths()] == [UPPER, LOWER]
 
 

@@ -12,7 +12,7 @@ from skimage.measure import approximate_polygon
 
 UPPER, LOWER = "upper", "lower"
 WALL, NOT_JUDGED = 255, 128
-TOLERANCE_ROWS = 0.4  # by which a path may differ from the boundary
+TOLERANCE_ROWS = 0.3  # by which a path may differ from the boundary, along its normal
 Points = NDArray[np.float64]
 Paths = list[tuple[str, Points]]
 
