@@ -29,7 +29,7 @@ from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
-    "arrays", "units", "errors", "plain_json", "plain_text", "processes", "whole_files", "compiled",
+    "arrays", "units", "errors", "plain_json", "plain_text", "pictures", "processes", "whole_files", "compiled",
     "checked_store", "study", "models", "monitor", "openigtlink", "mechanics", "recording",
     "known", "segmentation", "library", "laboratory", "calibration",
     "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "app", "cli",

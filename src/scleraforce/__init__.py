@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from scleraforce.learning.dataset import open_dataset
     from scleraforce.library.store import open_library
     from scleraforce.notebook.calibrating import calibrate
+    from scleraforce.notebook.exporting import export
     from scleraforce.notebook.frames import evaluate, load_model, read, save_wall, segment
     from scleraforce.notebook.importing import import_recording
     from scleraforce.notebook.training import generate, library_of, train
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "InputError", "Plane", "Study", "__version__", "calibrate", "evaluate", "generate", "import_recording",
+    "InputError", "Plane", "Study", "__version__", "calibrate", "evaluate", "export", "generate", "import_recording",
     "library_of", "load_model", "open_dataset", "open_library", "parse_study", "phantom", "read", "read_frame",
     "read_recording", "read_study", "save_wall", "segment", "simulate", "train",
 ]  # fmt: skip
@@ -34,7 +35,7 @@ os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 _MODULES = {
     "learning.dataset": ("open_dataset",), "errors": ("InputError",), "library.store": ("open_library",),
-    "notebook.calibrating": ("calibrate",),
+    "notebook.calibrating": ("calibrate",), "notebook.exporting": ("export",),
     "notebook.frames": ("evaluate", "load_model", "read", "save_wall", "segment"),
     "notebook.importing": ("import_recording",), "notebook.training": ("generate", "library_of", "train"),
     "notebook.virtual": ("phantom", "simulate"), "recording.folder": ("Plane", "read_recording"),

@@ -18,7 +18,7 @@ from scleraforce.calibration import calibrate, eye_frames
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.forces import frame_order
 from scleraforce.calibration.known_forces import TissueTrial
-from scleraforce.calibration.result import Calibration, EyeCalibration, calibration_as_json, parse_calibration
+from scleraforce.calibration.result import Calibration, EyeCalibration, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known import SEALED, UNKNOWN, known_of_recording
 from scleraforce.known.calibration_file import known_of_eye, parse_calibration_file, summary_of
@@ -95,7 +95,7 @@ def test_a_continued_calibration_equals_an_uninterrupted_one(
     monkeypatch.setattr("scleraforce.calibration.calibrate.frame_order", lambda _, included, *__: range(len(included)))
     begun = calibrate_recordings([recording], laboratory.study, "hash", None, frames=2)
     assert [frame.file for frame in begun.eyes["virtual"].used] == ["0002.png", "0003.png"]
-    saved = parsed(json.dumps(calibration_as_json(begun)))
+    saved = parsed(json.dumps(begun.to_dict()))
     resumed = calibrate_recordings([recording], laboratory.study, "hash", None, earlier=saved).eyes["virtual"]
     whole = calibration.eyes["virtual"]
     assert [frame.file for frame in resumed.used] == [frame.file for frame in whole.used]
@@ -105,7 +105,7 @@ def test_a_continued_calibration_equals_an_uninterrupted_one(
 
 
 def test_file_has_the_keys_that_others_read(calibration: Calibration) -> None:
-    content = json.loads(json.dumps(calibration_as_json(calibration), allow_nan=False))
+    content = json.loads(json.dumps(calibration.to_dict(), allow_nan=False))
     entry = content["eyes"]["virtual"]
     assert entry["updates"] == 5
     assert [frame["file"] for frame in entry["frames"]] == [f"000{number}.png" for number in range(2, 7)]
@@ -141,7 +141,7 @@ def test_a_recording_or_an_earlier_file_that_cannot_be_used_is_refused(
     study, info = laboratory.study, recording.info
     without = replace(recording, info=replace(info, eye=replace(info.eye, thickness_m=None)))
     strict = replace(study, calibration=replace(study.calibration, min_force_n=1.0))
-    content = json.loads(json.dumps(calibration_as_json(calibration)))
+    content = json.loads(json.dumps(calibration.to_dict()))
     content["eyes"]["virtual"]["state"]["mean"] = [900.0]
     moved = parsed(json.dumps(content))
     for one, of_study, given, said in (
@@ -159,7 +159,7 @@ def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() ->
     one = calibration_of_a_sealed_eye().eyes["mine"]
     again = tuple(replace(frame, again=replace(frame.again, loss=3.5)) for frame in one.frames if frame.again)
     eyes = {"a": replace(one, id="a", stiffening=15.0, frames=again), "b": replace(one, id="b", stiffening=0.0)}
-    content = calibration_as_json(Calibration(eyes, "hash", (5e-3, 30e-3), "finite-strain"))
+    content = Calibration(eyes, "hash", (5e-3, 30e-3), "finite-strain").to_dict()
     text = json.dumps(content, allow_nan=False)
     found, summary = parsed(text), summary_of(parse_calibration_file(text.encode(), "c.json"))
     for either in (found, summary):
@@ -189,7 +189,7 @@ HOSTILE = {
 
 
 def test_hostile_values_are_refused_by_their_key_before_they_are_used(calibration: Calibration) -> None:
-    text = json.dumps(calibration_as_json(calibration))
+    text = json.dumps(calibration.to_dict())
     for key, (values, place) in HOSTILE.items():
         for value in values:
             content = json.loads(text)
@@ -284,7 +284,7 @@ def test_an_open_globe_is_not_doubted_for_a_rigidity_that_no_closed_one_has(
         assert eye.globe.sd == pytest.approx(max(sd, rigidity / 1.645) * PER_UL, rel=1e-3)
         (doubt,) = eye.recordings[-1].doubts
         assert "they are read as with k 0.03" in doubt
-        summary = summary_of(parse_calibration_file(json.dumps(calibration_as_json(before)).encode(), "c.json"))
+        summary = summary_of(parse_calibration_file(json.dumps(before.to_dict()).encode(), "c.json"))
         stated = known_of_recording(of_globe(recording, "open").info)
         assert known_of_eye(stated, summary, "virtual").globe == eye.globe
         asked.clear()

@@ -41,7 +41,7 @@ def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(tmp_path:
     assert read.mae_n < 0.8e-3
     frame, number = recording.frame_path(recording.frames[2]), 2
     one = sf.read(reader, frame, calibration=tmp_path / "eye.json")
-    assert one.as_json() == read.frames[number].answer.as_json()
+    assert one.to_dict() == read.frames[number].answer.to_dict()
     upright = sf.read(reader, frame, calibration=tmp_path / "eye.json", lean_rad=0.0)
     assert upright.force_n == pytest.approx(np.cos(LEAN_RAD) * one.force_n)
     assert any("in the picture" in warning for warning in upright.warnings)

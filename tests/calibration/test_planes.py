@@ -18,7 +18,7 @@ from scleraforce.calibration.assimilation import begin
 from scleraforce.calibration.calibrate import _at, calibrate_recordings, eye_constants
 from scleraforce.calibration.eye_frames import EyeFrames, Settings
 from scleraforce.calibration.eye_posterior import EyePosterior
-from scleraforce.calibration.result import Calibration, calibration_as_json
+from scleraforce.calibration.result import Calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known import Modulus
 from scleraforce.known.calibration_file import parse_calibration_file, summary_of
@@ -153,7 +153,7 @@ def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
 
 def test_an_evaluation_leaves_out_the_whole_moment(calibration, cross, tmp_path: Path) -> None:
     write_fixed_reader(tmp_path / "reader", SMALL_LIBRARY, [1.0] * 32)
-    summary = summary_of(parse_calibration_file(json.dumps(calibration_as_json(calibration)).encode(), "c.json"))
+    summary = summary_of(parse_calibration_file(json.dumps(calibration.to_dict()).encode(), "c.json"))
     found = evaluate_recordings(load_model(tmp_path / "reader"), [cross.path], summary)
     assert [frame.calibration for frame in found.frames] == [name in "123" for name in "0011223344"]
     # A frame of the plane that was not followed is known, too: alone it is not scored either.

@@ -16,7 +16,7 @@ from scleraforce.calibration.calibrate import calibrate_recordings, eye_constant
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.registration import PoseBelief
-from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
+from scleraforce.calibration.result import Calibration, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import parse_calibration_file, summary_of
 from scleraforce.laboratory.light import Pose
@@ -100,7 +100,7 @@ def test_a_calibration_has_the_discrepancy_of_its_forces(calibration: Calibratio
     assert found.level_sd < 0.02  # what eyes have
     assert 1.0 <= found.scatter < 2.0  # as expected of a wall of the library's
     assert found.level_by[0] < 0.0  # an E that is too high goes with forces that are below the library's
-    content = calibration_as_json(calibration)
+    content = calibration.to_dict()
     steps = [step for step in content["eyes"]["made-up"]["steps"] if step["again"]]
     assert [(step["read_n"], step["read_sd_n"]) for step in steps] == [(one.library_n, one.sd_n) for one in again]
     file = parse_calibration_file(json.dumps(content).encode(), "c.json")
@@ -113,7 +113,7 @@ def parsed(content: dict[str, Any]) -> Calibration:
 
 
 def test_a_frame_read_again_is_refused_by_its_key_and_older_files_without_it_are_read(calibration: Calibration) -> None:
-    name, whole = "made-up", json.dumps(calibration_as_json(calibration))
+    name, whole = "made-up", json.dumps(calibration.to_dict())
     read = next(place for place, step in enumerate(json.loads(whole)["eyes"][name]["steps"]) if step["again"])
     for key, value in (("library_n", -1.0), ("modulus_pa", 0.0), ("sd_n", "x"), ("by_modulus", None)):
         content = json.loads(whole)
@@ -188,7 +188,7 @@ def test_the_file_keeps_the_mechanics_and_is_continued_with_it_alone(
 ) -> None:
     with pytest.raises(CalibrationError, match="finite-strain mechanics, not linear"):
         calibrate_recordings([recording], STUDY, "", None, earlier=calibration)
-    saved = parsed(calibration_as_json(calibration))
+    saved = parsed(calibration.to_dict())
     assert saved.mechanics == "finite-strain"
     found = calibrate_recordings([recording], STUDY, "", library, earlier=saved)
     assert found.eyes["made-up"].mean_pa == pytest.approx(calibration.eyes["made-up"].mean_pa, rel=1e-12)

@@ -16,7 +16,6 @@ from small_models import write_fixed_reader
 from small_monitor import READ_ENTRY, verdict
 from small_recordings import calibration_of_a_sealed_eye, write_notebook_folder, write_small_recording
 
-from scleraforce.calibration.result import calibration_as_json
 from scleraforce.known.calibration_file import write_calibration
 from scleraforce.service.decision_log import DecisionLog
 from scleraforce.service.messages import Entry
@@ -59,7 +58,7 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "study.toml").write_text(study)
     write_small_recording(folder / "eye")
     write_push(folder / "eye" / "forces.csv")
-    write_calibration(calibration_as_json(calibration_of_a_sealed_eye()), folder / "modulus.json")
+    write_calibration(calibration_of_a_sealed_eye().to_dict(), folder / "modulus.json")
     write_log(folder / "box")
     write_fixed_reader(folder / "reader", SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14)
     return folder
@@ -220,7 +219,7 @@ def test_an_export_that_is_not_possible_is_refused(recording: Path, monkeypatch:
     for arguments, message in (
         (["r", "--out", "a.png"], "give a name that ends in .csv, .json, .mcap, .nrrd"),
         (["answers.json", "--out", "a.mcap"], "answers alone become .csv or .json"),
-        (["answers.json", "--answers", "answers.json", "--out", "a.csv"], "is a file of answers already"),
+        (["answers.json", "--answers", "answers.json", "--out", "a.csv"], "answers.json is answers already"),
         (["r", "--answers", "answers.json", "--out", "a.nrrd"], "has room for frames only"),
         (["gone", "--out", "a.csv"], "gone: No such file"),
     ):

@@ -72,11 +72,11 @@ def test_intervals_hold_when_boundaries_are_off_as_far_as_the_mask_states() -> N
 def test_a_mask_is_read_in_place_of_the_wall_and_an_array_of_flags_is_a_mask() -> None:
     by_mask = sf.read(force_reader(), FRAME, mask=FOUND.mask, **EYE, **SIZE)
     alone = sf.read(force_reader(), FOUND.mask > 0, **EYE, **SIZE)
-    assert by_mask.as_json()["wall"] == alone.as_json()["wall"] == "mask"
+    assert by_mask.to_dict()["wall"] == alone.to_dict()["wall"] == "mask"
     assert by_mask.force_n == alone.force_n == pytest.approx(FORCE_N, rel=0.05)
     surer = sf.read(force_reader(), FRAME, mask=FOUND.mask > 0, mask_sd_rows=0.2, **EYE, **SIZE)
     assert surer.interval_n[1] - surer.interval_n[0] < by_mask.interval_n[1] - by_mask.interval_n[0]
-    assert sf.read(force_reader(), FRAME, **EYE, **SIZE).as_json()["wall"] == "found"
+    assert sf.read(force_reader(), FRAME, **EYE, **SIZE).to_dict()["wall"] == "found"
 
 
 def test_what_is_not_a_mask_of_the_frame_is_refused() -> None:

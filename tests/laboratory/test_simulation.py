@@ -41,6 +41,13 @@ def tetrahedra_volume(points: np.ndarray, cells: np.ndarray) -> float:
     return float(volumes.sum())
 
 
+def test_the_grid_of_pyvista_has_the_wall_and_its_displacement(eye: SimulatedEye) -> None:
+    grid = eye.to_pyvista()
+    np.testing.assert_array_equal(grid.point_data["displacement"], eye.displacement_nc)
+    shell = 2.0 / 3.0 * np.pi * (12e-3**3 - (12e-3 - THICKNESS) ** 3)
+    assert grid.compute_cell_sizes()["Volume"].sum() == pytest.approx(shell, rel=0.03)
+
+
 def test_the_vtk_file_holds_the_wall_its_displacement_and_middle_nodes_between_the_corners_that_vtk_says(
     eye: SimulatedEye, tmp_path: Path
 ) -> None:

@@ -74,8 +74,8 @@ def test_a_declared_globe_decides_the_pressure_at_the_dent() -> None:
 def test_a_frame_that_cannot_be_used_is_one_clear_line() -> None:
     cases: list[tuple[Any, dict[str, float], str]] = [
         (FRAME, {}, "give width_m and depth_m"), (FRAME[0], SIZE, r"shape \(512,\); give one frame"),
-        ([[1, 2], [3, 4]], SIZE, "frame: a frame of 2 dimensions and type int64"),
-        (FRAME.astype(float), SIZE, "type float64"),
+        ([[1, 2], [3, 4]], SIZE, "frame: a frame of 2 x 2 pixels: give at least 16 x 16"),
+        (FRAME.astype(complex), SIZE, "pixels of type complex128"),
         (FRAME, {"width_m": 15.0, "depth_m": 4.0}, r"width_m: 15 .*did you mean 0\.015 m \(15 mm\)"),
         (FRAME, {**SIZE, "refractive_index": 3.0}, "refractive index of 3"), ("nowhere.png", SIZE, "nowhere.png"),
     ]  # fmt: skip

@@ -173,7 +173,7 @@ def in_json(answer: Answer) -> dict[str, object]:
     return {
         "predicted": answer.predicted, "predicted_force_mn": from_si(answer.force_n, "mn"),
         "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
-        "usable": answer.usable, "reason": answer.reason, "lean_deg": answer.as_json()["lean_deg"],
+        "usable": answer.usable, "reason": answer.reason, "lean_deg": answer.to_dict()["lean_deg"],
         "elastic_force_mn": from_si(answer.elastic_force_n, "mn"),
     }  # fmt: skip
 

@@ -128,7 +128,7 @@ def test_a_puncture_in_the_force_log_is_found_unless_frames_csv_says_otherwise(p
     (path / "frames.csv").write_text("\n".join(lines) + "\n")
     found = evaluate_recordings(reader, [path])
     assert [frame.pierced for frame in found.frames] == [False, False, True, False, False, False]
-    assert found.frames[2].as_json()["pierced"] is True
+    assert found.frames[2].to_dict()["pierced"] is True
     assert found.notes == (f"{path}: 1 frames after a puncture are left out, from 2.png on",)
 
 

@@ -90,15 +90,15 @@ def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared
     mine = shutil.copytree(places["mine"], tmp_path / "mine")
     calibration = read_calibration(places["calibration"])
     without = evaluate_recordings(model, [mine], calibration)
-    assert without.as_json()["truth"] is None
+    assert without.to_dict()["truth"] is None
     true_n = [frame.answer.force_n or 0.0 for frame in without.frames]
     true_n[0] += 1.0  # far outside its interval
     truth = [{"file": frame.file, "force_n": n} for frame, n in zip(without.frames, true_n, strict=True)]
     (mine / "truth.json").write_text(json.dumps({"frames": truth}))
     beside = evaluate_recordings(model, [mine], calibration)
-    read, alone = ([frame.as_json() for frame in found.frames] for found in (beside, without))
+    read, alone = ([frame.to_dict() for frame in found.frames] for found in (beside, without))
     assert [frame | {"true_force_mn": None} for frame in read] == alone
-    assert (beside.coverage, beside.as_json()["truth"]) == (without.coverage, "truth.json")
+    assert (beside.coverage, beside.to_dict()["truth"]) == (without.coverage, "truth.json")
     compared = len(beside.true_forces)
     assert (beside.true_coverage.hits, beside.true_coverage.total) == (compared - 1, compared)
     (mine / "truth.json").write_text("no JSON")
@@ -252,7 +252,7 @@ def test_frames_in_a_row_say_when_the_highest_class_is_reached(places, model, tm
         for force_n in forces_n
     )  # fmt: skip
     monkeypatch.setattr(type(model), "read", lambda *_: next(reads))
-    found = [frame.as_json() for frame in evaluate_recordings(model, [folder]).frames]
+    found = [frame.to_dict() for frame in evaluate_recordings(model, [folder]).frames]
     assert [frame["time_to_bound_ms"] for frame in found[:9]] == [None] * 9, "ten frames make a line"
     assert found[12]["time_to_bound_ms"] == pytest.approx(1e3 * (0.027 - forces_n[12]) / 0.05)
     early, late = found[12]["time_to_bound_ms_interval"]

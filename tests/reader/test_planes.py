@@ -72,7 +72,7 @@ def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(
 
 def test_an_evaluation_repeats_the_answer_for_each_plane_and_counts_it_once(model, recording) -> None:
     evaluation = evaluate_recordings(model, [recording])
-    entries = evaluation.as_json()["frames"]
+    entries = evaluation.to_dict()["frames"]
     assert [(one["plane"], one["time_s"]) for one in entries] == [(p.name, t) for t in (8.0, 16.0) for p in CROSS]
     for first, second in (entries[:2], entries[2:]):
         for key in ("predicted_force_mn", "interval_mn", "contact_xyz_mm", "predicted", "usable"):

@@ -88,7 +88,7 @@ def test_what_the_picture_does_not_tell_is_null() -> None:
     assert stated.low < light[at.GAP] < stated.high
     assert stated.high - stated.low <= 2 * 1.645 * 30e-6 * 1.001  # no wider than it was stated
     assert seen(light, needle=replace(SHAFT, angle_rad=1.5)).lean_rad is None  # no needle leans so
-    assert Answer(predicted=2, probabilities=None, usable=False, reason="dark").as_json()["dent_mm"] is None
+    assert Answer(predicted=2, probabilities=None, usable=False, reason="dark").to_dict()["dent_mm"] is None
 
 
 def test_the_json_has_each_place_in_human_units_and_an_angle_without_a_sign() -> None:
@@ -98,11 +98,11 @@ def test_the_json_has_each_place_in_human_units_and_an_angle_without_a_sign() ->
         predicted=1, probabilities=(0.0, 1.0, 0.0), usable=True, reason=None, contact_m=1.2e-3, places=places,
         lean_rad=(0.7, 0.7),
     )  # fmt: skip
-    found = answer.as_json()
+    found = answer.to_dict()
     assert found["contact_mm"] == found["dent_mm"] == pytest.approx(1.2)
     assert found["contact_mm_interval"] == found["dent_mm_interval"] == pytest.approx([1.1, 1.3])
     assert (found["gap_mm"], found["gap_mm_interval"], found["contact_depth_mm"]) == (None, None, None)
     assert found["lean_deg"] == pytest.approx(3.0)  # the picture's, not the declared one
     assert found["lean_deg_interval"] == pytest.approx([0.0, 5.0])
-    declared = replace(answer, places=Places()).as_json()
+    declared = replace(answer, places=Places()).to_dict()
     assert (declared["lean_deg"], declared["lean_deg_interval"]) == (pytest.approx(40.1, abs=0.1), None)

@@ -14,6 +14,7 @@ from poses import sample_pose
 from small_recordings import frame_answer
 
 from scleraforce.calibration.calibrate import calibration_passes
+from scleraforce.calibration.result import Calibration
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, SolverError, StudyError
 from scleraforce.known.calibration_file import read_calibration
@@ -190,14 +191,15 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(tmp_
     """The search of the stiffening goes through each frame several times; linear mechanics once."""
     library, counted = made_up_library(), []
 
-    def calibrate(recordings: Sequence[Frames], *others: Any, progress: Callable[[int], None], **_: Any) -> None:
+    def calibrate(recordings: Sequence[Frames], *others: Any, progress: Callable[[int], None], **_: Any) -> Any:
         passes = calibration_passes(others[-1], None)
         progress(passes * sum(len(recording.frames) for recording in recordings))
+        return Calibration({}, "hash", (5e-3, 30e-3), "finite-strain")
 
     pushes = {eye.id: range(len(forces_n)) for eye, forces_n in reproduction.bent_trials(Study())}
     monkeypatch.setattr(stages, "read_recording", lambda path: Frames(pushes[path.name]))
     monkeypatch.setattr(stages, "calibrate_recordings", calibrate)
-    monkeypatch.setattr(stages, "calibration_as_json", lambda _: {})
+    monkeypatch.setattr(Calibration, "to_dict", lambda _: {})
     monkeypatch.setattr(stages, "write_calibration", lambda *_: None)
     monkeypatch.setattr(reproduction, "run_library", lambda *_: library)
     run = open_run(tmp_path / "out", Study(), 1)

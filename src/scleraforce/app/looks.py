@@ -130,7 +130,7 @@ class Looks:
         with self._reading:  # the model is not made for several threads
             answer = read(self.model, [recording.frame_path(each) for each in frames])
         wall = answer.segmentation
-        found = answer.as_json() | {"warnings": list(answer.warnings)}
+        found = answer.to_dict() | {"warnings": list(answer.warnings)}
         shown: dict[str, Any] = finite({"answer": found, "wall": None if wall is None else _outline(wall)})
         return shown | {"frames": [each.file for each in frames], "draft": read_draft(recording, file)}
 

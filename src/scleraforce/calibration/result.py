@@ -20,6 +20,7 @@ from scleraforce.errors import CalibrationError
 from scleraforce.known import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy, KnownGlobe, calibration_file
 from scleraforce.known.calibration_file import WRITER, CalibrationFile, Line, converted
 from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.pictures import html_card
 from scleraforce.plain_text import wrapped
 from scleraforce.units import HumanUnit, from_si
 
@@ -157,6 +158,35 @@ class Calibration:
         found = ", ".join(f"{eye.id} {from_si(eye.mean_pa, 'mpa'):.3f}" for eye in self.eyes.values())
         return f"<Calibration, {self.mechanics}: E of {found} MPa>"
 
+    def _repr_html_(self) -> str:
+        """The moduli of the eyes, for Jupyter."""
+        rows = [(eye.id, eye.mean_pa, eye.sd_pa) for eye in self.eyes.values()]
+        facts = {eye: f"E {from_si(mean, 'mpa'):.3f} ± {from_si(sd, 'mpa'):.3f} MPa" for eye, mean, sd in rows}
+        return html_card(f"Calibration, {self.mechanics}", facts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the JSON of a calibration's file and of `calibrate --json`."""
+        mean_pa, sd_pa = self.population
+        population = {
+            "mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(sd_pa, "mpa"),
+            "stiffening": self.population_stiffening, "eyes": len(self.eyes),
+        }  # fmt: skip
+        return {
+            "format": calibration_file.CALIBRATION_FORMAT, "scleraforce": __version__, "mechanics": self.mechanics,
+            "study_sha256": self.study_sha256, "population": population, "class_bounds_n": list(self.bounds_n),
+            "eyes": {name: _eye_entry(eye, self.bounds_n) for name, eye in self.eyes.items()},
+        }  # fmt: skip
+
+    def to_dataframe(self) -> Any:
+        """Return a table of pandas with a row for each eye: its modulus, parameters and globe, units in the names."""
+        from scleraforce.recording.export import data_frame
+
+        left_out = ("frames", "recordings", "steps", "state")
+        return data_frame(
+            {"eye": name, **{key: value for key, value in entry.items() if key not in left_out}}
+            for name, entry in self.to_dict()["eyes"].items()
+        )
+
     @property
     def population(self) -> tuple[float, float | None]:
         """Mean and spread of the eyes' mean moduli, in Pa; one eye has no spread."""
@@ -228,21 +258,6 @@ _RANGES = {
     "youngs_modulus_pa": (1e3, 100e6), "iop_pa": (-1e5, 1e5), "thickness_m": (1e-6, 10e-3), "gap_m": (-0.1, 0.1),
     RIGIDITY: (-1e10, 1e10),
 }  # fmt: skip
-
-
-def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
-    """Return the JSON of a calibration's file and of `calibrate --json`."""
-    mean_pa, sd_pa = calibration.population
-    population = {
-        "mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(sd_pa, "mpa"),
-        "stiffening": calibration.population_stiffening, "eyes": len(calibration.eyes),
-    }  # fmt: skip
-    return {
-        "format": calibration_file.CALIBRATION_FORMAT, "scleraforce": __version__, "mechanics": calibration.mechanics,
-        "study_sha256": calibration.study_sha256, "population": population,
-        "class_bounds_n": list(calibration.bounds_n),
-        "eyes": {name: _eye_entry(eye, calibration.bounds_n) for name, eye in calibration.eyes.items()},
-    }  # fmt: skip
 
 
 def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:

@@ -217,7 +217,7 @@ TRUE = ("true_mae_mn", "true_coverage", "true_coverage_by_eye")
 
 
 def _metrics(evaluation: "Evaluation", *keys: str) -> dict[str, Any]:
-    answer = evaluation.as_json()
+    answer = evaluation.to_dict()
     return {key: answer[key] for key in keys}
 
 

@@ -312,7 +312,7 @@ def read(
         notes.insert(0, "a classifier ignores the known inputs of an eye; it reads each as one of "
                      f"{modulus_mpa:g} MPa")  # fmt: skip
     entries = [  # a frame that could not be read means withdrawal, and has an `error`
-        {"file": str(path), **unusable(reader.classes, str(one)).as_json(), "error": str(one)}
+        {"file": str(path), **unusable(reader.classes, str(one)).to_dict(), "error": str(one)}
         if isinstance(one, InputError) else _entry(path, one)
         for path, one in found
     ]  # fmt: skip
@@ -350,7 +350,7 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[M
 
 def _entry(path: Path, one: "Reading") -> dict[str, Any]:
     plane = {} if one.plane is None else {"plane": one.plane.name}
-    return {"file": str(path), **plane, **one.answer.as_json(), "scale": _scale_entry(one.frame), "known": _known(one)}
+    return {"file": str(path), **plane, **one.answer.to_dict(), "scale": _scale_entry(one.frame), "known": _known(one)}
 
 
 def _answer_line(path: Path, answer: "Answer") -> str:
@@ -363,7 +363,7 @@ def _answer_line(path: Path, answer: "Answer") -> str:
         words += f", {from_si(answer.force_n, 'mn'):.1f} mN (90 %: {low} to {high})"
     if answer.iop_at_dent_pa is not None:
         words += f", {from_si(answer.iop_at_dent_pa, 'mmhg'):.1f} mmHg at the dent"
-    places = answer.as_json()
+    places = answer.to_dict()
     words += f"; wall: {places['wall']}" if places["wall"] in ("mask", "corrected") else ""
     found = [
         f"{key.partition('_')[0]} {places[key]:.2f}{unit} ({ends[0]:.2f} to {ends[1]:.2f})"

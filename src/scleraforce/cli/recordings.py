@@ -89,7 +89,7 @@ def calibrate(
         )
         result = {"model": str(out), "from": str(model), "stretches": list(map(asdict, found)), "notes": notes}
         return Report(result, [*_stretches(found), f"wrote {out}"])
-    from scleraforce.calibration.result import calibration_as_json, calibration_lines
+    from scleraforce.calibration.result import calibration_lines
 
     calibration = sf.calibrate(
         recordings, out=out, frames=frames, wall_finder=wall_finder, note=notes, counting=count_bar, **given
@@ -100,7 +100,7 @@ def calibrate(
 
         write_figure(draw_calibration(calibration), plot)
     lines = [*calibration_lines(calibration), f"wrote {out}"]
-    return Report({**calibration_as_json(calibration), "notes": notes}, lines)
+    return Report({**calibration.to_dict(), "notes": notes}, lines)
 
 
 def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
@@ -156,7 +156,7 @@ def evaluate(
         write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
     notes = (wrapped(note, "note: ") for note in evaluation.notes)
     parts = ("\n".join(part) for part in (_frames(evaluation), _confusion(evaluation), _forces(evaluation), notes))
-    return Report(evaluation.as_json(), ["\n\n".join(filter(None, parts))])
+    return Report(evaluation.to_dict(), ["\n\n".join(filter(None, parts))])
 
 
 def _table(

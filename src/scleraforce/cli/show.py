@@ -1,31 +1,18 @@
 """`scleraforce show` and `export`: an artefact in words, as a picture, or in the formats of other programs."""
 
-import json
-import os
-import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+import scleraforce as sf
 from scleraforce.cli.options import PATH, options
 from scleraforce.cli.output import Command, Report
-from scleraforce.errors import InputError
-from scleraforce.plain_json import finite
 from scleraforce.plain_text import wrapped
-from scleraforce.recording import export as formats
-from scleraforce.recording.folder import read_recording
-from scleraforce.recording.importing import clock_origin_s
-from scleraforce.study import ClassesStudy, format_record
-from scleraforce.whole_files import write_whole
 
 if TYPE_CHECKING:
     from scleraforce.report.shown import Thing
-
-TABLES = (".csv", ".json")
-ENDINGS = (*TABLES, ".mcap", ".nrrd")
 
 
 @click.command(cls=Command)
@@ -80,45 +67,5 @@ def export(thing: Path, out: Path, answers: Path | None, force: bool) -> Report:
 
     Example: scleraforce export eye-1 --answers answers.json --out eye-1.csv
     """
-    if out.suffix.lower() not in ENDINGS:
-        raise InputError(f"--out: {out}: give a name that ends in {', '.join(ENDINGS)}")
-    if out.exists() and not force:
-        raise InputError(f"{out}: exists already; choose another name, or --force to replace it")
-    rows = _exported(thing, out, answers)
+    rows = sf.export(thing, out, answers=answers, replace=force)
     return Report({"out": str(out), "rows": rows}, [f"wrote {out}: {rows} frames"])
-
-
-def _exported(thing: Path, out: Path, answers: Path | None) -> int:
-    """Write a recording, or answers alone, in the format of the file's ending; return the number of frames."""
-    kind = out.suffix.lower()
-    if not os.path.isdir(thing):
-        if answers is not None:
-            raise InputError(f"--answers: {thing} is a file of answers already; give a recording folder for THING")
-        rows = formats.read_answers(thing)
-        if kind not in TABLES:
-            way = "give their recording, and them as --answers"
-            raise InputError(f"--out: {out}: answers alone become .csv or .json; {way}")
-        return _write_table({}, rows, out)
-    recording = read_recording(thing)
-    if recording.info.oct.plane and kind not in TABLES:
-        raise InputError(f"--out: {out}: has room for frames of one plane; give a .csv or .json")
-    if kind == ".nrrd":
-        if answers is not None:
-            raise InputError(f"--answers: {out} has room for frames only; give a .csv, .json or .mcap")
-        formats.write_sequence(recording, out)
-        return len(recording.frames)
-    rows = formats.frame_rows(recording, ClassesStudy())
-    if answers is not None:
-        rows = formats.with_answers(rows, formats.read_answers(answers), thing)
-    if kind != ".mcap":
-        return _write_table(tomllib.loads(format_record(recording.info)), rows, out)
-    formats.write_mcap(recording, rows, clock_origin_s(thing), out)
-    return len(rows)
-
-
-def _write_table(stated: Mapping[str, Any], rows: list[formats.Row], out: Path) -> int:
-    if out.suffix.lower() == ".csv":
-        write_whole(formats.csv_text(rows), out)
-    else:
-        write_whole(json.dumps(finite({**stated, "frames": rows}), indent=2, allow_nan=False) + "\n", out)
-    return len(rows)

@@ -123,7 +123,7 @@ def open_calibration(path: str | PathLike[str]) -> CalibrationFile:
 
 
 def write_calibration(content: Mapping[str, Any], path: Path) -> None:
-    """Write what `calibration.result.calibration_as_json` returns, whole or not at all; raises `InputError`."""
+    """Write what `Calibration.to_dict` returns, whole or not at all; raises `InputError`."""
     write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", path)
 
 

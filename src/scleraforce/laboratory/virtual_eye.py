@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import acos, atan2, inf, pi, radians, remainder
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,6 +21,7 @@ from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import study_springs
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.mechanics.section import cut_sections, fill_section, slice_window
+from scleraforce.recording.pixels import package_for
 from scleraforce.study import PhantomStudy, Study, draw, refuse_unused
 from scleraforce.study.fields import check_quantity
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
@@ -350,6 +352,9 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
     return tuple(eyes)
 
 
+CELLS = {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron27"}  # of meshio, by their nodes
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SimulatedEye:
     """A wall with the needle on it."""
@@ -367,6 +372,18 @@ class SimulatedEye:
 
     def __repr__(self) -> str:
         return f"<SimulatedEye: {from_si(self.force_n, 'mn'):.1f} mN, dent of {from_si(self.dent_m, 'mm'):.2f} mm>"
+
+    def to_meshio(self) -> Any:
+        """Return meshio's mesh: undeformed, with the node fields `displacement` and `needle_displacement`, m."""
+        import meshio  # type: ignore[import-untyped]  # comes without types; imported here: it takes 0.15 s
+
+        fields = {"displacement": self.displacement_nc, "needle_displacement": self.needle_nc}
+        cells = [(CELLS[self.mesh.cells_en.shape[1]], self.mesh.cells_en)]
+        return meshio.Mesh(self.mesh.points_nc, cells, point_data=fields)
+
+    def to_pyvista(self) -> Any:
+        """Return `to_meshio` as a grid of PyVista, to warp and plot; raises `InputError` without that package."""
+        return package_for("pyvista", "to_pyvista", "mesh").from_meshio(self.to_meshio())
 
 
 def simulate_eye(
@@ -409,14 +426,7 @@ def simulate_eye(
     )  # fmt: skip
 
 
-CELLS = {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron27"}
-
-
 def write_vtu(eye: SimulatedEye, path: Path) -> None:
-    """Write the undeformed mesh and its node fields `displacement` and `needle_displacement` (to warp by), in m."""
-    import meshio  # type: ignore[import-untyped]  # comes without types; imported here: it takes 0.15 s
-
-    cells = [(CELLS[eye.mesh.cells_en.shape[1]], eye.mesh.cells_en)]
-    fields = {"displacement": eye.displacement_nc, "needle_displacement": eye.needle_nc}
+    """Write an eye's `to_meshio` as a file of VTK."""
     with renamed_when_whole(path) as part:
-        meshio.Mesh(eye.mesh.points_nc, cells, point_data=fields).write(part, file_format="vtu")
+        eye.to_meshio().write(part, file_format="vtu")

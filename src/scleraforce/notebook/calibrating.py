@@ -10,7 +10,7 @@ from scleraforce import models
 from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
 from scleraforce.calibration.eye_frames import Settings
 from scleraforce.calibration.eye_posterior import calibrate_without_force
-from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
+from scleraforce.calibration.result import Calibration, parse_calibration
 from scleraforce.errors import InputError
 from scleraforce.known import known_of_recording
 from scleraforce.known.calibration_file import open_calibration, population_modulus, write_calibration
@@ -123,7 +123,7 @@ def calibrate(
             by_force = study, study_hash(study), library, sought, frames, earlier, advance, finder
             found = calibrate_recordings(each, *by_force)
     if out is not None:
-        write_calibration(calibration_as_json(found), Path(out))
+        write_calibration(found.to_dict(), Path(out))
     return found
 
 

@@ -12,9 +12,10 @@ from functools import cache
 from math import inf, isfinite
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 import scleraforce.known.calibration_file as calibration_file
 from scleraforce.arrays import Flags
@@ -23,16 +24,16 @@ from scleraforce.known import NOTHING_KNOWN, Known, Modulus, completed, known_gl
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
 from scleraforce.models import SHIPPED_WALL_FINDER, model_name
 from scleraforce.notebook import Counting, check_rigidity, counting_for
-from scleraforce.reader.answer import Answer
+from scleraforce.reader.answer import Answer, Answers
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.felt import MOST_LEAN_RAD, History
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import load_model as load_reader, load_wall_finder, suited
 from scleraforce.recording import folder
 from scleraforce.recording.folder import Plane, Recording, ScaledFrame, Scanner, read_recording
-from scleraforce.recording.pixels import Pixels, Sourced
-from scleraforce.recording.walls import RecordedWalls, mask_of, read_mask, write_wall
-from scleraforce.segmentation.found import Segmentation
+from scleraforce.recording.pixels import Pixels, Sourced, find_greys
+from scleraforce.recording.walls import WALL, RecordedWalls, mask_of, read_mask, write_wall
+from scleraforce.segmentation.found import Segmentation, without_wall
 from scleraforce.segmentation.observations import GIVEN_SD_ROWS, check_size, given_wall, recorded_wall
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
@@ -68,7 +69,7 @@ def segment(
     """Find the wall in a raw frame.
 
     Args:
-        frame: an image file, or counts (row, column) as uint8 or uint16; rows go down into the eye.
+        frame: an image file, or an array (row, column), as `read` takes it; rows go down into the eye.
         width_m: of the frame; None: the recording's beside the file, or the file's own. An array needs it.
         depth_m: of the frame as stored; None: the recording's, or the file's own. An array needs it.
         refractive_index: of the depth axis; None: the recording's, or 1 (corrected).
@@ -87,7 +88,8 @@ def segment(
     (True, (512, 512))
     """
     given = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    return segmented(frame, given, Scanner(refractive_index=1.0), finder_of(wall_finder))[1]
+    seen, found = segmented(frame, given, Scanner(refractive_index=1.0), finder_of(wall_finder))
+    return replace(found, pixels=seen.pixels)
 
 
 def segmented(
@@ -97,9 +99,24 @@ def segmented(
     seen = scaled(frame, given, assumed, "assumed", transpose)
     try:
         thickness_m = None if seen.info is None else seen.info.eye.thickness_m
-        return seen, find_wall(seen.pixels, seen.scale, thickness_m, finder)
+        return seen, _judged_wall(seen, frame, thickness_m, finder, transpose)
     except ValueError as fault:
         raise FrameError(f"{_place(frame)}: {fault}") from fault
+
+
+def _judged_wall(
+    seen: ScaledFrame, frame: Frame, thickness_m: float | None, finder: WallFinder | None, transpose: bool
+) -> Segmentation:
+    """Return the wall of a frame, without the columns of which a masked array masks a pixel: they count as black."""
+    if not np.ma.is_masked(frame):
+        return find_wall(seen.pixels, seen.scale, thickness_m, finder)
+    judged: Any = ~np.ma.getmaskarray(np.ma.asarray(frame)).any(axis=int(transpose))
+    if not judged.any():
+        return without_wall(seen.pixels.shape, "all columns are masked")
+    lit: Any = seen.pixels * judged.astype(seen.pixels.dtype)
+    found = find_wall(lit, seen.scale, thickness_m, finder)
+    outer_row, inner_row = (np.where(judged, row, np.nan) for row in (found.outer_row, found.inner_row))
+    return replace(found, outer_row=outer_row, inner_row=inner_row)
 
 
 def finder_of(model: str | PathLike[str] | None) -> WallFinder | None:
@@ -129,8 +146,36 @@ def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | 
     return load_reader(path, finder=wall_finder)
 
 
+@overload
 def read(
-    model: Reader, frame: Frame | list[Frame] | tuple[Frame, ...], *,
+    model: Reader, frame: str | PathLike[str] | list[Frame] | tuple[Frame, ...], *,
+    calibration: "Calibration | str | PathLike[str] | None" = ..., eye: str | None = ...,
+    youngs_modulus_pa: float | None = ..., iop_pa: float | None = ..., thickness_m: float | None = ...,
+    gap_m: float | None = ..., polar_angle_rad: float | None = ..., plane_direction_rad: float | None = ...,
+    lean_rad: float | Literal["unknown"] | None = ..., stiffening: float | None = ..., globe: str | None = ...,
+    rigidity_pa13_per_m3: float | None = ..., width_m: float | None = ..., depth_m: float | None = ...,
+    refractive_index: float | None = ..., transpose: bool = ..., held_s: float | None = ...,
+    planes: Sequence[Plane] = ..., mask: "Mask | Sequence[Mask] | None" = ..., mask_sd_rows: float = ...,
+    progress: Callable[[int], object] | None = ...,
+) -> Answer: ...  # fmt: skip
+
+
+@overload
+def read(
+    model: Reader, frame: NDArray[Any], *,
+    calibration: "Calibration | str | PathLike[str] | None" = ..., eye: str | None = ...,
+    youngs_modulus_pa: float | None = ..., iop_pa: float | None = ..., thickness_m: float | None = ...,
+    gap_m: float | None = ..., polar_angle_rad: float | None = ..., plane_direction_rad: float | None = ...,
+    lean_rad: float | Literal["unknown"] | None = ..., stiffening: float | None = ..., globe: str | None = ...,
+    rigidity_pa13_per_m3: float | None = ..., width_m: float | None = ..., depth_m: float | None = ...,
+    refractive_index: float | None = ..., transpose: bool = ..., held_s: float | None = ...,
+    planes: Sequence[Plane] = ..., mask: "Mask | Sequence[Mask] | None" = ..., mask_sd_rows: float = ...,
+    progress: Callable[[int], object] | None = ...,
+) -> Any: ...  # fmt: skip
+
+
+def read(
+    model: Reader, frame: Frame | NDArray[Any] | list[Frame] | tuple[Frame, ...], *,
     calibration: "Calibration | str | PathLike[str] | None" = None, eye: str | None = None,
     youngs_modulus_pa: float | None = None, iop_pa: float | None = None, thickness_m: float | None = None,
     gap_m: float | None = None, polar_angle_rad: float | None = None, plane_direction_rad: float | None = None,
@@ -138,15 +183,17 @@ def read(
     rigidity_pa13_per_m3: float | None = None, width_m: float | None = None, depth_m: float | None = None,
     refractive_index: float | None = None, transpose: bool = False, held_s: float | None = None,
     planes: Sequence[Plane] = (), mask: "Mask | Sequence[Mask] | None" = None, mask_sd_rows: float = GIVEN_SD_ROWS,
-) -> Answer:  # fmt: skip
+    progress: Callable[[int], object] | None = None,
+) -> Any:  # fmt: skip
     """Read the force from one raw frame, or from one of each plane that a scanner takes at once.
 
     By default, the eye, the frame's size and its plane are the recording's beside the file.
 
     Args:
         model: of `load_model` or `train`.
-        frame: an image file, or counts (row, column) as uint8 or uint16; rows go down into the eye. Of several planes,
-            a list of these, which are read together. An array of bool is a mask without a frame.
+        frame: an image file, or an array (row, column); rows go down into the eye. Of several planes, a list of these,
+            which are read together. An array (n, row, column) is a stack of single frames. Floats are scaled to counts;
+            columns that a masked array masks are not judged; an array of bool is a mask without a frame.
         calibration: of `calibrate`, or its file: gives the eye's modulus, or the population's.
         eye: its name in the calibration; None: the recording's.
         youngs_modulus_pa: of this eye, instead of a calibration.
@@ -169,11 +216,12 @@ def read(
         mask: the wall, in place of the one that is found: an image file or an array of the frame's shape, 255 or True
             where wall is, 128 in columns that are not judged; of several planes a list. By default the recording's.
         mask_sd_rows: standard deviation of the mask's boundaries, rows.
+        progress: called with 1 after each frame of a stack.
 
     Returns:
-        `force_n` with its 90 % `interval_n` and the pressure `iop_at_dent_pa` (None with a classifier), the class
-        `predicted`, `probabilities`, and `warnings` that limit the answer. A frame that cannot be judged is not
-        `usable`, for a `reason`, and of the highest class.
+        An `Answer`: `force_n` with its 90 % `interval_n`, the pressure `iop_at_dent_pa` (None with a classifier), the
+        class `predicted`, `probabilities`, and `warnings` that limit the answer. A frame that cannot be judged is not
+        `usable`, for a `reason`, and of the highest class. Of a stack `Answers`, with `to_dataframe` and `to_xarray`.
 
     Raises:
         FrameError: the frame cannot be read, or nothing says how large it is.
@@ -193,13 +241,29 @@ def read(
         "stiffening": stiffening, "globe": globe, "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
     })  # fmt: skip
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    frames: Any = frame
-    if not isinstance(frame, list | tuple) or not all(isinstance(one, str | PathLike | np.ndarray) for one in frame):
-        frames = [frame]
-    masks: list[Any] = list(mask) if isinstance(mask, list | tuple) else [] if mask is None else [mask]
-    planes = planes or stated_planes(frames)
-    one = readings(model, frames, given, size, calibration, eye, transpose, held_s, planes, masks, mask_sd_rows)[0]
-    return replace(one.answer, warnings=(*one.answer.warnings, *one.notes))
+
+    def answer(frames: Sequence[Frame], masks: "Sequence[Mask]") -> Answer:
+        at = planes or stated_planes(frames)
+        one = readings(model, frames, given, size, calibration, eye, transpose, held_s, at, masks, mask_sd_rows)[0]
+        found = one.answer.segmentation and replace(one.answer.segmentation, pixels=one.frame.pixels)
+        return replace(one.answer, warnings=(*one.answer.warnings, *one.notes), segmentation=found)
+
+    several = isinstance(frame, list | tuple) and all(isinstance(one, str | PathLike | np.ndarray) for one in frame)
+    frames: Any = frame if several else [frame]
+    masks: Any = [] if mask is None else mask if isinstance(mask, list | tuple) else [mask]
+    if not isinstance(frame, np.ndarray) or frame.ndim != 3:
+        return answer(frames, masks)
+    stack, notes = counted(frame)
+    masks = mask if isinstance(mask, np.ndarray) else masks
+    if len(masks) not in (0, len(stack)):
+        raise InputError(f"mask: {len(masks)} for a stack of {len(stack)} frames; give one for each")
+    answers = list[Answer]()
+    for nth, one in enumerate(stack):
+        found = answer([one], list(masks[nth : nth + 1]))
+        answers.append(replace(found, warnings=(*found.warnings, *notes)))
+        if progress is not None:
+            progress(1)
+    return Answers(tuple(answers))
 
 
 def evaluate(
@@ -329,7 +393,7 @@ def readings(
         raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
     history = History.unknown(known, model.study.needle.max_force_n)
     try:
-        walls = [_wall(one, frame, mask, mask_sd_rows, transpose, notes)
+        walls = [_wall(one, frame, mask, mask_sd_rows, transpose, notes, known.thickness_m, model.finder)
                  for one, frame, mask in zip(each, frames, masks or [None] * len(each), strict=True)]  # fmt: skip
         elastic = model.read_together([one.pixels for one in each], seen.scale, known, planes, walls)
         answers = [history.read(one, model.study.classes.bounds_n, held_s=held_s)[0] for one in elastic]
@@ -342,8 +406,9 @@ def readings(
 
 
 def _wall(
-    seen: ScaledFrame, frame: Frame, mask: "Mask | None", sd_rows: float, transpose: bool, notes: list[str]
-) -> Segmentation | None:
+    seen: ScaledFrame, frame: Frame, mask: "Mask | None", sd_rows: float, transpose: bool, notes: list[str],
+    thickness_m: float | None, finder: WallFinder | None,
+) -> Segmentation | None:  # fmt: skip
     """Return the wall that is given for a frame, or that its recording has; add a note on one that is not used."""
     if isinstance(frame, str | PathLike):
         if mask is None and (recording := folder.recording_of(Path(frame))) is not None:
@@ -353,6 +418,8 @@ def _wall(
             return found
     elif mask is None and np.asarray(frame).dtype == bool:
         mask = frame
+    elif mask is None and np.ma.is_masked(frame):
+        return _judged_wall(seen, frame, thickness_m, finder, transpose)
     if mask is None:
         return None
     given = read_mask(Path(mask)) if isinstance(mask, str | PathLike) else mask_of(mask, "mask")
@@ -400,15 +467,15 @@ def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpos
     """Return a frame with its scale: given, else the recording's or the file's, else assumed, of a named source."""
     if isinstance(frame, str | PathLike):
         return folder.read_scaled_frame(Path(frame), given, (assumed, source), transpose)
-    pixels: Any = np.asarray(frame)  # the reader checks its type
-    pixels = mask_of(pixels, "frame") if pixels.dtype == bool else pixels
+    pixels, notes = counted(frame)
     if pixels.ndim != 2:
         raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
     if given.width_m is None or given.depth_m is None:
         raise FrameError("frame: nothing says how large this array is; give width_m and depth_m")
     index = given.refractive_index or assumed.refractive_index or 1.0
     width, depth = Sourced(given.width_m, "option"), Sourced(given.depth_m, "option")
-    found = ScaledFrame(pixels.T if transpose else pixels, width, depth, Sourced(index, "option"), None)
+    pixels = np.ma.filled(pixels, 0)
+    found = ScaledFrame(pixels.T if transpose else pixels, width, depth, Sourced(index, "option"), None, notes)
     try:
         check_quantity("width_m", given.width_m)
         check_quantity("depth_m", given.depth_m)
@@ -416,6 +483,27 @@ def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpos
     except (StudyError, ValueError) as fault:
         raise FrameError(f"frame: {fault}") from fault
     return found
+
+
+def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
+    """Return an array, of one frame or a stack, as counts, and a note if they were scaled; flags are a mask.
+
+    Masked pixels count as the darkest; a masked array stays one.
+    """
+    pixels = np.asanyarray(frame)
+    if pixels.dtype in (np.uint8, np.uint16):
+        return pixels, ()
+    if pixels.dtype == bool:
+        return (mask_of(pixels, "frame") if pixels.ndim == 2 else pixels.astype(np.uint8) * np.uint8(WALL)), ()
+    known = np.ma.compressed(pixels)
+    greys = find_greys([known], None, "frame")
+    if greys.lost:
+        raise FrameError(f"frame: {greys.lost} pixels are not finite; give numpy.ma.masked_invalid(frame)")
+    counts: Any = greys.counts(np.ma.filled(pixels, greys.low))
+    counts = np.ma.masked_array(counts, pixels.mask) if isinstance(pixels, np.ma.MaskedArray) else counts
+    if not greys.scaled and greys.low == 0.0:
+        return counts, ()
+    return counts, (f"frame: pixels of {greys.low:g} to {greys.high:g} were scaled to counts of 0 to {counts.max()}",)
 
 
 def _place(frame: Frame) -> str:
@@ -434,9 +522,8 @@ def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummar
         return calibration
     if isinstance(calibration, str | PathLike):
         return read_calibration(calibration)
-    from scleraforce.calibration.result import calibration_as_json  # with all that calibrates
 
-    text = json.dumps(calibration_as_json(calibration), allow_nan=False)
+    text = json.dumps(calibration.to_dict(), allow_nan=False)
     return calibration_file.summary_of(calibration_file.parse_calibration_file(text.encode(), "the calibration"))
 
 

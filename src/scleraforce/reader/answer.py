@@ -5,17 +5,22 @@ from dataclasses import dataclass, field, fields, replace
 from math import hypot, isfinite
 from typing import Any
 
+import numpy as np
+
 from scleraforce.known import NINETY_PERCENT, one_lean
 from scleraforce.library.fit import BoundaryFit
 from scleraforce.library.planes import SpatialPlace
 from scleraforce.library.unknowns import LATERAL
 from scleraforce.monitor.events import Verdict
+from scleraforce.pictures import html_card
+from scleraforce.plain_json import finite
 from scleraforce.reader.where import NOWHERE, Places
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle, needle_entry
 from scleraforce.units import HumanUnit, from_si
 
 METHODS = ("network", "fit")
+SHOWN = 20  # answers of a stack in a notebook
 UNCHECKED = "the fit alone reads it, and nothing checks that"
 
 
@@ -123,10 +128,22 @@ class Answer:
     def __repr__(self) -> str:
         if not self.usable:
             return f"<Answer: class {self.predicted} (withdraw), not usable: {self.reason}>"
+        return f"<Answer: class {self.predicted}{self.force_words and ', '}{self.force_words}>"
+
+    def _repr_html_(self) -> str:
+        """The frame with its wall, the force and its interval, for Jupyter."""
+        facts = {"force": self.force_words, "class": str(self.predicted), "not usable": self.reason or ""}
+        facts |= {f"warning {number}": words for number, words in enumerate(self.warnings, start=1)}
+        shown = {name: words for name, words in facts.items() if words}
+        return html_card("Answer", shown, None if self.segmentation is None else self.segmentation.overlay)
+
+    @property
+    def force_words(self) -> str:
+        """The force with its interval, mN; empty without one."""
         if self.force_n is None or self.interval_n is None:
-            return f"<Answer: class {self.predicted}>"
+            return ""
         force, low, high = (f"{from_si(value, 'mn'):.1f}" for value in (self.force_n, *self.interval_n))
-        return f"<Answer: class {self.predicted}, {force} mN (90 %: {low} to {high})>"
+        return f"{force} mN (90 %: {low} to {high})"
 
     @property
     def verdict(self) -> Verdict:
@@ -148,12 +165,12 @@ class Answer:
         """Median thickness of a layer over the wall."""
         return None if self.segmentation is None else self.segmentation.conjunctiva_m
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the answer's keys in `read --json` and `evaluate --json`."""
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answer's keys in `read --json` and `evaluate --json`, as plain types."""
         places = self.places.as_json()
         if self.places.lean_rad is None:
             places["lean_deg"] = from_si(one_lean(self.lean_rad), "deg")
-        return {
+        found: dict[str, Any] = finite({
             "predicted": self.predicted,
             "probabilities": self.probabilities,
             "predicted_force_mn": from_si(self.force_n, "mn"),
@@ -173,7 +190,60 @@ class Answer:
             "reason": self.reason,
             "warnings": self.warnings,
             "can_calibrate": self.can_calibrate,
-        }
+        })  # fmt: skip
+        return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Answers(Sequence[Answer]):
+    """The answers to the frames of a stack, in their order."""
+
+    each: tuple[Answer, ...]
+
+    def __getitem__(self, place: Any) -> Any:
+        """Return an answer, or the answers of a slice."""
+        return Answers(self.each[place]) if isinstance(place, slice) else self.each[place]
+
+    def __len__(self) -> int:
+        return len(self.each)
+
+    def __repr__(self) -> str:
+        return f"<Answers to {len(self)} frames, {sum(answer.usable for answer in self)} usable>"
+
+    def _repr_html_(self) -> str:
+        """The first forces, for Jupyter."""
+        facts = {f"frame {nth}": repr(answer)[9:-1] for nth, answer in enumerate(self.each[:SHOWN])}
+        return html_card(repr(self)[1:-1], facts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answers as plain types, in the key `frames`."""
+        return {"frames": [answer.to_dict() for answer in self]}
+
+    def to_dataframe(self) -> Any:
+        """Return a table of pandas with a row for each frame, units in the names; raises `InputError` without it."""
+        from scleraforce.recording.export import data_frame
+
+        return data_frame({"frame": nth, **answer.to_dict()} for nth, answer in enumerate(self))
+
+    def to_xarray(self) -> Any:
+        """Return a Dataset of xarray over frames and columns: forces, N, and boundaries, rows; NaN where unknown.
+
+        It raises `InputError` without xarray.
+        """
+        from scleraforce.recording.pixels import package_for
+
+        read = [(answer.force_n, *(answer.interval_n or (None, None)), answer.contact_m) for answer in self]
+        force_n, low_n, high_n, contact_m = np.array(read, dtype=np.float64).reshape(-1, 4).T
+        walls = [answer.segmentation for answer in self if answer.segmentation is not None]
+        return package_for("xarray", "to_xarray", "tables").Dataset({
+            "force_n": ("frame", force_n, {"units": "N"}),
+            "interval_n": (("frame", "end"), np.stack([low_n, high_n], axis=1), {"units": "N", "content": "90 %"}),
+            "contact_m": ("frame", contact_m, {"units": "m"}),
+            "predicted": ("frame", [answer.predicted for answer in self]),
+            "usable": ("frame", [answer.usable for answer in self]),
+            "outer_row": (("frame", "column"), np.array([wall.outer_row for wall in walls]), {"units": "row"}),
+            "inner_row": (("frame", "column"), np.array([wall.inner_row for wall in walls]), {"units": "row"}),
+        }, coords={"end": ["low", "high"]})  # fmt: skip
 
 
 def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:

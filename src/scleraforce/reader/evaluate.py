@@ -20,6 +20,7 @@ from scleraforce.models import model_name
 from scleraforce.monitor.limits import MonitorLimits, upper_end
 from scleraforce.monitor.state import DENTS, NOISE_WINDOWS
 from scleraforce.monitor.trend import OUTSIDE, Dent, TimeToBound, rise_of, time_to_bound, unexplained_fall
+from scleraforce.pictures import html_card
 from scleraforce.plain_json import finite
 from scleraforce.reader import metrics
 from scleraforce.reader.answer import Answer
@@ -28,7 +29,7 @@ from scleraforce.reader.intervals import Score, scored
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import suited
 from scleraforce.recording import labels
-from scleraforce.recording.export import flat, tidy
+from scleraforce.recording.export import data_frame, flat, tidy
 from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale
@@ -96,12 +97,12 @@ class FrameAnswer:
         return self.trial(self.measured_force_n, self.measured_force_sd_n) if self.scored else None
 
     def as_row(self) -> dict[str, Any]:
-        """Return the keys of `as_json` without lists in lists, and `time_s`, `scored` and `covered`."""
+        """Return the keys of `to_dict` without lists in lists, and `time_s`, `scored` and `covered`."""
         keys = {"recording": self.recording, "eye": self.eye, "file": self.file, "time_s": self.time_s}
-        row = flat(finite(keys | self.as_json() | {"warnings": "; ".join(self.answer.warnings)}))
+        row = flat(finite(keys | self.to_dict() | {"warnings": "; ".join(self.answer.warnings)}))
         return row | {"scored": self.scored, "covered": self.label.covered if self.label else None}
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the frame's keys in `evaluate --json`."""
         median_ms, interval_ms = self.to_bound.as_ms() if self.to_bound else (None, None)
         return {
@@ -109,7 +110,7 @@ class FrameAnswer:
             **({"plane": self.plane, "time_s": self.time_s} if self.plane is not None else {}),
             "measured_force_mn": from_si(self.measured_force_n, "mn"),
             "measured_force_sd_mn": from_si(self.measured_force_sd_n, "mn"),
-            "true_force_mn": from_si(self.true_force_n, "mn"), "target": self.target, **self.answer.as_json(),
+            "true_force_mn": from_si(self.true_force_n, "mn"), "target": self.target, **self.answer.to_dict(),
             "time_to_bound_ms": median_ms, "time_to_bound_ms_interval": interval_ms, "calibration": self.calibration,
             "excluded": self.excluded, "pierced": self.pierced,
             "youngs_modulus_mpa": from_si(self.youngs_modulus_pa, "mpa"), "modulus_source": self.modulus_source,
@@ -136,6 +137,18 @@ class Evaluation:
         error = f", mean error {from_si(self.mae_n, 'mn'):.2f} mN" if self.forces else ""
         right = f"{self.accuracy.hits} of {self.accuracy.total} classes right"
         return f"<Evaluation of {self.model}: {len(self.frames)} frames, {right}{error}>"
+
+    def _repr_html_(self) -> str:
+        """The metrics, for Jupyter."""
+        facts = {"frames": str(len(self.frames)), "classes right": self.accuracy.words()}
+        if self.forces:
+            facts["force error"] = f"{from_si(self.mae_n, 'mn'):.2f} mN in the mean"
+            facts["90 % interval and label agree"] = self.coverage.words()
+        return html_card(f"Evaluation of {self.model}", facts | {f"note {n}": s for n, s in enumerate(self.notes, 1)})
+
+    def to_dataframe(self) -> Any:
+        """Return a table of pandas with a row for each frame, units in the names; raises `InputError` without it."""
+        return data_frame(self.rows())
 
     @property
     def reads_force(self) -> bool:
@@ -204,9 +217,9 @@ class Evaluation:
         """Share of each predicted class that was right (columns; the paper's Table 3 calls it recall)."""
         return metrics.precision(self.confusion)
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the result of `evaluate --json`; undefined figures are NaN (printed as null)."""
-        return {
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result of `evaluate --json` as plain types; undefined figures are None."""
+        found: dict[str, Any] = finite({
             "model": self.model, "kind": self.kind, **self._metrics(), "mae_mn": from_si(self.mae_n, "mn"),
             "coverage": self.coverage.value, "coverage_interval": self.coverage.interval,
             "coverage_by_eye": {eye: one.value for eye, one in metrics.coverage_by_eye(self.forces).items()},
@@ -214,8 +227,9 @@ class Evaluation:
             "true_mae_mn": from_si(metrics.mean_absolute_error(self.true_forces), "mn"),
             "true_coverage": self.true_coverage.value, "true_coverage_interval": self.true_coverage.interval,
             "true_coverage_by_eye": {eye: one.value for eye, one in metrics.coverage_by_eye(self.true_forces).items()},
-            "usable": self.usable._metrics(), "notes": self.notes, "frames": [frame.as_json() for frame in self.frames],
-        }  # fmt: skip
+            "usable": self.usable._metrics(), "notes": self.notes, "frames": [frame.to_dict() for frame in self.frames],
+        })  # fmt: skip
+        return found
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a tidy table: a flat row for each frame, all with the same columns, their units in the names.

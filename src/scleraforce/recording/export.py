@@ -10,7 +10,7 @@ import numpy as np
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.plain_json import parse_json
+from scleraforce.plain_json import finite, parse_json
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale, check_bytes, package_for
@@ -90,6 +90,11 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
         else:
             columns[key] = value
     return columns
+
+
+def data_frame(rows: Iterable[Mapping[str, Any]]) -> Any:
+    """Return rows as a table of pandas, with the columns of `flat`; raises `InputError` without pandas."""
+    return package_for("pandas", "a DataFrame", "tables").DataFrame(tidy(map(finite, rows)))
 
 
 def tidy(rows: Iterable[Mapping[str, Any]]) -> list[Row]:

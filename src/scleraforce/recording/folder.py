@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from scleraforce.errors import FrameError, InputError, RecordingError, StudyError
+from scleraforce.pictures import grey_picture, html_card
 from scleraforce.recording.images import read_frame, read_image
 from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
 from scleraforce.recording.tables import ForceLog, FrameEntry, moments_of, read_force_log, read_frame_list
@@ -248,6 +249,14 @@ class Recording:
     def __repr__(self) -> str:
         forces = "no force log" if self.forces is None else f"{len(self.forces.time_s)} samples of force"
         return f"<Recording {self.path}: eye {self.info.eye.id}, {len(self.frames)} frames, {forces}>"
+
+    def _repr_html_(self) -> str:
+        """The first frame and what the recording states, for Jupyter."""
+        forces = "not logged" if self.forces is None else f"{len(self.forces.time_s)} samples"
+        first, last = self.frames[0], self.frames[-1]
+        facts = {"eye": self.info.eye.id, "frames": f"{len(self.frames)} in {last.time_s - first.time_s:g} s",
+                 "forces": forces}  # fmt: skip
+        return html_card(f"Recording {self.path}", facts, grey_picture(self.frame(first)))
 
     @cached_property
     def walls(self) -> RecordedWalls:

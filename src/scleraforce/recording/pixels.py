@@ -182,13 +182,13 @@ def named_faults(path: Path | str, kind: str) -> Iterator[None]:
         raise FrameError(f"{path}: damaged or an unknown kind of {kind}: {words}") from fault
 
 
-def package_for(name: str, kind: str) -> Any:
-    """Import and return the optional package that reads or writes a file of a kind."""
+def package_for(name: str, kind: str, extra: str = "formats") -> Any:
+    """Import and return an optional package, of an `extra`, that reads or writes files of a kind."""
     try:
         return import_module(name)
     except ImportError as fault:
         found = f"{kind} takes the package {name.partition('.')[0]}, which is not installed"
-        raise InputError(f"{found}: pip install 'scleraforce[formats]'") from fault
+        raise InputError(f"{found}: pip install 'scleraforce[{extra}]'") from fault
 
 
 PictureStream = Iterator[NDArray[Any]]

@@ -114,7 +114,7 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer]) -> Table:
     wrong = [(r, 3) for r, f in enumerate(frames) if f.misread]
     read = ["read [mN]", "90 % [mN]"] if with_force else []
     head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
-    return Table(head, rows, wrong, [frame.as_json() for frame in frames])
+    return Table(head, rows, wrong, [frame.to_dict() for frame in frames])
 
 
 def measured_force(frame: FrameAnswer) -> str:

@@ -8,7 +8,6 @@ from math import radians
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.result import calibration_as_json
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
@@ -62,7 +61,7 @@ def run_demo(out: Path, made_at: datetime, progress: Callable[[float], object] |
         opened = [read_recording(recording)]
         of_study = reader.study, study_hash(reader.study), reader.library
         found = calibrate_recordings(opened, *of_study, frames=TAUGHT, finder=finder)
-        write_calibration(calibration_as_json(found), calibration)
+        write_calibration(found.to_dict(), calibration)
         reach(CALIBRATION_DONE)
         evaluation = evaluate_recordings(reader, [recording], read_calibration(calibration))
         reach(FRAMES_READ)

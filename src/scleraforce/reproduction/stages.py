@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
-from scleraforce.calibration.result import Calibration, calibration_as_json, parse_calibration
+from scleraforce.calibration.result import Calibration, parse_calibration
 from scleraforce.known.calibration_file import open_calibration, read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import BentSections, LinearSections, paper_eyes
@@ -125,7 +125,7 @@ def _write_calibration(
     """Calibrate recordings under a run's study; without a library at linear mechanics."""
     finder, study = load_wall_finder(SHIPPED_WALL_FINDER), run.study
     found = calibrate_recordings(recordings, study, study_hash(study), library, progress=progress, finder=finder)
-    write_calibration(calibration_as_json(found), out)
+    write_calibration(found.to_dict(), out)
 
 
 def _generate(run: Run, progress: Progress) -> None:

@@ -1,6 +1,6 @@
 """The result of a segmentation: the wall with a verdict, or the reason why it was not found; and its picture."""
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from scleraforce.arrays import Bytes, Floats
+from scleraforce.pictures import grey_picture, html_card
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.units import from_si
@@ -43,10 +44,21 @@ class Segmentation:
     methods: "BothWalls | None" = None  #: the wall by each, if a network looked as well
     source: str = "found"  #: "found" in the frame, or given, as a "mask" or "corrected" in the recording
     sd_rows: float = 0.0  #: standard deviation of given boundaries
+    pixels: Pixels | None = field(default=None, compare=False, repr=False)  #: the frame, of `sf.segment` and `sf.read`
 
     def __repr__(self) -> str:
         shown = "" if self.thickness_m != self.thickness_m else f"wall of {from_si(self.thickness_m, 'um'):.0f} µm, "
         return f"<Segmentation: {shown}{'usable' if self.usable else f'not usable: {self.reason}'}>"
+
+    def _repr_html_(self) -> str:
+        """The frame, or its mask, with the wall, for Jupyter."""
+        facts = {"thickness": f"{from_si(self.thickness_m, 'um'):.0f} µm", "usable": self.reason or "yes"}
+        return html_card("Wall", facts, self.overlay)
+
+    @property
+    def overlay(self) -> Bytes:
+        """The frame, or its mask without one, with the boundaries; see `draw_overlay`."""
+        return draw_overlay(self.mask if self.pixels is None else self.pixels, self)
 
     @cached_property
     def mask(self) -> Bytes:
@@ -78,7 +90,6 @@ def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
 # The console's and the app's colours: orange, sky blue, purple; blue, green, red, as OpenCV has them.
 SURFACE, INNER, SHAFT = (0, 159, 230), (233, 180, 86), (167, 121, 204)
 DASHES = 40  # of an inner boundary that is not seen, with the gaps between them
-DARKEST, BRIGHTEST = 1.0, 99.7  # percentiles of the pixels that are lit
 SUBPIXEL_BITS = 4
 
 
@@ -88,9 +99,7 @@ def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | No
     The picture, of `size` or the frame's, is (row, column, 3), blue, green, red, as OpenCV writes it.
     """
     rows, columns = size or pixels.shape
-    lit = pixels[pixels > 0]
-    low, high = np.percentile(lit, [DARKEST, BRIGHTEST]) if len(lit) else (0.0, 1.0)
-    grey = np.clip((pixels - low) * (255.0 / max(high - low, 1.0)), 0, 255).astype(np.uint8)
+    grey = grey_picture(pixels)
     if grey.shape != (rows, columns):
         method = cv2.INTER_AREA if rows * columns < grey.size else cv2.INTER_LINEAR
         grey = np.asarray(cv2.resize(grey, (columns, rows), interpolation=method), dtype=np.uint8)

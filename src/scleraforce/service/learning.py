@@ -20,7 +20,7 @@ import numpy as np
 
 from scleraforce.calibration.assimilation import PARAMETERS
 from scleraforce.calibration.eye_posterior import EyePosterior
-from scleraforce.calibration.result import Calibration, FrameRecord, UsedRecording, calibration_as_json
+from scleraforce.calibration.result import Calibration, FrameRecord, UsedRecording
 from scleraforce.errors import InputError
 from scleraforce.known import Known, Modulus
 from scleraforce.known.calibration_file import open_calibration, summary_of, write_calibration
@@ -145,7 +145,7 @@ class Fitting:
             return ""
         calibration = as_calibration(self._posterior, self._eye, str(self._record))
         try:
-            write_calibration(calibration_as_json(calibration), self._record / LEARNED_FILE)
+            write_calibration(calibration.to_dict(), self._record / LEARNED_FILE)
         except (InputError, OSError) as fault:
             return f"{LEARNED_FILE} was not written: {fault}"
         return ""

@@ -1,0 +1,87 @@
+"""Recordings and answers in the formats of other programs."""
+
+import json
+import tomllib
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from scleraforce.errors import InputError
+from scleraforce.plain_json import finite
+from scleraforce.reader.answer import Answers
+from scleraforce.reader.evaluate import Evaluation
+from scleraforce.recording import export as formats
+from scleraforce.recording.folder import Recording, read_recording
+from scleraforce.recording.importing import clock_origin_s
+from scleraforce.study import ClassesStudy, format_record
+from scleraforce.whole_files import write_whole
+
+TABLES = (".csv", ".json")
+ENDINGS = (*TABLES, ".mcap", ".nrrd")
+GivenAnswers = Evaluation | Answers | str | PathLike[str]
+
+
+def export(
+    thing: Recording | GivenAnswers, out: str | PathLike[str], *, answers: GivenAnswers | None = None,
+    replace: bool = False,
+) -> int:  # fmt: skip
+    """Write a recording, or answers, for other programs, and return the number of frames.
+
+    Args:
+        thing: a recording, opened or as a folder; or answers: of `evaluate`, of `read` to a stack, or a file with what
+            a command printed with --json.
+        out: the file; its ending decides: .csv and .json have a row for each frame, .mcap and .nrrd need a recording.
+        answers: to a recording's frames, to add to their rows.
+        replace: replace a file that exists.
+
+    Raises:
+        InputError: `out` exists or has another ending, or a format has no room for what is given.
+
+    >>> import scleraforce as sf
+    >>> sf.export("eye-a", "eye-a.csv")
+    3
+    """
+    out = Path(out)
+    kind = out.suffix.lower()
+    if kind not in ENDINGS:
+        raise InputError(f"out: {out}: give a name that ends in {', '.join(ENDINGS)}")
+    if out.exists() and not replace:
+        raise InputError(f"{out}: exists already; choose another name, or replace it (--force)")
+    if isinstance(thing, Evaluation | Answers) or not (isinstance(thing, Recording) or Path(thing).is_dir()):
+        if answers is not None:
+            raise InputError(f"answers: {thing} is answers already; give a recording with them")
+        if kind not in TABLES:
+            raise InputError(
+                f"out: {out}: answers alone become .csv or .json; give their recording, and them as answers"
+            )
+        return _write_table({}, _rows(thing), out)
+    recording = thing if isinstance(thing, Recording) else read_recording(thing)
+    if recording.info.oct.plane and kind not in TABLES:
+        raise InputError(f"out: {out}: has room for frames of one plane; give a .csv or .json")
+    if kind == ".nrrd":
+        if answers is not None:
+            raise InputError(f"answers: {out} has room for frames only; give a .csv, .json or .mcap")
+        formats.write_sequence(recording, out)
+        return len(recording.frames)
+    rows = formats.frame_rows(recording, ClassesStudy())
+    if answers is not None:
+        rows = formats.with_answers(rows, _rows(answers), recording.path)
+    if kind != ".mcap":
+        return _write_table(tomllib.loads(format_record(recording.info)), rows, out)
+    formats.write_mcap(recording, rows, clock_origin_s(recording.path), out)
+    return len(rows)
+
+
+def _rows(answers: GivenAnswers) -> list[formats.Row]:
+    if isinstance(answers, Evaluation | Answers):
+        return [{"file": f"frame {nth}", **frame} for nth, frame in enumerate(answers.to_dict()["frames"])]
+    return formats.read_answers(Path(answers))
+
+
+def _write_table(stated: Mapping[str, Any], rows: list[formats.Row], out: Path) -> int:
+    if out.suffix.lower() == ".json":
+        write_whole(json.dumps(finite({**stated, "frames": rows}), indent=2, allow_nan=False) + "\n", out)
+    else:
+        formats.write_table(rows, out)
+    return len(rows)
