@@ -115,7 +115,7 @@ def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
 
 def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     """Write rows as CSV, or as Parquet (with pyarrow), by the file's ending, whole or not at all."""
-    if path.suffix == ".csv":
+    if path.suffix.lower() == ".csv":
         write_whole(csv_text(rows), path)
         return
     pyarrow, parquet = (package_for(name, ".parquet") for name in ("pyarrow", "pyarrow.parquet"))
