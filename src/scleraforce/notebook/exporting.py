@@ -26,11 +26,11 @@ def export(
     thing: Recording | GivenAnswers, out: str | PathLike[str], *, answers: GivenAnswers | None = None,
     replace: bool = False,
 ) -> int:  # fmt: skip
-    """Write a recording, or answers, for other programs, and return the number of frames.
+    """Write a recording, or answers, for other programs; return the number of frames.
 
     Args:
-        thing: a recording, opened or as a folder; or answers: of `evaluate`, of `read` to a stack, or a file with what
-            a command printed with --json.
+        thing: a recording, opened or as a folder; or answers: of `evaluate`, of `read` to a stack, or a file with
+            the output of a command's --json.
         out: the file; its ending decides: .csv and .json have a row for each frame, .mcap and .nrrd need a recording.
         answers: to a recording's frames, to add to their rows.
         replace: replace a file that exists.

@@ -218,7 +218,7 @@ class Evaluation:
         return metrics.precision(self.confusion)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result of `evaluate --json` as plain types; undefined figures are None."""
+        """Return the result of `evaluate --json` as plain types, None for a figure that is not defined."""
         found: dict[str, Any] = finite({
             "model": self.model, "kind": self.kind, **self._metrics(), "mae_mn": from_si(self.mae_n, "mn"),
             "coverage": self.coverage.value, "coverage_interval": self.coverage.interval,
