@@ -20,7 +20,6 @@ from speed.page import as_markdown
 from speed.parts.reader_training import whole_seconds
 from speed.record import Results, Row, Table, failed_table, spread
 from speed.run import Run, in_turns
-from speed.solvers.problem import peak_mb
 
 ROOT = Path(__file__).parents[2]
 ROW = Row(
@@ -131,14 +130,3 @@ def environment(folder: Path) -> dict[str, str]:
     """Return an environment with the benchmarks' modules and a cache of its own."""
     paths = [str(ROOT / "benchmarks"), str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "XDG_CACHE_HOME": str(folder / "cache")}
-
-
-def test_a_program_that_has_ended_holds_no_memory_until_it_is_waited_for() -> None:
-    waits = [sys.executable, "-c", "print(flush=True); input()"]
-    with subprocess.Popen(waits, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
-        assert program.stdout is not None
-        program.stdout.readline()  # right after its start it holds nothing yet
-        assert peak_mb(program.pid) > 1.0
-        program.kill()
-        os.waitid(os.P_PID, program.pid, os.WEXITED | os.WNOWAIT)  # it has ended, and is left to be waited for
-        assert peak_mb(program.pid) == 0.0

@@ -195,17 +195,6 @@ def test_frames_on_which_nothing_can_be_measured_are_refused(frames, tmp_path: P
 
 
 @pytest.mark.slow
-def test_phantom_draws_frames_of_the_measured_scanner(frames, scanner, tmp_path: Path, shell) -> None:
-    """A recording that the written study draws is measured again: the same display, resolution and attenuation."""
-    first, eye = tmp_path / "first.toml", tmp_path / "eye"
-    result, _ = scanner(*frames, *SCALE, out=first)
-    shell.run("phantom", "--study", first, "--out", eye, "--forces-mn", "0,0,0")
-    again, _ = scanner(*sorted((eye / "frames").iterdir()), out=tmp_path / "second.toml")
-    for key in ("display_range_db", "lateral_resolution_um", "attenuation_per_mm", "choroid_thickness_um"):
-        assert again["measured"][key]["median"] == pytest.approx(result["measured"][key]["median"], rel=0.1)
-
-
-@pytest.mark.slow
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.is_dir(), reason="../shared is absent")
 def test_real_frames_of_one_scanner_have_one_display(scanner, tmp_path: Path) -> None:

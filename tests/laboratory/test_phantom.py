@@ -20,7 +20,7 @@ from scleraforce.laboratory.phantom import (  # isort: skip
 from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
 from scleraforce.laboratory.virtual_eye import LinearSections, PhantomEye, paper_eyes, study_sections
 from scleraforce.mechanics.contact import Section
-from scleraforce.mechanics.material import ELASTIC, PronySeries
+from scleraforce.mechanics.material import PronySeries
 from scleraforce.recording.folder import Plane, read_recording, true_forces
 from scleraforce.recording.labels import label_frames
 
@@ -388,12 +388,6 @@ def test_the_force_is_the_given_one_at_frames_and_falls_as_tissue_relaxes_while_
     between_s = np.array([(a.corners_s[-1] + b.start_s) / 2 for a, b in pairwise(pushes)])
     assert (path.felt_n(np.r_[0.0, between_s]) == 0.0).all()
     assert (path.elastic_n(np.r_[0.0, between_s]) == 0.0).all()
-
-
-def test_elastic_tissue_has_one_force():
-    pushes, path, _, log = acquisition(relaxation=ELASTIC)
-    assert path.felt_n(log[:, 0]) == pytest.approx(path.elastic_n(log[:, 0]), abs=1e-12)
-    assert path.elastic_n(np.array([push.frame_s for push in pushes])) == pytest.approx(PUSHES_FORCES_N, abs=1e-12)
 
 
 def test_a_frame_shows_the_dent_of_the_elastic_force_and_truth_tells_both(tmp_path) -> None:

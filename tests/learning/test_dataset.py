@@ -75,16 +75,6 @@ def test_forces_and_contacts_are_uniform_and_targets_are_the_classes_of_the_forc
     assert not np.any(paper.framing_lateral_m)
 
 
-def test_open_ranges_are_drawn_for_each_sample_and_independently():
-    lateral_m = Range(min=-1e-3, max=1e-3)
-    plan = plan_dataset(with_dataset(direction_rad=st.Choice((0.0, 1.0)), framing_lateral_m=lateral_m, **OPEN))
-    assert stats.kstest((plan.gap_m - 0.35e-3) / 0.65e-3, "uniform").pvalue > 0.01
-    assert stats.kstest((plan.framing_lateral_m + 1e-3) / 2e-3, "uniform").pvalue > 0.01
-    assert np.mean(plan.direction_rad == 1.0) == pytest.approx(0.5, abs=0.02)
-    drawn = [plan.force_n, plan.gap_m, plan.tilt_rad, plan.framing_lateral_m, plan.framing_depth_m]
-    assert np.abs(np.corrcoef(drawn) - np.eye(len(drawn))).max() < 0.04
-
-
 def test_a_part_of_a_plan_is_that_of_the_whole_whatever_groups_and_contacts_it_splits():
     study = with_dataset(
         contacts=7,

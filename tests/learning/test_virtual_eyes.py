@@ -315,44 +315,11 @@ def walls(count: int, bend_per_m: float = 80.0) -> np.ndarray:
     return np.repeat(np.stack([outer, outer + 0.6e-3])[None], count, axis=0)
 
 
-def test_errors_are_repeatable_and_without_them_boundaries_stay() -> None:
-    true = walls(3)
-    true[1, :, :7] = np.nan
-    np.testing.assert_allclose(disturb(true, SLICE, np.random.default_rng(0), NONE), true, atol=1e-9)
-    before = true.copy()
-    first, second = (disturb(true, SLICE, np.random.default_rng(3)) for _ in range(2))
-    np.testing.assert_array_equal(first, second)
-    np.testing.assert_array_equal(true, before)
-    assert np.nanmax(np.abs(first - true)) > 1e-6
-
-
 def test_smoothing_moves_a_bent_surface_by_half_its_variance_times_the_curvature() -> None:
     smoothing_m = 0.18e-3
     seen = disturb(walls(1, 200.0), SLICE, np.random.default_rng(0), replace(NONE, surface_smoothing_m=smoothing_m))
     moved = (seen - walls(1, 200.0))[0, OUTER, 45:95]
     np.testing.assert_allclose(moved, 0.5 * smoothing_m**2 * 200.0, rtol=0.01)
-
-
-def test_the_noise_has_the_stated_size_and_reaches_along_the_columns() -> None:
-    errors = replace(NONE, outer_sd_m=10e-6, outer_lengths_m=(0.3e-3, 0.3e-3), spread=0.0)
-    true = walls(4000, 5.0)
-    error = (disturb(true, SLICE, np.random.default_rng(1), errors) - true)[:, OUTER, 10:-10]
-    assert abs(error.std() / 10e-6 - 1.0) < 0.02
-    for lag in (1, 3, 6):  # of Gaussian-smoothed white noise: exp(-(lag / length)^2 / 4)
-        found = (error[:, lag:] * error[:, :-lag]).mean() / error.var()
-        assert abs(found - np.exp(-((lag / 3.0) ** 2) / 4)) < 0.02
-
-
-def test_errors_scale_and_bumps_lie_on_steep_flanks_only() -> None:
-    true = walls(500, 100.0)
-    flat = np.abs(np.gradient(true[0, OUTER], SLICE.pixel_m)) < 0.2
-    bumps = replace(NONE, bumps=5.0, bump_length_m=0.1e-3)
-    error = np.abs(disturb(true, SLICE, np.random.default_rng(2), bumps) - true)[:, INNER]
-    steep = np.abs(np.gradient(true[0, OUTER], SLICE.pixel_m)) > 0.45
-    assert np.nanmax(error[:, flat]) < 1e-6 < 1e-4 < np.nanmax(error[:, steep])
-    noise = replace(NONE, thickness_sd_m=5e-6, thickness_scale_sd=0.01, spread=0.0)
-    once, thrice = (disturb(true, SLICE, np.random.default_rng(2), noise, scale) - true for scale in (1.0, 3.0))
-    np.testing.assert_allclose(thrice[:, INNER], 3.0 * once[:, INNER], atol=1e-9)
 
 
 def test_a_surface_that_leaves_at_the_bottom_is_seen_too_high_and_then_lost() -> None:

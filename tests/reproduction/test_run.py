@@ -24,11 +24,10 @@ from scleraforce.mechanics.mesh import build_mesh
 from scleraforce.mechanics.section import cut_sections
 from scleraforce.models import SHIPPED_READER
 from scleraforce.reader.evaluate import Evaluation
-from scleraforce.reader.metrics import ForceTrial
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import read_recording
 from scleraforce.reproduction import demo, run as reproduction, stages
-from scleraforce.reproduction.page import _comparison, _coverage, _held
+from scleraforce.reproduction.page import _comparison, _coverage
 from scleraforce.reproduction.run import Progress, Run, Stage, framed_for_laboratory, open_run, run_library, run_stages
 from scleraforce.study import NetworkStudy, Study, format_study, parse_study
 
@@ -260,14 +259,6 @@ def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(tmp_path
     found = _coverage(replace(read, frames=(*read.frames, calibrated)))
     words = "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of its calibration. "
     assert found["worst"] == words
-
-
-def test_the_band_of_a_coverage_is_over_eyes() -> None:
-    """One eye holds and one does not, with two trials each: other two such eyes may hold none, half or all."""
-    held = ForceTrial(eye="eye-1", measured_n=1.0, read_n=1.0, interval_n=(0.9, 1.1))
-    missed = ForceTrial(eye="eye-2", measured_n=2.0, read_n=1.0, interval_n=(0.9, 1.1))
-    assert _held([held, held, missed, missed]) == "0.50 (0.00 to 1.00)"
-    assert _held([]) == "\N{EN DASH}"
 
 
 @pytest.mark.slow
