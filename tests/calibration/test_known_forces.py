@@ -86,16 +86,6 @@ def found_off(read: Sequence[KnownForce], known: Known) -> tuple[np.ndarray, np.
 OF_FILTER = np.array([[0.02**2, -0.5 * 0.02 * 0.05], [-0.5 * 0.02 * 0.05, 0.05**2]])
 
 
-def test_many_frames_show_the_errors() -> None:
-    """Errors that no slope tells apart are shared among the four; the corrected forces are the eye's."""
-    known = filtered(OPEN)
-    for off in ((0.0, 0.0, 0.1, 0.8), (0.0, 0.0, 0.0, -0.4), (-0.4, 0.0, 0.0, 0.0)):
-        read = frames(np.linspace(4e-3, 55e-3, 40), off, known)
-        found, _ = found_off(read, known)
-        for frame in read:
-            assert np.exp(slopes_of(frame) @ found) == pytest.approx(frame.force_n / frame.library_n, rel=0.01)
-
-
 def test_the_mean_is_where_the_loss_is_least() -> None:
     """Against a minimum that is searched for without derivatives, of the loss written down once more."""
     known = filtered()

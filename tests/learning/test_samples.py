@@ -11,10 +11,8 @@ from predicted_walls import Walls, formed_wall
 from scleraforce.errors import InputError
 from scleraforce.learning.samples import draw_eyes, draw_samples, library_of_tissue
 from scleraforce.library.base import pole_directions
-from scleraforce.library.sections import column_laterals, cut_surfaces, fill_boundaries
+from scleraforce.library.sections import column_laterals, fill_boundaries
 from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
-from scleraforce.mechanics.contact import SliceWindow
-from scleraforce.mechanics.section import fill_section
 from scleraforce.study import ReaderStudy, SliceStudy, fixed
 
 READER, SLICE = ReaderStudy(), SliceStudy()
@@ -51,31 +49,6 @@ def test_the_pressure_under_the_needle_solves_the_law_of_the_globe_that_was_draw
     assert (ratio < library.iop_ratio_ends(thickness)[1]).all()
     np.testing.assert_allclose(ratio, (np.cbrt(resting) + rate * volume) ** 3, rtol=5e-3)
     assert (ratio[eyes.rigidity[some] == 0.0] == resting[eyes.rigidity[some] == 0.0]).all()
-
-
-def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library) -> None:
-    plain = replace(
-        READER, plain_share=0.0, uneven_share=0.0, boundary_errors=0.0, rotation_rad=fixed(0.0),
-        lateral_m=fixed(0.4e-3), size=fixed(1.04), polar_angle_rad=fixed(0.0),
-    )  # fmt: skip
-    count = 60
-    drawn = draw_samples(library, plain, SLICE, count, np.random.default_rng(8))
-    rng = np.random.default_rng(8)
-    eyes = draw_eyes(library, plain, count, rng)
-    np.testing.assert_array_equal(eyes.force_n, drawn.force_n)
-    plain.lateral_m.sample(rng, count)
-    depth_m = plain.surface_depth_m.sample(rng, count)
-    agreeing = []
-    for n in range(count):
-        ratio = eyes.force_n[n] / (eyes.modulus_pa[n] * eyes.size[n] ** 2)
-        wall = library.curves(eyes.thickness_m[n : n + 1] / 1.04, eyes.iop_ratio[n : n + 1], np.array([ratio]))
-        section = cut_surfaces(1.04 * wall.curves_sbnc[0], eyes.gap_m[n], eyes.tilt_rad[n]).shifted(0.4e-3, depth_m[n])
-        expected = fill_section(section, SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=1e-4))
-        inner = slice(25, 115)  # sides and the bottom are lost as in a frame
-        top = slice(1, 38)
-        agreeing.append((expected[top, inner] == drawn.slices[n][top, inner]).mean())
-    assert np.median(agreeing) > 0.99
-    assert np.mean(agreeing) > 0.97
 
 
 def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(library, monkeypatch: pytest.MonkeyPatch) -> None:
