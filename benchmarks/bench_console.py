@@ -23,8 +23,8 @@ from playwright.sync_api import Page, sync_playwright
 
 from monitor_service.browser import CHROMIUM, browser_pids, cpu_s
 from monitor_service.session import add_options, run as run_session
-from scleraforce.monitor.events import Verdict
-from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.decision.events import Verdict
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing

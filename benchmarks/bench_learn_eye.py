@@ -37,8 +37,8 @@ from monitor_sessions.frames import stream
 from monitor_sessions.watch import WITHDRAW, Watch
 from scleraforce.calibration.eye_model import known_of_constants
 from scleraforce.calibration.eye_posterior import EyePosterior
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.known import OPEN, Known, Modulus
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.processes import work_units
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import load_force_reader

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.recording.folder import read_recording
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.decision.decide import decide
+from scleraforce.decision.events import FrameRead, Verdict
+from scleraforce.decision.limits import MonitorLimits
+from scleraforce.decision.state import MonitorState
 from scleraforce.library.responses import Library
-from scleraforce.monitor.decision import decide
-from scleraforce.monitor.events import FrameRead, Verdict
-from scleraforce.monitor.limits import MonitorLimits
-from scleraforce.monitor.state import MonitorState
 from scleraforce.reader.model import load_force_reader
 from scleraforce.study import ReaderStudy
 

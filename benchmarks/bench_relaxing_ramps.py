@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.forces import ZERO_PRIOR, FrameForces
 from scleraforce.calibration.relaxation import with_elastic_forces
+from scleraforce.decision.decide import decide
+from scleraforce.decision.events import FrameRead, MonitorEvent, SecondOpinion
+from scleraforce.decision.limits import MonitorLimits
+from scleraforce.decision.state import MonitorState
 from scleraforce.known import NINETY_PERCENT, Known
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
 from scleraforce.mechanics.material import PronySeries
-from scleraforce.monitor.decision import decide
-from scleraforce.monitor.events import FrameRead, MonitorEvent, SecondOpinion
-from scleraforce.monitor.limits import MonitorLimits
-from scleraforce.monitor.state import MonitorState
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
 from scleraforce.recording.folder import ForceInfo

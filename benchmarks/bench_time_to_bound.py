@@ -5,7 +5,7 @@
 Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on three frames. Their raw frames, 100 a
 second, go through segmentation, slice and network; 50 and 25 a second are every second and fourth of them. After ten
 readings in contact each has the probability that the upper end of the interval reaches the bound within 200 ms, by the
-line of `monitor.trend`. It did if the median of five upper ends in a row reached it within that time. The ramps
+line of `decision.trend`. It did if the median of five upper ends in a row reached it within that time. The ramps
 continue, or, with the same frames, stop at a random frame and hold, which no line can know.
 """
 
@@ -23,9 +23,9 @@ from monitor_sessions.declarations import declarations
 from monitor_sessions.eyes import draw_eye
 from monitor_sessions.forces import FRAME_S, ramp_forces, trajectory
 from monitor_sessions.frames import largest_force_n, stream
-from scleraforce.monitor.limits import MonitorLimits, upper_end
-from scleraforce.monitor.state import NOISE_WINDOWS
-from scleraforce.monitor.trend import HORIZON_S, LEAST_SHARE, Rise, rise_of, time_to_bound
+from scleraforce.decision.limits import MonitorLimits, upper_end
+from scleraforce.decision.state import NOISE_WINDOWS
+from scleraforce.decision.trend import HORIZON_S, LEAST_SHARE, Rise, rise_of, time_to_bound
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.pixels import PixelScale

@@ -28,10 +28,10 @@ nitpicky = True  # an unresolved reference is an error
 nitpick_ignore_regex = [
     ("py:class", r"(numpy|dataclasses|pathlib|collections|contextlib|msgspec|os)\..*|PathLike|[\d.]+"),
     ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),
-    ("py:class", r"scleraforce\.(monitor\.events\.Verdict|segmentation\.wall_finder\.WallFinder)"),
+    ("py:class", r"scleraforce\.(decision\.events\.Verdict|segmentation\.wall_finder\.WallFinder)"),
     (
         "py:class",
-        r"scleraforce\.(monitor\.trend\.TimeToBound|mechanics\.globe\.Globe|reader\.where\.Places)|GivenCalibration|Mask",
+        r"scleraforce\.(decision\.trend\.TimeToBound|mechanics\.globe\.Globe|reader\.where\.Places)|GivenCalibration|Mask",
     ),
     ("py:class", r"scleraforce\.known\.relaxation\.KnownRelaxation"),
     ("py:class", r"scleraforce\.recording\.walls\.RecordedWalls"),

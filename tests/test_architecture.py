@@ -30,13 +30,13 @@ from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
     "arrays", "units", "errors", "plain_json", "plain_text", "pictures", "processes", "whole_files", "compiled",
-    "checked_store", "study", "models", "monitor", "openigtlink", "mechanics", "recording",
+    "checked_store", "study", "models", "decision", "openigtlink", "mechanics", "recording",
     "known", "segmentation", "library", "laboratory", "calibration",
     "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "app", "cli",
 ]  # fmt: skip
 PURE = [
     "segmentation", "mechanics", "library.fit", "library.placement", "library.prior",
-    "library.unknowns", "laboratory.scanner", "calibration", "monitor",
+    "library.unknowns", "laboratory.scanner", "calibration", "decision",
 ]  # fmt: skip
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
 IMPURE_CALLS = {"print", "open", "input"}

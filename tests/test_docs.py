@@ -271,7 +271,7 @@ def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(tmp
     assert re.search(r"::test_a_steep_ramp_is_foreseen`$", page, flags=re.MULTILINE)
     stated, absent = tmp_path / "requirements.toml", "there is no such test"
     faults = {
-        '["tests/monitor/test_decision.py::test_that_is_not_there"]': absent,
+        '["tests/decision/test_decide.py::test_that_is_not_there"]': absent,
         '["tests/nowhere.py::test_the_table_is_total"]': absent,
         "[]": "R1: no test",
     }

@@ -14,8 +14,8 @@ from monitor_sessions.eyes import SessionEye, draw_eye
 from monitor_sessions.forces import FRAME_S, Trajectory, moving_forces, ramp_forces, trajectory
 from monitor_sessions.frames import largest_force_n, stream
 from monitor_sessions.watch import Watch, Withdrawal
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.known import Known
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.pixels import PixelScale

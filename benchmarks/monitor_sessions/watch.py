@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 from monitor_sessions.forces import FRAME_S
 from monitor_sessions.frames import Frame
+from scleraforce.decision.decide import Decision, decide
+from scleraforce.decision.events import Cause, FrameRead, MonitorEvent, QueueLoss, Reset, SecondOpinion, State
+from scleraforce.decision.limits import MonitorLimits
+from scleraforce.decision.state import MonitorState
 from scleraforce.known import Known
-from scleraforce.monitor.decision import Decision, decide
-from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, QueueLoss, Reset, SecondOpinion, State
-from scleraforce.monitor.limits import MonitorLimits
-from scleraforce.monitor.state import MonitorState
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import LiveReader

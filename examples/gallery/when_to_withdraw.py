@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from scleraforce.monitor.decision import Decision, decide
-from scleraforce.monitor.events import FrameRead, State, Verdict
-from scleraforce.monitor.limits import MonitorLimits
-from scleraforce.monitor.state import MonitorState
+from scleraforce.decision.decide import Decision, decide
+from scleraforce.decision.events import FrameRead, State, Verdict
+from scleraforce.decision.limits import MonitorLimits
+from scleraforce.decision.state import MonitorState
 from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled, write_figure
 
 RATE_HZ, SECONDS = 100.0, 3.5

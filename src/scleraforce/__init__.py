@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from scleraforce.notebook.exporting import export
     from scleraforce.notebook.frames import evaluate, load_model, read, save_wall, segment
     from scleraforce.notebook.importing import import_recording
+    from scleraforce.notebook.monitoring import monitor
     from scleraforce.notebook.training import generate, library_of, train
     from scleraforce.notebook.virtual import phantom, simulate
     from scleraforce.recording.folder import Plane, read_recording
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "InputError", "Plane", "Study", "__version__", "calibrate", "evaluate", "export", "generate", "import_recording",
-    "library_of", "load_model", "open_dataset", "open_library", "parse_study", "phantom", "read", "read_frame",
-    "read_recording", "read_study", "save_wall", "segment", "simulate", "train",
+    "library_of", "load_model", "monitor", "open_dataset", "open_library", "parse_study", "phantom", "read",
+    "read_frame", "read_recording", "read_study", "save_wall", "segment", "simulate", "train",
 ]  # fmt: skip
 
 # ONNX Runtime keeps a device id and a queue of events in the user's cache and sends them over the network. It reads
@@ -37,7 +38,8 @@ _MODULES = {
     "learning.dataset": ("open_dataset",), "errors": ("InputError",), "library.store": ("open_library",),
     "notebook.calibrating": ("calibrate",), "notebook.exporting": ("export",),
     "notebook.frames": ("evaluate", "load_model", "read", "save_wall", "segment"),
-    "notebook.importing": ("import_recording",), "notebook.training": ("generate", "library_of", "train"),
+    "notebook.importing": ("import_recording",), "notebook.monitoring": ("monitor",),
+    "notebook.training": ("generate", "library_of", "train"),
     "notebook.virtual": ("phantom", "simulate"), "recording.folder": ("Plane", "read_recording"),
     "recording.images": ("read_frame",), "study": ("Study", "parse_study", "read_study"),
 }  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 from monitor_service.monitors import Resources
 from monitor_service.scanner import Answers, Frames
 from monitor_service.soak import Sample, grown
-from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.openigtlink import Status, Text
 
 

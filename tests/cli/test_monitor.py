@@ -29,10 +29,10 @@ from waiting import FUSE_S, wait_until
 
 from scleraforce.cli import monitor as command
 from scleraforce.cli.main import run
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import InputError
 from scleraforce.known import NOTHING_KNOWN
 from scleraforce.models import SHIPPED_READER
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.openigtlink import Image, Sensor, Status
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.model import load_model

@@ -12,9 +12,9 @@ from small_recordings import write_small_recording
 from waiting import FUSE_S
 
 from scleraforce.cli.main import run
+from scleraforce.decision.events import Cause
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import InputError
-from scleraforce.monitor.events import Cause
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import Recording, read_recording

@@ -18,9 +18,9 @@ from hypothesis import given, strategies as st
 from small_monitor import INFO, READ_ENTRY, verdict
 from waiting import FUSE_S, wait_until
 
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import MessageError
 from scleraforce.known import NOTHING_KNOWN, Known, Modulus, known_globe
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service import channel, messages
 from scleraforce.service.companions import Guard

@@ -13,10 +13,10 @@ from small_monitor import FakeCompanion
 from waiting import FUSE_S
 
 from scleraforce import known as declared
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import InputError
 from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, known_globe
 from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.recording.folder import ForceInfo, OctInfo, Plane
 from scleraforce.service import monitor_service
 from scleraforce.service.companions import OPINION, Companions

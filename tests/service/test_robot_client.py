@@ -13,7 +13,7 @@ from fastcrc.crc64 import ecma_182
 from sources import EXAMPLES, example_module
 from waiting import FUSE_S, ends
 
-from scleraforce.monitor.events import Cause
+from scleraforce.decision.events import Cause
 from scleraforce.openigtlink import Sensor, Status, Text, encode
 
 SCRIPT = EXAMPLES / "robot_client.py"

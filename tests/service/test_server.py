@@ -15,8 +15,8 @@ import small_monitor as rule
 from small_monitor import FakeCompanion, Peer, Running, TurnedClock, frame_of, serving, small_monitor
 from waiting import FUSE_S, alive, wait_until
 
+from scleraforce.decision.events import Cause
 from scleraforce.known import Known, Modulus
-from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Image, Query, Sensor, Status, Transform, encode
 from scleraforce.service import messages
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions

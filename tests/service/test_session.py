@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from small_monitor import COLUMNS, RAISES, READ_ENTRY, ROWS, SCALE_M, TICK_ENTRY, UNUSABLE, frame_of, read, verdict
 
+from scleraforce.decision.events import FrameRead, OvertakenRead, Reset, Tick
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.known import Known
 from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.monitor.events import FrameRead, OvertakenRead, Reset, Tick
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.reader.felt import History
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.clients import reading_messages

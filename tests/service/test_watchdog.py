@@ -15,8 +15,8 @@ from small_monitor import Peer, small_monitor
 from waiting import FUSE_S
 
 import scleraforce.service.watchdog as module
+from scleraforce.decision.events import Cause
 from scleraforce.errors import MessageError
-from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import VERSIONS, Status, encode
 from scleraforce.service import watchdog
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from small_monitor import decision
 from waiting import FUSE_S
 
-from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from waiting import FUSE_S, ends
 
-from scleraforce.monitor.events import Verdict
-from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.decision.events import Verdict
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, encode
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo

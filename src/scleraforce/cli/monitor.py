@@ -21,8 +21,8 @@ from scleraforce.processes import one_thread
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
+    from scleraforce.decision.limits import MonitorLimits
     from scleraforce.known import Known
-    from scleraforce.monitor.limits import MonitorLimits
     from scleraforce.reader.kinds import Reader
     from scleraforce.recording.folder import OctInfo, Plane
     from scleraforce.service.monitor_service import Address, MonitorSettings
@@ -211,7 +211,7 @@ def _scan(reader: "Reader", known: "Known", planes: "tuple[Plane, ...]", given: 
 
 
 def _limits(reader: "Reader", known: "Known", scan: "OctInfo", given: dict[str, Any]) -> "MonitorLimits":
-    from scleraforce.monitor.limits import MonitorLimits
+    from scleraforce.decision.limits import MonitorLimits
 
     return MonitorLimits(
         withdraw_class=given["withdraw_class"] or reader.classes - 1,

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from scleraforce.decision.events import Verdict
 from scleraforce.known import NINETY_PERCENT, one_lean
 from scleraforce.library.fit import BoundaryFit
 from scleraforce.library.planes import SpatialPlace
 from scleraforce.library.unknowns import LATERAL
-from scleraforce.monitor.events import Verdict
 from scleraforce.pictures import html_card
 from scleraforce.plain_json import finite
 from scleraforce.reader.where import NOWHERE, Places

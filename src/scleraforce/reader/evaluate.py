@@ -13,13 +13,13 @@ import numpy as np
 
 from scleraforce.arrays import Integers
 from scleraforce.calibration.forces import label_sds
+from scleraforce.decision.limits import MonitorLimits, upper_end
+from scleraforce.decision.state import DENTS, NOISE_WINDOWS
+from scleraforce.decision.trend import OUTSIDE, Dent, TimeToBound, rise_of, time_to_bound, unexplained_fall
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import Known, known_of_recording
 from scleraforce.known.calibration_file import CalibrationSummary, foreign_modulus, known_of_eye
 from scleraforce.models import model_name
-from scleraforce.monitor.limits import MonitorLimits, upper_end
-from scleraforce.monitor.state import DENTS, NOISE_WINDOWS
-from scleraforce.monitor.trend import OUTSIDE, Dent, TimeToBound, rise_of, time_to_bound, unexplained_fall
 from scleraforce.pictures import html_card
 from scleraforce.plain_json import finite
 from scleraforce.reader import metrics
@@ -47,7 +47,7 @@ class FrameAnswer:
     `recording` is the path as given, `file` the frame's name. Without a force log there is no `measured_force_n` and no
     `target`; `measured_force_sd_n` is the standard deviation of its error (`calibration.forces`). `true_force_n`, of a
     virtual eye's `truth.json`, is for comparison only. `to_bound`: when the force reaches the highest class, by the
-    frames before (`monitor.trend`). `excluded` says why a trial is left out of the metrics although
+    frames before (`decision.trend`). `excluded` says why a trial is left out of the metrics although
     it has a label (pierced, or above the study's largest force); `pierced`: the needle had gone through
     the wall, by frames.csv, or else by the readings or the force log; `calibration` marks a frame that Young's modulus
     was fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`. Frames

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.arrays import Floats
+from scleraforce.decision.events import Cause
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import InputError, LinkError
-from scleraforce.monitor.events import Cause
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.openigtlink import HEADER_BYTES, pack_header, unpack_header
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.pixels import Pixels

@@ -17,8 +17,8 @@ import msgspec
 import numpy as np
 
 import scleraforce.openigtlink as igtl
+from scleraforce.decision.events import Cause, State
 from scleraforce.errors import InputError, LinkError
-from scleraforce.monitor.events import Cause, State
 from scleraforce.recording.folder import OctInfo, Recording
 from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry

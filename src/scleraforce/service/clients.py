@@ -18,9 +18,9 @@ from select import select
 from struct import pack
 from time import sleep
 
+from scleraforce.decision.decide import Decision
+from scleraforce.decision.events import Verdict
 from scleraforce.errors import ProtocolError
-from scleraforce.monitor.decision import Decision
-from scleraforce.monitor.events import Verdict
 from scleraforce.openigtlink import Decoder, Message, PeerEvent, Sensor, Status, Text, encode
 from scleraforce.service.companions import Guard
 from scleraforce.service.messages import Entry

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from types import UnionType
 
 from scleraforce.arrays import Floats
+from scleraforce.decision.events import Cause
 from scleraforce.errors import MessageError
-from scleraforce.monitor.events import Cause
 from scleraforce.openigtlink import Status, encode
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.service import messages, watchdog

@@ -13,10 +13,10 @@ from typing import Any
 from msgspec import Struct, ValidationError, convert
 
 from scleraforce import __version__
+from scleraforce.decision.events import State, Verdict
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import MessageError
 from scleraforce.known import Known
-from scleraforce.monitor.events import State, Verdict
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.plain_json import finite
 from scleraforce.recording.folder import ForceInfo, Plane, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
@@ -34,7 +34,7 @@ class Entry:
 
     `withdrawn_s` is when the withdrawal began. `frame` is the number in this session, from 1, `frame_id` the sender's;
     `latency_ms` runs from the frame's last byte to the answer on the wire; `verdict` is also None for a frame that
-    could not be read. `time_to_bound_ms` is the median, an end of the interval None beyond 2 s (`monitor.trend`).
+    could not be read. `time_to_bound_ms` is the median, an end of the interval None beyond 2 s (`decision.trend`).
     `modulus_mpa` is E as learned in this session (mean, SD, number of frames), None if it is not.
     `overtaken` counts the frames since the start that newer ones overtook, `lost` the unread ones. `plane`: the
     frame's, if there are several; then `planes_force_mn` and `contact_xyz_mm` are what the second opinion last read in

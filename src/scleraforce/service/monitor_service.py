@@ -18,9 +18,9 @@ from time import monotonic
 
 import cv2
 
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import InputError
 from scleraforce.known import Known, one_lean, stated_eye
-from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.reader.felt import History
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import LiveReader

@@ -9,8 +9,8 @@ from itertools import count
 from select import select
 
 import scleraforce.openigtlink as igtl
+from scleraforce.decision.events import Cause, Fault, MonitorEvent, Reset, SecondOpinion, Tick
 from scleraforce.errors import ProtocolError
-from scleraforce.monitor.events import Cause, Fault, MonitorEvent, Reset, SecondOpinion, Tick
 from scleraforce.service import clients as peers, messages
 from scleraforce.service.clients import Clients, Connection, Outgoing, RateLimiter, ServerSettings
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard

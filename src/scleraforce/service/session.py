@@ -8,12 +8,12 @@ from statistics import median_low
 from time import monotonic, time
 from typing import Any
 
+from scleraforce.decision import events
+from scleraforce.decision.decide import PlanesState, decide, decide_planes
+from scleraforce.decision.events import Cause, FrameRead, MonitorEvent, State
+from scleraforce.decision.limits import MonitorLimits, of_scale
+from scleraforce.decision.state import MonitorState
 from scleraforce.known import Known
-from scleraforce.monitor import events
-from scleraforce.monitor.decision import PlanesState, decide, decide_planes
-from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, State
-from scleraforce.monitor.limits import MonitorLimits, of_scale
-from scleraforce.monitor.state import MonitorState
 from scleraforce.reader.answer import Answer, unusable
 from scleraforce.reader.felt import ELASTIC, History
 from scleraforce.recording.pixels import Pixels, PixelScale

@@ -8,7 +8,7 @@ import numpy as np
 from console_monitor import reading
 from small_monitor import decision, verdict
 
-from scleraforce.monitor.events import Cause
+from scleraforce.decision.events import Cause
 from scleraforce.service.console.board import HISTORY_S, SENTENCES, STEP_S, Board, History
 from scleraforce.service.console.hub import SHARES, Pictures, Thrift
 from scleraforce.service.console.server import refusal

@@ -10,7 +10,7 @@ from math import isfinite
 from statistics import median
 from typing import Any
 
-from scleraforce.monitor.events import BY_SEVERITY
+from scleraforce.decision.events import BY_SEVERITY
 from scleraforce.service.messages import START, CompanionMessage, Decided, Entry, Outline, Rates
 
 SENTENCES: dict[str, str] = tomllib.loads(files(__package__).joinpath("causes.toml").read_text("utf-8"))

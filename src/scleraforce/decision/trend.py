@@ -14,7 +14,7 @@ from math import inf, pi, sqrt
 from statistics import fmean, median
 from typing import NamedTuple
 
-from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.decision.limits import MonitorLimits
 from scleraforce.units import from_si
 
 MAD_TO_SD = 1.4826  # of a normal distribution

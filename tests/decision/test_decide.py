@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from scleraforce.decision import trend
+from scleraforce.decision.decide import Decision, PlanesState, decide, decide_planes
 from scleraforce.errors import InputError
-from scleraforce.monitor import trend
-from scleraforce.monitor.decision import Decision, PlanesState, decide, decide_planes
 
-from scleraforce.monitor.events import (  # isort: skip
+from scleraforce.decision.events import (  # isort: skip
     LATCHED, MOVES, TRANSITIONS, Cause, Fault, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Reset, SecondOpinion,
     Signal, State, Tick, Verdict,
 )  # fmt: skip
-from scleraforce.monitor.limits import MonitorLimits, of_scale
-from scleraforce.monitor.state import MonitorState
+from scleraforce.decision.limits import MonitorLimits, of_scale
+from scleraforce.decision.state import MonitorState
 
 LIMITS = MonitorLimits()
 NAN = float("nan")

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, QueueLoss, SecondOpinion, State
-from scleraforce.monitor.limits import MonitorLimits, lag_of, of_scale, sound_pixels, touches, unsound
-from scleraforce.monitor.trend import Dent
+from scleraforce.decision.events import Cause, FrameRead, MonitorEvent, QueueLoss, SecondOpinion, State
+from scleraforce.decision.limits import MonitorLimits, lag_of, of_scale, sound_pixels, touches, unsound
+from scleraforce.decision.trend import Dent
 
 DENTS = 64  # that are kept: 64 ms at 1000 a second
 NOISE_WINDOWS = 5  # times the frames of the slope are kept, to estimate the noise

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, fields
 from math import inf, isfinite
 
+from scleraforce.decision.events import SLACK_S, Cause, FrameRead, QueueLoss, Verdict
 from scleraforce.errors import InputError
-from scleraforce.monitor.events import SLACK_S, Cause, FrameRead, QueueLoss, Verdict
 from scleraforce.units import from_si
 
 LEAST = {"rate_frames": 4, "frozen_frames": 2}  # of the other counts, 1

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import assert_never
 
-from scleraforce.monitor import events
-from scleraforce.monitor.events import Cause, FrameRead, MonitorEvent, Signal, State
-from scleraforce.monitor.limits import MonitorLimits, harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
-from scleraforce.monitor.state import MonitorState, remember
-from scleraforce.monitor.trend import OUTSIDE, TimeToBound, rise_of, risen_force, time_to_bound, unexplained_fall
+from scleraforce.decision import events
+from scleraforce.decision.events import Cause, FrameRead, MonitorEvent, Signal, State
+from scleraforce.decision.limits import MonitorLimits, harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
+from scleraforce.decision.state import MonitorState, remember
+from scleraforce.decision.trend import OUTSIDE, TimeToBound, rise_of, risen_force, time_to_bound, unexplained_fall
 from scleraforce.units import from_si
 
 
