@@ -16,7 +16,7 @@ from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.cli.main import run
 from scleraforce.laboratory.phantom import draw_relaxation
 from scleraforce.laboratory.virtual_eye import PhantomEye, simulate_eye, study_sections
-from scleraforce.learning.dataset import SampleSimulator, draft_plan, library_slices, near_library, plan_dataset
+from scleraforce.learning.dataset import SampleSimulator, library_slices, near_library, plan_dataset
 from scleraforce.library.plan import plan_library
 from scleraforce.library.store import solve_path
 from scleraforce.mechanics.contact import Contact
@@ -225,12 +225,12 @@ def simulate(study: Study) -> None:
 
 
 def generate_linear(study: Study) -> None:
-    SampleSimulator(study, 0.3e6).slices(draft_plan(study).samples(slice(0, 4)))
+    SampleSimulator(study, 0.3e6).slices(plan_dataset(study).part(slice(0, 4)))
 
 
 def generate(study: Study) -> None:
-    near = near_library(study, plan_dataset(study), analytic_library())
-    library_slices(study, 0.3e6, draft_plan(study).unit(0), near)
+    plan = plan_dataset(study)
+    library_slices(study, 0.3e6, plan.part(slice(0, 4)), near_library(study, plan, analytic_library()))
 
 
 def calibrate_linear(study: Study) -> None:

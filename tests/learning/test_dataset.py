@@ -25,7 +25,7 @@ from scleraforce.errors import DatasetError, InputError, StudyError
 from scleraforce.known.calibration_file import read_calibration
 
 from scleraforce.learning.dataset import (  # isort: skip
-    DTYPES, SLICES, create_dataset, draft_plan, generate_dataset, library_slices, near_library, open_dataset,
+    DTYPES, SLICES, create_dataset, generate_dataset, library_slices, near_library, open_dataset,
     plan_dataset, unit_samples,
 )  # fmt: skip
 from scleraforce.library.sections import cut_surfaces
@@ -73,22 +73,6 @@ def test_forces_and_contacts_are_uniform_and_targets_are_the_classes_of_the_forc
     np.testing.assert_array_equal(paper.target, expected)
     assert set(paper.gap_m) == {0.5e-3}
     assert not np.any(paper.framing_lateral_m)
-
-
-def test_a_part_of_a_plan_is_that_of_the_whole_whatever_groups_and_contacts_it_splits():
-    study = with_dataset(
-        contacts=7,
-        gap_m=Range(min=0.4e-3, max=0.9e-3),
-        group=(st.DatasetGroup(images=45), st.DatasetGroup(images=3), st.DatasetGroup(images=230, thickness_m=8e-4)),
-    )
-    whole, draft = plan_dataset(study), draft_plan(study)
-    assert len(draft.seed) == len(whole) == 278
-    for part in (slice(0, 1), slice(40, 60), slice(45, 48), slice(277, 278)):
-        for name, values in vars(draft.samples(part)).items():
-            np.testing.assert_array_equal(values, vars(whole)[name][part], err_msg=name)
-    units = [draft.unit(number) for number in range(len(unit_samples(study)))]
-    assert len(units) > 1
-    np.testing.assert_array_equal(np.concatenate([unit.seed for unit in units]), whole.seed)
 
 
 MODULUS_PA = 0.3e6
@@ -333,7 +317,7 @@ def one_by_one(study, library, plan, sample):
 def test_slices_equal_cutting_and_filling_one_by_one(study, library):
     plan = plan_dataset(study)
     near = near_library(study, plan, library)
-    images = library_slices(study, MODULUS_PA, draft_plan(study).unit(1), near)
+    images = library_slices(study, MODULUS_PA, plan.part(unit_samples(study)[1]), near)
     numbers = np.arange(len(plan))[unit_samples(study)[1]]
     differing = [
         int((image != one_by_one(study, library, plan, sample)).sum())
@@ -368,4 +352,4 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library
 
 def test_a_force_beyond_the_library_is_named(study, library):
     with pytest.raises(InputError, match=r"F/E: .* mm\^2 is outside the library's range, 0 to 0\.5 mm\^2"):
-        library_slices(study, 0.05e6, draft_plan(study).unit(0), library)
+        library_slices(study, 0.05e6, plan_dataset(study).part(slice(0, 4)), library)

@@ -63,6 +63,10 @@ class DatasetPlan:
     def __len__(self) -> int:
         return len(self.force_n)
 
+    def part(self, samples: slice) -> "DatasetPlan":
+        """Return the plan of some samples alone, numbered from 0."""
+        return DatasetPlan(**{name: values[samples] for name, values in vars(self).items()})
+
 
 def plan_dataset(study: Study) -> DatasetPlan:
     """Draw the samples of a study, in the order of groups, contacts, samples; the same study gives the same plan.
@@ -72,62 +76,33 @@ def plan_dataset(study: Study) -> DatasetPlan:
     azimuth uniformly around the eye. The images are spread evenly over the contacts. Each sample draws its own force,
     uniform from 0 to the group's largest, and its own gap, tilt, direction and framing.
     """
-    return draft_plan(study).samples(slice(None))
-
-
-@dataclass(frozen=True)
-class PlanDraft:
-    """A plan without each sample's own draws: made fast, it gives any part of the plan.
-
-    Of contacts (contact,): the number of the group, polar angle and azimuth, whether they validate; of samples
-    (sample,): the number of the contact and the seed.
-    """
-
-    study: Study
-    group: Places
-    polar_rad: Floats
-    azimuth_rad: Floats
-    validation: Flags
-    contact: Places
-    seed: NDArray[np.uint32]
-
-    def unit(self, number: int) -> DatasetPlan:
-        """Return the plan of the samples of a unit of work alone, numbered from 0."""
-        return self.samples(unit_samples(self.study)[number])
-
-    def samples(self, samples: slice) -> DatasetPlan:
-        """Return the plan of consecutive samples alone, numbered from 0."""
-        study, needle, seed, contact = self.study.dataset, self.study.needle, self.seed[samples], self.contact[samples]
-        groups = [study.group[number] for number in self.group[contact]]
-        uniform = np.array([np.random.default_rng(number).random(len(DRAWS)) for number in seed])
-        draws = dict(zip(DRAWS, uniform.reshape(-1, len(DRAWS)).T, strict=True))
-        force_n = np.array([group.max_force_n for group in groups]) * draws["force"]
-        return DatasetPlan(
-            force_n=force_n, target=np.array([self.study.classes.classify(force) for force in force_n], dtype=np.uint8),
-            thickness_m=np.array([group.thickness_m for group in groups]), contact=contact.astype(np.int32),
-            polar_rad=self.polar_rad[contact], azimuth_rad=self.azimuth_rad[contact],
-            gap_m=np.full(len(seed), needle.gap_m) if study.gap_m is None else _at(study.gap_m, draws["gap"]),
-            tilt_rad=_at(study.tilt_rad, draws["tilt"]), direction_rad=_at(study.direction_rad, draws["direction"]),
-            framing_lateral_m=_at(study.framing_lateral_m, draws["framing_lateral"]),
-            framing_depth_m=_at(study.framing_depth_m, draws["framing_depth"]), validation=self.validation[contact],
-            seed=seed,
-        )  # fmt: skip
-
-
-def draft_plan(study: Study) -> PlanDraft:
-    """Draw the contacts of a plan and the seeds of its samples."""
-    rng, parts = np.random.default_rng(study.dataset.seed), []
-    for number, group in enumerate(study.dataset.group):
-        contacts = min(study.dataset.contacts, group.images)
-        unseen = min(max(round(study.dataset.validation_fraction * contacts), 1), contacts - 1)  # both sets get some
-        polar_rad = study.needle.polar_angle_rad.sample(rng, contacts)
+    dataset, needle = study.dataset, study.needle
+    rng, parts = np.random.default_rng(dataset.seed), []
+    for group in dataset.group:
+        contacts = min(dataset.contacts, group.images)
+        unseen = min(max(round(dataset.validation_fraction * contacts), 1), contacts - 1)  # both sets get some
+        polar_rad = needle.polar_angle_rad.sample(rng, contacts)
         azimuth_rad = rng.uniform(0.0, 2.0 * np.pi, contacts)
         validation = rng.permutation(np.arange(contacts) < unseen)
         spread = group.images // contacts + (np.arange(contacts) < group.images % contacts)
-        seed = rng.integers(0, 2**32, group.images, dtype=np.uint32)
-        parts.append((np.full(contacts, number), polar_rad, azimuth_rad, validation, spread, seed))
-    group_of, polar, azimuth, validates, spreads, seeds = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return PlanDraft(study, group_of, polar, azimuth, validates, np.repeat(np.arange(len(spreads)), spreads), seeds)
+        parts.append((polar_rad, azimuth_rad, validation, spread, rng.integers(0, 2**32, group.images, np.uint32)))
+    polar, azimuth, validates, spreads, seed = (np.concatenate(each) for each in zip(*parts, strict=True))
+    contact, groups = (
+        np.repeat(np.arange(len(spreads)), spreads),
+        [one for one in dataset.group for _ in range(one.images)],
+    )
+    uniform = np.array([np.random.default_rng(number).random(len(DRAWS)) for number in seed])
+    draws = dict(zip(DRAWS, uniform.T, strict=True))
+    force_n = np.array([group.max_force_n for group in groups]) * draws["force"]
+    return DatasetPlan(
+        force_n=force_n, target=np.array([study.classes.classify(force) for force in force_n], dtype=np.uint8),
+        thickness_m=np.array([group.thickness_m for group in groups]), contact=contact.astype(np.int32),
+        polar_rad=polar[contact], azimuth_rad=azimuth[contact],
+        gap_m=np.full(len(seed), needle.gap_m) if dataset.gap_m is None else _at(dataset.gap_m, draws["gap"]),
+        tilt_rad=_at(dataset.tilt_rad, draws["tilt"]), direction_rad=_at(dataset.direction_rad, draws["direction"]),
+        framing_lateral_m=_at(dataset.framing_lateral_m, draws["framing_lateral"]),
+        framing_depth_m=_at(dataset.framing_depth_m, draws["framing_depth"]), validation=validates[contact], seed=seed,
+    )  # fmt: skip
 
 
 def _at(sampled: Sampled, uniform: Floats) -> Floats:
@@ -425,7 +400,7 @@ def generate_dataset(
     report(len(plan) - missing)
     workers = workers or available_cores()
     near = None if library is None else near_library(study, plan, library)
-    prepare = partial(_making, study, modulus, near)
+    prepare = partial(_making, study, modulus, near, plan)
     if near is None or isinstance(workers, ClusterWorkers):
         results = work_units(prepare, todo, workers)
     else:  # drawing takes less time than processes take to start
@@ -439,9 +414,11 @@ def generate_dataset(
     return Generation(len(plan), missing, perf_counter() - start)
 
 
-def _making(study: Study, youngs_modulus_pa: float, library: Library | None) -> Callable[[int], Bytes]:
+def _making(
+    study: Study, youngs_modulus_pa: float, library: Library | None, plan: DatasetPlan
+) -> Callable[[int], Bytes]:
     """Return the worker's function from a unit's number to its slices, drawn from the library or simulated."""
-    draft, simulator = draft_plan(study), SampleSimulator(study, youngs_modulus_pa)
+    units, simulator = unit_samples(study), SampleSimulator(study, youngs_modulus_pa)
     if library is None:
-        return lambda unit: simulator.slices(draft.unit(unit))
-    return lambda unit: library_slices(study, youngs_modulus_pa, draft.unit(unit), library)
+        return lambda unit: simulator.slices(plan.part(units[unit]))
+    return lambda unit: library_slices(study, youngs_modulus_pa, plan.part(units[unit]), library)

@@ -17,7 +17,6 @@ from scleraforce.library.fit_loops import cut_wall, find_curve, force_at, librar
 from scleraforce.library.sealed import level_of, pressure_at_dent
 from scleraforce.library.search_loops import UNKNOWNS, Problem, Work, dot, factorise, solve
 from scleraforce.library.splines import value_of
-from scleraforce.segmentation.loops import nth
 
 DENTS = 14
 STARTS = 2
@@ -35,7 +34,7 @@ LARGEST_N = 90e-3  # half as much again as the forces of a needle
 class Surface(NamedTuple):
     """Some places of an outer boundary and their depth, m, the largest shift of a wall laid on it, and workspace.
 
-    `grid_m` (grid,): depths of a wall at the places of a grid; `rest_m` (2, place): what is left of the depths, twice.
+    `grid_m` (grid,): depths of a wall at the places of a grid; `rest_m` (place,): what is left of the depths.
     """
 
     lateral_m: Floats
@@ -53,7 +52,7 @@ def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface
         place = count - 1 if point == POINTS - 1 else int(point * max(1.0, (count - 1) / (POINTS - 1)))
         some[0, point], some[1, point] = lateral_m[place], depth_m[place]
     reach = int(np.ceil((max(-lateral_m[0], lateral_m[count - 1]) + farthest_m) / GRID_M)) + 1
-    return Surface(some[0], some[1], farthest_m, np.empty(2 * reach + 1), np.empty(some.shape))
+    return Surface(some[0], some[1], farthest_m, np.empty(2 * reach + 1), np.empty(some.shape[1]))
 
 
 @compiled_part
@@ -78,14 +77,15 @@ def _lay(problem: Problem, surface: Surface, unknown: Floats, pose: Floats, work
             after = segment + 1
             steep = (down[after] - down[segment]) / (lateral[after] - lateral[segment])
         grid_m[place] = down[segment] + steep * (along - lateral[segment])
-    best, rest_m, moved_m, count = np.inf, surface.rest_m[0], surface.rest_m[1], len(surface.rest_m[0])
+    best, rest_m, count = np.inf, surface.rest_m, len(surface.rest_m)
     for number in range(int(np.ceil(2.0 * surface.farthest_m / SHIFT_M + 0.5))):
         shift, off = number * SHIFT_M - surface.farthest_m, 0.0
         for place in range(count):
             cell = int(np.rint((surface.lateral_m[place] - shift) / GRID_M)) + reach
-            rest_m[place] = moved_m[place] = surface.depth_m[place] - grid_m[cell]
-        upper = nth(moved_m, count, count // 2)
-        middle = 0.5 * (upper + (upper if count % 2 else moved_m[: count // 2].max()))  # its lower half lies there
+            rest_m[place] = surface.depth_m[place] - grid_m[cell]
+        halves_m = np.partition(rest_m, count // 2)
+        upper = halves_m[count // 2]
+        middle = 0.5 * (upper + (upper if count % 2 else halves_m[: count // 2].max()))
         for place in range(count):
             if off < best:
                 off += min(np.abs(rest_m[place] - middle), FAR_M) / count

@@ -13,7 +13,7 @@ import numpy as np
 
 from scleraforce.arrays import Counts, Flags, Indices, Singles
 from scleraforce.compiled import compiled
-from scleraforce.segmentation.loops import best_path, mean_of_neighbours, mirrored, multiply_add, nth, sample_rows
+from scleraforce.segmentation.loops import best_path, mean_of_neighbours, mirrored, multiply_add, sample_rows
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm
@@ -226,7 +226,7 @@ def _standing_out(jump: Singles) -> Singles:
         for edge in range(FIRST_EDGE, AFTER_EDGE, 2):
             sizes[number] = abs(jump[group, edge])
             number += sizes[number] > 0
-    typical = np.float64(nth(sizes, number, number // 2)) if number else 0.0
+    typical = np.float64(np.partition(sizes[:number], number // 2)[number // 2]) if number else 0.0
     half_share = np.float64(np.float32(0.5 / (groups - POOLED)))
     for edge in range(edges):
         total = 0.0

@@ -19,7 +19,6 @@ import numpy as np
 from scleraforce.arrays import Counts, Flags, Integers
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.loops import nth, nth_count
 
 Lit = tuple[int, int, int, int, Flags, float]
 
@@ -118,7 +117,8 @@ def _contrast(frame: Counts) -> float:
             number += lit
     if number < LEAST_PAIRS:
         return 0.0
-    least = nth_count(mean.ravel(), mean.size, mean.size - number + int(DIMMER * number))
+    place = mean.size - number + int(DIMMER * number)
+    least = np.partition(mean.ravel(), place)[place]
     share, chosen = np.empty(mean.size, np.float32), 0
     for row in range(len(mean)):
         line, line_mean = frame[step * row], mean[row]
@@ -127,8 +127,9 @@ def _contrast(frame: Counts) -> float:
                 one, other = np.int32(line[at + PAIR_COLUMNS]), np.int32(line[at])
                 share[chosen] = np.float32(abs(one - other)) / np.float32(one + other)
                 chosen += 1
-    upper = nth(share, chosen, chosen // 2)
-    lower = upper if chosen % 2 else share[: chosen // 2].max()  # `nth` has put the smaller ones there
+    halves = np.partition(share[:chosen], chosen // 2)
+    upper = halves[chosen // 2]
+    lower = upper if chosen % 2 else halves[: chosen // 2].max()
     return float(np.float32(0.5) * (lower + upper))
 
 
@@ -214,7 +215,8 @@ def noise_floor(cells: Counts) -> int:
         for column in range(0, columns, 2):
             sample[lit] = cells[row, column]
             lit += cells[row, column] > black
-    return nth_count(sample, lit, int(FLOOR_SHARE * lit)) if lit else 0
+    place = int(FLOOR_SHARE * lit)
+    return int(np.partition(sample[:lit], place)[place]) if lit else 0
 
 
 @compiled
@@ -225,6 +227,6 @@ def brighter_columns(cells: Counts, rows: int) -> Integers:
     for row in range(min(rows, len(cells))):
         for column in range(columns):
             total[column] += np.float32(cells[row, column])
-    ordered = total.copy()
-    middle, low = nth(ordered, columns, columns // 2), nth(ordered, columns, columns // 6)
+    ordered = np.sort(total)
+    middle, low = ordered[columns // 2], ordered[columns // 6]
     return np.flatnonzero(total > middle + STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle))

@@ -1,4 +1,4 @@
-"""Loops that several steps share: ranks, light between pixels, windows, straight lines, the best path.
+"""Loops that several steps share: light between pixels, windows, straight lines, the best path.
 
 They are compiled (`scleraforce.compiled`) and write into arrays that the caller owns.
 """
@@ -33,47 +33,6 @@ def _multiply_add() -> Callable[..., Any]:
 
 
 multiply_add = _multiply_add()
-
-
-@compiled
-def nth_count(counts: Counts, number: int, place: int) -> int:
-    """Return the count at a place of the first `number` ones in ascending order, by bisection."""
-    least = most = 0
-    for i in range(number):
-        most = max(most, np.int64(counts[i]))
-    while least < most:
-        middle, below = np.uint16((least + most) >> 1), 0
-        for i in range(number):
-            below += counts[i] <= middle
-        least, most = (least, np.int64(middle)) if below > place else (np.int64(middle) + 1, most)
-    return least
-
-
-@compiled
-def nth(values: NDArray[np.floating[Any]], number: int, place: int) -> Any:
-    """Return the value at a place of the first `number` ones in ascending order; they are moved.
-
-    Hoare's FIND (1961): parts are exchanged about a middle one until the place alone is left.
-    """
-    first, last = 0, number - 1
-    while first < last:
-        middle, low, high = values[(first + last) // 2], first, last
-        while low <= high:
-            while values[low] < middle:
-                low += 1
-            while values[high] > middle:
-                high -= 1
-            if low <= high:
-                values[low], values[high] = values[high], values[low]
-                low += 1
-                high -= 1
-        if place <= high:
-            last = high
-        elif place >= low:
-            first = low
-        else:
-            return values[place]
-    return values[place]
 
 
 @compiled

@@ -14,16 +14,7 @@ import numpy as np
 
 from scleraforce.arrays import Counts, Flags, Indices, Integers, Singles
 from scleraforce.compiled import compiled
-from scleraforce.segmentation.loops import (
-    best_path,
-    best_rows,
-    is_path,
-    mirrored,
-    nth,
-    nth_count,
-    open_rows,
-    sample_rows,
-)
+from scleraforce.segmentation.loops import best_path, best_rows, is_path, mirrored, open_rows, sample_rows
 
 ROWS = 2  # ... and rows of the grid taken as one
 BRIGHT_SHARE = 0.985  # of the cells are darker than bright tissue
@@ -113,7 +104,8 @@ def _scaled_level(tissue: Counts) -> Singles:
         for pair in range(pairs):
             sample[number] = tissue[row, pair]
             number += 1
-    bright = nth_count(sample, number, int(BRIGHT_SHARE * number))
+    place = int(BRIGHT_SHARE * number)
+    bright = np.partition(sample[:number], place)[place]
     scale, level = np.float32(1.0 / max(float(bright), 1e-6)), np.empty(tissue.shape, np.float32)
     for row in range(rows):
         for pair in range(pairs):
@@ -309,4 +301,5 @@ def quantile_of_chosen(of: Singles, chosen: Flags, share: float) -> np.float32:
         if chosen[at]:
             values[number] = of[at]
             number += 1
-    return nth(values, number, int(share * number)) if number else np.float32(np.nan)
+    place = int(share * number)
+    return np.partition(values[:number], place)[place] if number else np.float32(np.nan)
