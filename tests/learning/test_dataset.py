@@ -352,4 +352,4 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library
 
 def test_a_force_beyond_the_library_is_named(study, library):
     with pytest.raises(InputError, match=r"F/E: .* mm\^2 is outside the library's range, 0 to 0\.5 mm\^2"):
-        library_slices(study, 0.05e6, plan_dataset(study).part(slice(0, 4)), library)
+        library_slices(study, 0.05e6, plan_dataset(study), library)

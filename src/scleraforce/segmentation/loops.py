@@ -129,17 +129,7 @@ def _larger_or_smaller(one: Numbers, other: Numbers, larger: bool, to: Numbers) 
 @compiled
 def bridge(row: Singles, there: Flags) -> Singles:
     """Return a curve with straight lines over its missing points; not all are missing."""
-    last, bridged = -1, np.empty_like(row)
-    for at in range(len(row)):
-        if there[at]:
-            bridged[at] = row[at]
-            first = last + 1
-            for between in range(first, at):
-                bridged[between] = straight_line(between, last, at, row[last], row[at]) if last >= 0 else row[at]
-            last = at
-    for after in range(last + 1, len(row)):
-        bridged[after] = row[last]
-    return bridged
+    return np.interp(np.arange(len(row)), np.flatnonzero(there), row[there].astype(np.float64)).astype(np.float32)
 
 
 @compiled
@@ -148,26 +138,12 @@ def at_every_column(column: Singles, row: Singles, there: Flags, nearest: Intege
 
     If all of these are there, the other points count, too.
     """
-    everywhere, after, points, last = there[nearest].all(), 0, len(column), -1
-    for at in range(len(to)):
-        while after < points and (not (everywhere or there[after]) or column[after] <= at):
-            last = after if everywhere or there[after] else last
-            after += 1
-        if not there[nearest[at]]:
-            to[at] = np.nan
-        elif last < 0:
-            to[at] = row[after]
-        elif after == points:
-            to[at] = row[last]
-        else:
-            to[at] = straight_line(at, column[last], column[after], row[last], row[after])
-
-
-@compiled
-def straight_line(at: float, left: float, right: float, first: np.floating, last: np.floating) -> float:
-    """Return the straight line between two points, in the order of operations of `np.interp`."""
-    slope = (np.float64(last) - np.float64(first)) / (np.float64(right) - np.float64(left))
-    return slope * (np.float64(at) - np.float64(left)) + np.float64(first)
+    shown = there[nearest]
+    chosen = np.logical_or(there, shown.all())
+    if chosen.any():
+        at, known = column[chosen].astype(np.float64), row[chosen].astype(np.float64)
+        to[:] = np.interp(np.arange(len(to)), at, known)
+    to[~shown] = np.nan
 
 
 @compiled

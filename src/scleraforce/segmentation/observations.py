@@ -19,7 +19,6 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.walls import NOT_JUDGED, WALL, RecordedWalls
 from scleraforce.segmentation.found import Segmentation, surface_fault, without_wall
 from scleraforce.segmentation.light import LEAST_SHAPE
-from scleraforce.segmentation.loops import straight_line
 from scleraforce.study import SliceStudy
 
 STRETCH_M = 0.3e-3  # to either side of a point
@@ -201,11 +200,25 @@ def boundary_slices(
 
     Then follow what `dent_leaves` says of the first, and the distance between the ends of the surface in it, m.
     """
-    size = slice_study.rows, slice_study.columns
-    return _draw_slices(
-        segmentation.outer_row, segmentation.inner_row, size, slice_study.pixel_m, scale.lateral_m, scale.depth_m,
-        scale.refractive_index, np.array(shifts), segmentation.rows * scale.depth_m - BOTTOM_M,
-    )  # fmt: skip
+    columns, pixel_m = slice_study.columns, slice_study.pixel_m
+    lateral_m, outer_m = surface(segmentation, scale)
+    seen_m = lateral_m[(np.abs(lateral_m) <= columns * pixel_m / 2) & np.isfinite(outer_m)]
+    depth_bc = _slice_depths(segmentation, scale, columns, pixel_m)
+    middle_m = (np.arange(slice_study.rows)[:, None] + 0.5 + np.array(shifts)[:, None, None]) * pixel_m
+    walls = ((depth_bc[0] <= middle_m) & (middle_m < depth_bc[1])).view(np.uint8) * np.uint8(WALL)
+    return walls, dent_leaves(walls[0]), float(np.ptp(seen_m)) if len(seen_m) else 0.0
+
+
+def _slice_depths(segmentation: Segmentation, scale: PixelScale, columns: int, pixel_m: float) -> Floats:
+    """Return the depths of both boundaries at a slice's columns, (2, column), m, NaN where there is no wall."""
+    rows = segmentation.outer_row, segmentation.inner_row
+    there, width = np.isfinite(rows[0]) & np.isfinite(rows[1]), len(rows[0])
+    if not there.any():
+        return np.full((2, columns), np.nan)
+    at = (np.arange(columns) + 0.5 - columns / 2) * pixel_m / scale.lateral_m + width / 2 - 0.5
+    shown = (at >= -0.5) & (at <= width - 0.5) & there[np.clip(np.rint(at), 0, width - 1).astype(np.intp)]
+    outer_m, inner_m = ((np.interp(at, np.flatnonzero(there), row[there]) + 0.5) * scale.depth_m for row in rows)
+    return np.where(shown, [outer_m, outer_m + (inner_m - outer_m) / scale.refractive_index], np.nan)
 
 
 @compiled
@@ -230,60 +243,6 @@ def dent_leaves(cut: Bytes) -> bool:
             leaves = leaves or (last >= 0 and 2 * missing > column - last - 1)
             last, missing = column, 0
     return leaves
-
-
-@compiled
-def _draw_slices(
-    outer_row: Floats, inner_row: Floats, size: tuple[int, int], pixel_m: float, lateral_m: float, depth_m: float,
-    refractive_index: float, shifts: Floats, bottom_m: float,
-) -> tuple[Bytes, bool, float]:  # fmt: skip
-    """Return slices of `size` (rows, columns), shape (shift, row, column); `depth_m` is of a frame's row, optical."""
-    rows, columns = size
-    first, last = np.inf, -np.inf
-    for column in range(len(outer_row)):
-        place_m = (column + (0.5 - len(outer_row) / 2)) * lateral_m
-        if abs(place_m) <= columns * pixel_m / 2 and (outer_row[column] + 0.5) * depth_m < bottom_m:
-            first, last = min(first, place_m), place_m
-    depths = _depths(outer_row, inner_row, columns, pixel_m, lateral_m, depth_m, refractive_index)
-    outer_m, inner_m = depths[0], depths[1]
-    walls = np.empty((len(shifts), rows, columns), np.uint8)
-    for shift in range(len(shifts)):
-        for row in range(rows):
-            middle_m, line = (row + 0.5 + shifts[shift]) * pixel_m, walls[shift, row]
-            for column in range(columns):
-                line[column] = 255 if outer_m[column] <= middle_m < inner_m[column] else 0
-    return walls, dent_leaves(walls[0]), max(last - first, 0.0)
-
-
-@compiled
-def _depths(
-    outer_row: Floats, inner_row: Floats, columns: int, pixel_m: float, lateral_m: float, depth_m: float,
-    refractive_index: float,
-) -> Floats:  # fmt: skip
-    """Return the depths of both boundaries at a slice's columns, (2, column), m, NaN where there is no wall."""
-    width = len(outer_row)
-    there = np.empty(width, np.intp)  # the columns with a wall
-    number = behind = 0
-    for column in range(width):
-        if np.isfinite(outer_row[column]) and np.isfinite(inner_row[column]):
-            there[number] = column
-            number += 1
-    depths = np.full((2, columns), np.nan)
-    for column in range(columns):
-        at = (column + 0.5 - columns / 2) * pixel_m / lateral_m + width / 2 - 0.5
-        near = min(max(int(np.rint(at)), 0), width - 1)
-        if not (-0.5 <= at <= width - 0.5 and np.isfinite(outer_row[near]) and np.isfinite(inner_row[near])):
-            continue
-        while behind < number - 1 and there[behind + 1] <= at:
-            behind += 1
-        left, right = there[behind], there[min(behind + 1, number - 1)]
-        outer, inner = outer_row[left], inner_row[left]
-        if left < at and right > left:
-            outer = straight_line(at, left, right, outer, outer_row[right])
-            inner = straight_line(at, left, right, inner, inner_row[right])
-        depths[0, column] = (outer + 0.5) * depth_m
-        depths[1, column] = depths[0, column] + ((inner + 0.5) * depth_m - depths[0, column]) / refractive_index
-    return depths
 
 
 GIVEN_SD_ROWS = 2.0  # of the boundaries of a mask that a user, another network or the app gave

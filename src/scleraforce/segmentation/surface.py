@@ -250,21 +250,12 @@ def smooth_surface(found: Singles) -> None:
         longer[number + 4 + step] = 2 * found[number - 1] - found[number - 2 - step]
     longer[4 : number + 4] = found
     for at in range(2, number + 6):
-        median[at] = _median_of_five(longer[at - 2 : at + 3])
+        median[at] = np.median(longer[at - 2 : at + 3])
     for at in range(number):
         total = 0.0
         for step in range(2, 7):
             total += np.float64(median[at + step])
         found[at] = np.float32(total * 0.2)
-
-
-@compiled
-def _median_of_five(values: Singles) -> np.float32:
-    """Return the median of five: of the lower of the larger ones and the larger of the lower ones, and the fifth."""
-    a, b, c, d, e = values[0], values[1], values[2], values[3], values[4]
-    low = max(min(a, b), min(c, d))  # the smallest of the four is not it
-    high = min(max(a, b), max(c, d))  # nor is the largest
-    return max(min(low, high), min(max(low, high), e))
 
 
 @compiled
