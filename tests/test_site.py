@@ -65,8 +65,8 @@ def test_the_reference_has_every_public_function_and_every_command(site: Path) -
 
 def test_the_notebooks_run_and_their_pages_show_what_they_print_and_draw(site: Path) -> None:
     printed = {
-        "first_reading": ["known E:   <Answer: class 1, 18", "class 2, 4", "<Recording"],
-        "my_own_recording": ["0.31 MPa", "3 of 3 classes right"],
+        "first_reading": ["known E:   <Answer: class 1, 18", "class 2, 4", "3 in ", "force18"],
+        "my_own_recording": ["0.31 MPa", "classes right3 of 3", "predicted_force_mn"],
         "simulate_and_plot": ["SimulatedEye: 50.0 mN"],
     }
     assert [path.stem for path in NOTEBOOKS] == list(printed)

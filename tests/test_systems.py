@@ -30,7 +30,7 @@ LINUX = {"os": OF_OS, "signal": OF_SIGNAL, "socket": OF_SOCKET}
 # Module and name: used with hasattr, with its exception caught, or after the monitor has refused other systems.
 GUARDED = {
     ("processes", "sched_getaffinity"), ("processes", "pthread_sigmask"), ("installation", "sysconf"),
-    ("cli.monitor", "SIGHUP"), ("cli.monitor", "SIGQUIT"), ("cli.monitor", "SIGTTOU"),
+    ("cli.monitor", "SIGHUP"), ("cli.monitor", "SIGQUIT"), ("cli.monitor", "SIGTTOU"), ("app.commands", "pty"),
 }  # fmt: skip
 SMALL = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 20\n"
 # Run in a Python, it removes the functions of Linux alone.

@@ -6,7 +6,6 @@ The page shows the same command lines, so that every step can be repeated withou
 import atexit
 import json
 import os
-import pty
 import re
 import shlex
 import signal
@@ -22,6 +21,12 @@ from typing import Any
 from scleraforce.errors import InputError
 from scleraforce.notebook.frames import utc_now
 from scleraforce.whole_files import write_whole
+
+try:
+    from pty import openpty
+except ImportError:  # Windows has none: no progress is shown
+    from os import pipe as openpty
+
 
 # -P: modules in the working directory, the folder of data, are not imported.
 COMMAND = (sys.executable, "-P", "-c", "from scleraforce.cli.main import main; main()")
@@ -59,7 +64,7 @@ class Job:
     def started(cls, words: Sequence[str], folder: Path, kept: Path) -> "Job":
         """Start a command in a folder; it is interrupted when this process ends."""
         job = cls(tuple(words), kept)
-        ours, theirs = pty.openpty()  # progress bars are drawn for a terminal only
+        ours, theirs = openpty()  # progress bars are drawn for a terminal only
         try:
             job._process = subprocess.Popen([*COMMAND, *words, "--json"], cwd=folder, stdin=subprocess.DEVNULL,
                                             stdout=subprocess.PIPE, stderr=theirs, start_new_session=True)  # fmt: skip

@@ -140,7 +140,7 @@ class Evaluation:
 
     def _repr_html_(self) -> str:
         """The metrics, for Jupyter."""
-        facts = {"frames": str(len(self.frames)), "classes right": self.accuracy.words()}
+        facts = {"frames": str(len(self.frames)), "classes right": f"{self.accuracy.hits} of {self.accuracy.total}"}
         if self.forces:
             facts["force error"] = f"{from_si(self.mae_n, 'mn'):.2f} mN in the mean"
             facts["90 % interval and label agree"] = self.coverage.words()
