@@ -212,7 +212,6 @@ def _fill_columns(section: Section, oct_study: OctStudy, optics: BscanOptics) ->
 
 
 def _filled(part_m: Singles, row_m: Singles) -> Singles:
-    """Return the filled fraction of each pixel."""
     hair_m = 1e-4 * row_m.max()  # what rounding leaves
     return (np.where(part_m > hair_m, part_m, 0.0) / row_m).astype(np.float32)
 

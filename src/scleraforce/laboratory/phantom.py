@@ -325,7 +325,6 @@ def _pierced_sections(plan: PhantomPlan, sections_at: SectionsAt) -> tuple[Seque
 
 
 def _still(plan: PhantomPlan, sections_at: SectionsAt) -> LinearSections | BentSections:
-    """Return the sections of an eye that can be pierced."""
     if isinstance(sections_at, LeakingSections) or not isinstance(sections_at, LinearSections | BentSections):
         raise RecordingError(f"eye {plan.eye.id}: puncture: of an eye that keeps still and does not leak")
     return sections_at
@@ -462,7 +461,6 @@ def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
 
 
 def _turn_truth(eye: PhantomEye, turn: EyeTurn, study: Study) -> dict[str, float]:
-    """Return a turn of the eye and the needle's contact there."""
     contact = virtual_eye.turned_plane(eye.plane, turn).contact
     return {**asdict(turn), **asdict(contact), "thickness_at_contact_m": _thickness_at(eye, contact, study)}
 

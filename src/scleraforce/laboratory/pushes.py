@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scleraforce.arrays import Flags, Floats
+from scleraforce.laboratory.light import drawn
 from scleraforce.mechanics.material import ELASTIC, PronySeries
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.study import PhantomStudy, draw
@@ -153,13 +154,11 @@ def plan_puncture(
 
 def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> ForceSensor:
     """Draw the sensor of one recording."""
-    x, y, z = (draw(phantom.force_offset_n, rng) for _ in range(3))
-    drift_n_per_s, noise_n = draw(phantom.force_drift_n_per_s, rng), draw(phantom.force_noise_n, rng)
-    cross_talk = draw(phantom.cross_talk_fraction, rng), draw(phantom.cross_talk_fraction, rng)
-    return ForceSensor(
-        offset_n=(x, y, z), drift_n_per_s=drift_n_per_s, noise_n=noise_n, step_n=phantom.force_step_n,
-        cross_talk_fraction=cross_talk, torque_noise_nm=draw(phantom.torque_noise_nm, rng),
-        rate_hz=phantom.sample_rate_hz,
+    return drawn(
+        ForceSensor, phantom, rng, "force_", step_n=phantom.force_step_n, rate_hz=phantom.sample_rate_hz,
+        offset_n=lambda: tuple(draw(phantom.force_offset_n, rng) for _ in range(3)),
+        cross_talk_fraction=lambda: tuple(draw(phantom.cross_talk_fraction, rng) for _ in range(2)),
+        torque_noise_nm=lambda: draw(phantom.torque_noise_nm, rng),
     )  # fmt: skip
 
 

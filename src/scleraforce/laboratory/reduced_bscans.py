@@ -6,7 +6,6 @@ fold over, the speckle of neighbouring cells is independent, and thin bright lin
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import log, pi, sqrt
 
 import numpy as np
@@ -25,14 +24,7 @@ DARKEST = 1e-6  # share of light: below it there is none
 BEYOND_EDGE = 0.23
 
 
-@dataclass(frozen=True, eq=False)
-class _Layer:
-    """Tissue from one depth to another (frame, column), m in the picture."""
-
-    top_m: Reals
-    bottom_m: Reals
-    level_db: Reals  # (frame, column), at its upper edge, over the noise
-    falls_db_per_m: Reals  # (frame, 1)
+Layer = tuple[Reals, Reals, Reals, Reals]  # from and to a depth, m; level there, dB; its fall, dB/m; see `_layers`
 
 
 def draw_reduced(
@@ -83,8 +75,11 @@ def _light(optics: Sequence[BscanOptics], window: FrameWindow) -> Reals:
 
 def _layers(
     surface_m: Reals, wall_m: Reals, optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow
-) -> tuple[_Layer, ...]:
-    """Return the layer over the wall (at least the light beyond its edge), the wall and the choroid."""
+) -> tuple[Layer, ...]:
+    """Return the layer over the wall (at least the light beyond its edge), the wall and the choroid.
+
+    Depths are (frame, column) in the picture, levels (frame, column) over the noise, falls (frame, 1).
+    """
     outer_m, inner_m = wall_m[:, OUTER], wall_m[:, INNER]
     index, light = oct_study.refractive_index, _light(optics, window)
     falls, choroid_falls = (
@@ -97,9 +92,9 @@ def _layers(
     behind = light + _each(optics, "choroid_level_db") - falls * (inner_m - surface_m)
     choroid_m = index * _each(optics, "choroid_thickness_m")
     return (
-        _Layer(surface_m - beyond_m, outer_m, over + falls * beyond_m, falls),
-        _Layer(outer_m, inner_m, light - falls * (outer_m - surface_m), falls),
-        _Layer(inner_m, inner_m + choroid_m, behind, choroid_falls),
+        (surface_m - beyond_m, outer_m, over + falls * beyond_m, falls),
+        (outer_m, inner_m, light - falls * (outer_m - surface_m), falls),
+        (inner_m, inner_m + choroid_m, behind, choroid_falls),
     )
 
 
@@ -117,16 +112,16 @@ def _looks(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWind
 
 
 def _speckled(
-    layers: Sequence[_Layer], light_db: Singles | np.float32, displayed: Displayed, speckles: Reals, pixels: float,
+    layers: Sequence[Layer], light_db: Singles | np.float32, displayed: Displayed, speckles: Reals, pixels: float,
     window: FrameWindow,
 ) -> tuple[Singles, Singles]:  # fmt: skip
     """Return the mean count of each cell and its variance (frame, row, column)."""
     cells = (len(speckles), window.rows, window.columns)
     empty, mean, variance = np.ones(cells, np.float32), np.zeros(cells, np.float32), np.zeros(cells, np.float32)
-    for layer in layers:
-        share, below_m = _covered(window, layer.top_m, layer.bottom_m)
-        fallen_db = below_m * layer.falls_db_per_m[..., None].astype(np.float32)
-        of_layer = displayed.moments(_there(layer.level_db) - fallen_db + light_db)
+    for top_m, bottom_m, level_db, falls_db_per_m in layers:
+        share, below_m = _covered(window, top_m, bottom_m)
+        fallen_db = below_m * falls_db_per_m[..., None].astype(np.float32)
+        of_layer = displayed.moments(_there(level_db) - fallen_db + light_db)
         empty -= share
         mean += share * of_layer[0]
         variance += share * of_layer[1]

@@ -269,15 +269,11 @@ def _section(eye: ImagedEye, scanner: OctStudy) -> Section:
     lateral_m = (columns + 0.5) * eye.scale.lateral_m - scanner.width_m / 2
     outer_m = (eye.surface_row[columns] + 0.5) * eye.scale.depth_m
     inner_m = outer_m + (eye.wall.inner_row - eye.wall.outer_row)[columns] * eye.row_m
-    curves = []
-    for depth_m in (outer_m, inner_m):
-        curve = np.stack([lateral_m, depth_m], axis=1)
-        before, after = ([[end[0] + side * BEYOND_M, end[1]]] for side, end in ((-1, curve[0]), (1, curve[-1])))
-        left, right = eye.bands
-        parts = [before] * bool(columns[0] <= left + 1) + [curve]
-        parts += [after] * bool(columns[-1] >= len(eye.walled) - right - 2)
-        curves.append(np.concatenate(parts))
-    return Section(*curves)
+    left, right = eye.bands
+    beyond = int(columns[0] <= left + 1), int(columns[-1] >= len(eye.walled) - right - 2)
+    ends_m = lateral_m[0] - BEYOND_M, lateral_m[-1] + BEYOND_M
+    lateral_m = np.pad(lateral_m, beyond, constant_values=ends_m)
+    return Section(*(np.stack([lateral_m, np.pad(m, beyond, mode="edge")], axis=1) for m in (outer_m, inner_m)))
 
 
 MOST_NAMES = 20  # of frames that are listed
@@ -320,7 +316,6 @@ def _line(name: str, phantom: dict[str, str], scanner: MeasuredScanner) -> str:
 
 
 def _sections(text: str) -> dict[str, dict[str, str]]:
-    """Return the lines of a study's text by section and key."""
     found: dict[str, dict[str, str]] = {}
     for line in text.splitlines():
         if line.startswith("["):

@@ -1,6 +1,5 @@
 """Things over the tissue of a scene: contact lens, glass, drape, lids, bubbles, a needle; vessels, air and shadows."""
 
-from dataclasses import dataclass
 from functools import partial
 from math import cos, sin
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.laboratory.light import Shadow, ratios, transmission
-from scleraforce.laboratory.scene_tissue import Picture, Ridge, Tissue, outline_depths
+from scleraforce.laboratory.scene_tissue import Ridge, Tissue, outline_depths
 from scleraforce.study import SceneOverStudy, draw
 
 OPAQUE_PER_M = 40e3  # attenuation of metal
@@ -18,16 +17,12 @@ HAZY_SHARE, HAZE_DB = 0.3, 20.0  # of the contact lenses; below their faces' lig
 AIR_PASS = 0.02  # share of the light that gets through air between wet surfaces
 
 
-@dataclass(frozen=True)
 class _Over:
     """The drawing that things over the tissue are added to."""
 
-    study: SceneOverStudy
-    tissue: Tissue
-    picture: Picture
-    rng: np.random.Generator
-    lateral_m: Floats
-    surface_m: Floats
+    def __init__(self, study: SceneOverStudy, tissue: Tissue) -> None:
+        self.study, self.tissue, self.picture, self.rng = study, tissue, tissue.picture, tissue.rng
+        self.lateral_m, self.surface_m = tissue.rays.window.lateral_m, tissue.rays.surface_m
 
     def row(self, depth_m: Floats) -> Floats:
         return self.picture.window.row(depth_m)
@@ -58,8 +53,7 @@ class _Over:
 
 def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
     """Draw things over the tissue and vessels in it; a needle is put into the wall's dent if it has one."""
-    rng, dent_m, rays = tissue.rng, tissue.wall.dent_m, tissue.rays
-    over = _Over(study, tissue, tissue.picture, rng, rays.window.lateral_m, rays.surface_m)
+    rng, dent_m, over = tissue.rng, tissue.wall.dent_m, _Over(study, tissue)
     _vessels(over)
     for share, thing in (
         (study.contact_lens_share, _contact_lens), (study.coverslip_share, _coverslip), (study.drape_share, _drape),
@@ -115,7 +109,6 @@ def _contact_lens(over: _Over) -> None:
 
 
 def _specks(over: _Over, top_m: Floats) -> None:
-    """Scatter bright specks between a lens and the surface."""
     count = int(draw(over.study.speck_count, over.rng))
     column = over.rng.integers(0, len(top_m), count)
     depth_m = top_m[column] + over.rng.random(count) * (over.surface_m - top_m)[column]
@@ -126,7 +119,6 @@ def _specks(over: _Over, top_m: Floats) -> None:
 
 
 def _coverslip(over: _Over) -> None:
-    """Draw a glass plate: two straight lines over the tissue."""
     study, rng = over.study, over.rng
     if not np.isfinite(over.surface_m).any():
         return

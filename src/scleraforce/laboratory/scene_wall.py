@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from scleraforce.arrays import Floats
 from scleraforce.laboratory.light import Pose, drawn
@@ -164,7 +165,6 @@ def _slope(
 
 
 def _waves(eye: SceneEyeStudy, arc_m: Floats, rng: np.random.Generator) -> Floats:
-    """Return smooth random ups and downs of about unit size."""
     length_m = draw(eye.wave_length_m, rng) * rng.uniform(0.6, 1.6, WAVES)
     phase = rng.uniform(0.0, 2.0 * np.pi, WAVES)
     return np.sin(2.0 * np.pi * arc_m[:, None] / length_m + phase).mean(axis=1)
@@ -173,8 +173,7 @@ def _waves(eye: SceneEyeStudy, arc_m: Floats, rng: np.random.Generator) -> Float
 def _integrated(slope: Floats) -> Floats:
     """Return the meridian of a slope, its middle at 0, 0; shape (point, 2)."""
     tangent = np.stack([np.cos(slope), np.sin(slope)], axis=1)
-    steps = np.concatenate([np.zeros((1, 2)), (tangent[1:] + tangent[:-1]) * (STEP_M / 2)])  # trapezium rule
-    points = np.cumsum(steps, axis=0)
+    points = cumulative_trapezoid(tangent, dx=STEP_M, axis=0, initial=0)
     return points - points[len(points) // 2]
 
 

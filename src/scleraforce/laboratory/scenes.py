@@ -169,7 +169,6 @@ def _cursor(share: Singles, rng: np.random.Generator) -> None:
 
 
 def _box(share: Singles, rng: np.random.Generator) -> None:
-    """Draw a small frame in a corner."""
     top, height, left, width = _corner(share, rng)
     bright = np.float32(rng.uniform(0.3, 1.0))
     share[top : top + height, [left, left + width]] = bright
@@ -243,7 +242,6 @@ def _steps(frame: Pixels, boundary: Floats, rows: int, bright_side: int, least: 
 
 
 def _across(values: Floats) -> Floats:
-    """Return the means over neighbouring columns."""
     width = 2 * round(ACROSS_SHARE * len(values) / 2) + 1
     return np.convolve(np.pad(values, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
 

@@ -330,20 +330,15 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lin
 
 
 def _value(hint: Any, value: Any, place: str) -> Any:
-    if isinstance(hint, UnionType) and Range in get_args(hint):
-        return _sampled(value, place)
     if get_origin(hint) is tuple:
         return tuple(_value(get_args(hint)[0], entry, place) for entry in _entries(value, place))
-    return _scalar(hint, value, place)
-
-
-def _sampled(value: Any, place: str) -> Choice | Range:
-    if isinstance(value, dict):
-        if set(value) != {"min", "max"}:
-            raise StudyError(f"{place}: a range is {{ min = a, max = b }}")
-        return Range(min=_scalar(float, value["min"], place), max=_scalar(float, value["max"], place))
-    entries = _entries(value if isinstance(value, list) else [value], place)
-    return Choice(tuple(_scalar(float, entry, place) for entry in entries))
+    if not (isinstance(hint, UnionType) and Range in get_args(hint)):
+        return _scalar(hint, value, place)
+    if not isinstance(value, dict):
+        return Choice(_value(tuple[float, ...], value if isinstance(value, list) else [value], place))
+    if set(value) != {"min", "max"}:
+        raise StudyError(f"{place}: a range is {{ min = a, max = b }}")
+    return Range(**{end: _scalar(float, number, place) for end, number in value.items()})
 
 
 def _entries(value: Any, place: str, wanted: str = "a list", kind: type = object) -> list[Any]:
@@ -424,9 +419,7 @@ FINITE_STRAIN_ONLY = (
     "mechanics.follower", "tissue.stiffening", "tissue.softer_through", "tissue.stiffer_around", "globe.kind",
     "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law", *LEAK,
 )  # fmt: skip
-SUPPORTS = tuple(
-    f"supports.{field_key(item)}" for item in dataclasses.fields(SupportsStudy)
-)  # kind, bed (2), straps (2)
+SUPPORTS = tuple(f"supports.{field_key(item)}" for item in dataclasses.fields(SupportsStudy))
 EYE_MOVEMENT = ("phantom.eye_drift_deg", "phantom.eye_saccade_deg")
 SHARED_WALL = (*FINITE_STRAIN_ONLY, *SUPPORTS)  # walls that serve many contacts: even, clamped at the base
 LIBRARY = (*SHARED_WALL, "eye.density_kg_m3")  # walls of revolution about the needle, without weight
@@ -476,14 +469,13 @@ def _changed(study: Study) -> Iterator[str]:
 
 
 def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
-    supports = study.supports
-    parts = {"bed": (supports.has_bed, SUPPORTS[1:3]), "straps": (supports.has_straps, SUPPORTS[3:])}
+    supports, (_, *bed, strap, azimuth) = study.supports, SUPPORTS
+    parts = {"bed": (supports.has_bed, bed), "straps": (supports.has_straps, (strap, azimuth))}
     for part, (there, keys) in parts.items():
         for key in () if there else keys:
             yield key, f'supports.kind = "{supports.kind}"', f'"{part}" or "bed-and-straps"'
     if study.needle.tilt_rad == 0.0:
         yield "needle.tilt_direction_deg", "needle.tilt_deg = 0", "a tilt"
     if study.globe.kind == "open":
-        yield "globe.rigidity_mmhg13_per_ul", 'globe.kind = "open"', '"sealed"'
-        yield "globe.rigidity_law", 'globe.kind = "open"', '"sealed"'
-        yield LEAK[0], 'globe.kind = "open"', '"sealed"'
+        for key in ("globe.rigidity_mmhg13_per_ul", "globe.rigidity_law", *LEAK):
+            yield key, 'globe.kind = "open"', '"sealed"'
