@@ -2,6 +2,7 @@
 
 import io
 import json
+import lzma
 import re
 import struct
 import zlib
@@ -133,13 +134,16 @@ def test_a_scale_is_taken_from_the_tags_where_it_is_one(tmp_path: Path) -> None:
         assert sizes_of(scan_of(tmp_path, RAMP, **options)) == size
 
 
-def tiff(rows: int, columns: int, strip: bytes, **tags: int) -> bytes:
+def tiff(rows: int, columns: int, strip: bytes, compression: int = 8, **tags: int) -> bytes:
     """Return a TIFF of 8 bits with one strip, whatever its tags say."""
-    values = {256: columns, 257: rows, 258: 8, 259: 8, 262: 1, 273: 8, 277: 1, 278: rows, 279: len(strip)}
+    values = {256: columns, 257: rows, 258: 8, 259: compression, 262: 1, 273: 8, 277: 1, 278: rows, 279: len(strip)}
     values |= {int(name.removeprefix("tag")): value for name, value in tags.items()}
     entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in sorted(values.items()))
     begin = struct.pack("<2sHI", b"II", 42, 8 + len(strip))
     return begin + strip + struct.pack("<H", len(values)) + entries + bytes(4)
+
+
+HUGE_LZMA = b"\x5d" + struct.pack("<Iq", 3 * 2**30, -1) + bytes(100)  # states a dictionary of 3 GiB
 
 
 def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
@@ -149,6 +153,10 @@ def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
         (tiff(60_000, 60_000, zlib.compress(bytes(100))), "60000 x 60000 pixels; a frame may have 64 million"),
         (tiff(64, 64, zlib.compress(bytes(100)), tag277=60_000), "with 60000 samples each; a frame may have"),
         (tiff(64, 64, zlib.compress(bytes(50_000_000))), "more is packed in it than"),
+        (tiff(64, 64, bytes([129, 0]) * 400_000, 32773), "more is packed in it than"),
+        (tiff(64, 64, lzma.compress(bytes(50_000_000), preset=0), 34925), "more is packed in it than"),
+        (tiff(64, 64, lzma.compress(bytes(4096)) + lzma.compress(bytes(50_000_000), preset=0), 34925), "data follows"),
+        (tiff(64, 64, HUGE_LZMA, 34925), "Memory usage limit"),
     ]:
         tifffile.TiffFile(io.BytesIO(content)).close()  # it is a TIFF
         with less_than(10e6), pytest.raises(FrameError, match=message):

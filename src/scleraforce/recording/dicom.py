@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime, tzinfo
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,9 +58,17 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
 @contextmanager
 def _opened(path: Path, data: bytes | None) -> "Iterator[FileDataset]":
     from pydicom import config, dcmread  # here, so that reading PNG needs OpenCV only
+    from pydicom.filereader import _read_file_meta_info, read_preamble
+    from pydicom.uid import DeflatedExplicitVRLittleEndian
 
     with config.disable_value_validation(), scans.named_faults(path, "DICOM"):
-        yield dcmread(path if data is None else BytesIO(data))
+        with path.open("rb") if data is None else BytesIO(data) as file:
+            read_preamble(file, force=False)
+            if _read_file_meta_info(file).get("TransferSyntaxUID", None) == DeflatedExplicitVRLittleEndian:
+                raise FrameError("a deflated DICOM file, whose size is not known in advance; save it uncompressed")
+            file.seek(0)
+            dataset = dcmread(file)
+        yield dataset
 
 
 def _grey_kind(dataset: "Dataset") -> str:
@@ -122,6 +131,9 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
     count = len(packed) if syntax == RLELossless else sum(each.startswith(JPEG_BEGINS) for each in (table, *packed))
     if count > frames:
         raise FrameError(f"damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images")
+    if syntax == RLELossless:
+        for stream in generate_frames(dataset.PixelData, number_of_frames=frames):
+            _check_rle(stream, int(dataset.Rows) * int(dataset.Columns))
     if syntax not in JPEG2000TransferSyntaxes:
         return
     signs = ("unsigned", "signed")
@@ -135,6 +147,14 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
         if image["precision"] < stored:
             found = f"BitsStored is {stored}, its JPEG 2000 image has {image['precision']} bits"
             raise FrameError(f"{found}; save it uncompressed")
+
+
+def _check_rle(packed: bytes, pixels: int) -> None:
+    """Check that no segment, one byte of each pixel, gives more bytes than there are pixels (and one to be even)."""
+    from pydicom.pixels.decoders.rle import _rle_parse_header
+
+    for begin, end in pairwise([*_rle_parse_header(packed[:64]), len(packed)]):
+        scans.check_packbits(packed[begin:end], pixels + 1)
 
 
 def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:

@@ -18,6 +18,8 @@ from scleraforce.errors import FrameError, InputError
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
+    from lzma import LZMADecompressor
+
     from scleraforce.recording.folder import OctInfo
     from scleraforce.study import OctStudy
 
@@ -26,6 +28,7 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 MAX_PIXELS = 64 * 2**20
 MAX_SAMPLES = 4  # of a pixel: colour and transparency
 GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
+OVERFULL = "damaged: more is packed in it than its header says"
 MIRRORED = {2: (1,), 3: (0, 1), 4: (0,), 6: (1,), 7: (0, 1), 8: (0,)}  # axes, by TIFF's and EXIF's Orientation
 TRANSPOSED = 5  # from this Orientation on, rows are stored as columns
 
@@ -112,12 +115,27 @@ def as_shown(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
     return np.flip(turned, MIRRORED.get(orientation, ()))
 
 
-def unpacked(packed: bytes, most: int) -> bytes:
-    """Return what deflated bytes (zlib or gzip) hold; refuse more than `most` before it takes memory."""
-    data = zlib.decompressobj(GZIP_OR_ZLIB).decompress(packed, most + 1)
+def unpacked(packed: bytes, most: int, lzma: "LZMADecompressor | None" = None) -> bytes:
+    """Return what packed bytes (zlib, gzip or LZMA) hold; refuse more than `most` before it takes memory."""
+    data = (lzma or zlib.decompressobj(GZIP_OR_ZLIB)).decompress(packed, most + 1)
     if len(data) > most:
-        raise FrameError("damaged: more is packed in it than its header says")
+        raise FrameError(OVERFULL)
     return data
+
+
+def check_packbits(packed: bytes, most: int) -> None:
+    """Refuse PackBits data (TIFF, DICOM's RLE) of more than `most` bytes; decoders would take up to 512 for each."""
+    at, count = 0, 0
+    while at < len(packed):
+        code = packed[at]
+        if code < 128:
+            count += min(code + 1, len(packed) - at - 1)
+            at += code + 2
+        else:
+            count += 257 - code if code > 128 else 0
+            at += 2 if code > 128 else 1
+        if count > most:
+            raise FrameError(OVERFULL)
 
 
 MOST_BITS = 16

@@ -1,6 +1,7 @@
 """TIFF, one page or a stack; scale and times from OME-XML, ImageJ, the resolution tags or JSON axes in Software."""
 
 import json
+import lzma
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
     from tifffile import TiffFile, TiffPage, TiffPageSeries
 
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE = range(4)  # PhotometricInterpretation
-DEFLATE = (8, 32946)  # Compression
+DEFLATE, PACKBITS, LZMA = (8, 32946), 32773, 34925  # Compression
+LZMA_BYTES = 128 * 2**20  # of memory; files of the highest preset take 65 MiB
 PLANES_APART = 2  # PlanarConfiguration
 ORIENTATIONS = range(1, 9)
 NO_UNIT, INCH, CENTIMETRE = 1, 2, 3  # ResolutionUnit
@@ -94,9 +96,17 @@ def _check_page(file: "TiffFile", page: "TiffPage") -> None:
         found = f"SamplesPerPixel {page.samplesperpixel}, PhotometricInterpretation {kind}"
         raise FrameError(f"{found}: several channels; save the one with the frames")
     scans.check_size(max(2, page.tilelength), max(2, page.tilewidth))
+    most = int(np.prod(page.chunks)) * 8
     for at, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         if page.compression in DEFLATE:
-            scans.unpacked(_read(file, at, count), int(np.prod(page.chunks)) * 8)
+            scans.unpacked(_read(file, at, count), most)
+        elif page.compression == PACKBITS:
+            scans.check_packbits(_read(file, at, count), most)
+        elif page.compression == LZMA:
+            unpacker = lzma.LZMADecompressor(memlimit=LZMA_BYTES)
+            scans.unpacked(_read(file, at, count), most, unpacker)
+            if unpacker.unused_data:  # tifffile would unpack it, too
+                raise FrameError("damaged: data follows the end of its LZMA stream")
 
 
 def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
