@@ -15,8 +15,8 @@ from scleraforce.laboratory.bscan import column_crossings, draw_shaft, render_bs
 from scleraforce.laboratory.light import (  # isort: skip
     BscanOptics, Conjunctiva, Cover, Line, Pose, Press, Shadow, sample_conjunctiva, sample_optics,
 )  # fmt: skip
+from scleraforce.laboratory.bscan import draw_reduced
 from scleraforce.laboratory.phantom import needle_tip, plan_phantom, render_frame
-from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.contact import Section
 from scleraforce.recording.pixels import PixelScale

@@ -143,7 +143,7 @@ def test_nothing_half_written_is_left_and_nothing_is_overwritten(written, tmp_pa
         write_phantom(written, plan, dented_sections, STUDY)
     assert contents(written) == before
     (tmp_path / "file").write_text("")
-    with pytest.raises(RecordingError, match="file"):
+    with pytest.raises(InputError, match="file"):
         write_phantom(tmp_path / "file" / "rec", plan, dented_sections, STUDY)
 
 

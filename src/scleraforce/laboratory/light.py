@@ -1,4 +1,4 @@
-"""The core of light that `bscan`, `reduced_bscans` and `scenes` draw with: optics, speckle, thin curves, displays."""
+"""The core of light that `bscan` and `scenes` draw with: optics, speckle, thin curves, displays."""
 
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields, replace

@@ -1,7 +1,6 @@
 """The virtual laboratory: recording folders of virtual eyes, as a scanner and a force sensor would write them."""
 
 import json
-import shutil
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -38,6 +37,7 @@ from scleraforce.recording.writing import RecordingWriter
 from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.fields import NEEDLE_FORCE
 from scleraforce.units import from_si
+from scleraforce.whole_files import folder_when_whole
 
 OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT = range(6)  # the streams of a recording
 NEEDLE, CONJUNCTIVA, TURN, TISSUE, PUNCTURE, PLANES = range(6, 12)
@@ -378,30 +378,21 @@ def write_phantom(
     """Write a virtual acquisition as a recording folder with `truth.json`; equal plans give equal bytes."""
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise RecordingError(f"{out}: exists already; remove it or choose another folder")
-    partial = out.parent / f".{out.name}.partial"
-    try:
-        shutil.rmtree(partial, ignore_errors=True)
-        comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
-        plan = with_travel(plan, sections_at)
-        more = tuple(_more_columns(plan.frames[0]))
-        with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment, more)) as writer:
-            sections, found_pa = plan_sections(plan, sections_at)
-            axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
-            stop_s = plan.path.times_s[-1] + TAIL_S
-            log = pushes.sense(plan.path, plan.sensor, axis, CONTACT_SIGN, stop_s, noise)
-            (partial / "forces.csv").write_text(pushes.format_log(log), encoding="utf-8")
-            truth = json.dumps(phantom_truth(plan, study, found_pa), indent=1, allow_nan=False)
-            (partial / "truth.json").write_text(truth + "\n", encoding="utf-8")
-            for frame, section in zip(plan.frames, sections, strict=True):
-                values = tuple(_more_columns(frame).values())
-                writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame, values)
-                if progress is not None:
-                    progress(1)
-        partial.rename(out)
-    except OSError as fault:
-        raise RecordingError(f"{fault.filename or out}: {fault.strerror}") from fault
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
+    plan = with_travel(plan, sections_at)
+    info, more = _info(plan, study, tell_globe), tuple(_more_columns(plan.frames[0]))
+    with folder_when_whole(out) as part, closing(RecordingWriter(part, info, comment, more)) as writer:
+        sections, found_pa = plan_sections(plan, sections_at)
+        axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
+        log = pushes.sense(plan.path, plan.sensor, axis, CONTACT_SIGN, plan.path.times_s[-1] + TAIL_S, noise)
+        (part / "forces.csv").write_text(pushes.format_log(log), encoding="utf-8")
+        truth = json.dumps(phantom_truth(plan, study, found_pa), indent=1, allow_nan=False)
+        (part / "truth.json").write_text(truth + "\n", encoding="utf-8")
+        for frame, section in zip(plan.frames, sections, strict=True):
+            values = tuple(_more_columns(frame).values())
+            writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame, values)
+            if progress is not None:
+                progress(1)
 
 
 def _more_columns(frame: PhantomFrame) -> dict[str, str]:

@@ -127,7 +127,9 @@ def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, r
     thickness_m += 0.0 if limbus is None else limbus.spur(arc_m)
     view_m = draw(looked_at.view_m, rng) * (CENTRED_SHARE if rng.random() < looked_at.centred_share else 1.0)
     at = int(np.abs(arc_m - view_m).argmin())
-    outer = _integrated(slope) - wave_m[:, None] * np.stack([-np.sin(slope), np.cos(slope)], axis=1)
+    along = np.stack([np.cos(slope), np.sin(slope)], axis=1)
+    points = cumulative_trapezoid(along, dx=STEP_M, axis=0, initial=0)
+    outer = points - points[len(points) // 2] - wave_m[:, None] * np.stack([-along[:, 1], along[:, 0]], axis=1)
     dent_arc_m, outer = _dented(eye, outer, slope, arc_m, view_m, rng)
     turn_rad = draw(looked_at.tilt_rad, rng) - draw(looked_at.facing, rng) * slope[at]
     pose = _pose(outer, at, turn_rad, draw(looked_at.surface_share, rng), window)
@@ -168,13 +170,6 @@ def _waves(eye: SceneEyeStudy, arc_m: Floats, rng: np.random.Generator) -> Float
     length_m = draw(eye.wave_length_m, rng) * rng.uniform(0.6, 1.6, WAVES)
     phase = rng.uniform(0.0, 2.0 * np.pi, WAVES)
     return np.sin(2.0 * np.pi * arc_m[:, None] / length_m + phase).mean(axis=1)
-
-
-def _integrated(slope: Floats) -> Floats:
-    """Return the meridian of a slope, its middle at 0, 0; shape (point, 2)."""
-    tangent = np.stack([np.cos(slope), np.sin(slope)], axis=1)
-    points = cumulative_trapezoid(tangent, dx=STEP_M, axis=0, initial=0)
-    return points - points[len(points) // 2]
 
 
 def _dented(

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Floats
 from scleraforce.known import Known
-from scleraforce.laboratory.bscan import DrawnShaft, draw_shaft
+from scleraforce.laboratory.bscan import DrawnShaft, draw_reduced, draw_shaft
 from scleraforce.laboratory.light import BscanOptics, sample_conjunctiva, sample_needle, sample_optics
-from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.learning import samples, virtual_eyes
 from scleraforce.learning.descent import Fitted, Losses, Progress, drawn_ahead, tensor, torch, trained
 from scleraforce.learning.reader import ReaderNetwork, compared, fit_reader, reader_loss, targets

@@ -90,18 +90,13 @@ class TissueStudy(Section):
     relaxation: tuple[tuple[Sampled, ...], ...] = quantity((), None, 0.0, 1e5)
 
     def _check(self) -> None:
-        if any(len(term) != 2 for term in self.relaxation):
-            raise StudyError(TERMS)
-        check_relaxation([(share.bounds[1], time_s.bounds[0]) for share, time_s in self.relaxation])
-
-
-TERMS = "relaxation: a term is a share and a time constant in s: [[0.12, 1.2], [0.15, 12.0]]"
+        check_relaxation([[value.bounds[1 - place] for place, value in enumerate(term)] for term in self.relaxation])
 
 
 def check_relaxation(terms: Sequence[Sequence[float]]) -> None:
     """Check terms of relaxation: the largest shares and the shortest times."""
     if any(len(term) != 2 for term in terms):
-        raise StudyError(TERMS)
+        raise StudyError("relaxation: a term is a share and a time constant in s: [[0.12, 1.2], [0.15, 12.0]]")
     if not all(0.0 <= share < 1.0 for share, _ in terms) or not sum(share for share, _ in terms) < 1.0:
         raise StudyError("relaxation: shares are 0 or more and add up to less than 1: a part of the force is left")
     if not all(time_s > 0.0 for _, time_s in terms):

@@ -186,12 +186,9 @@ def check_number(key: str, number: float, unit: Unit) -> None:
     slack = 1e-9 * max(abs(number), 1.0)
     if not isfinite(number):
         raise StudyError(f"{key}: {number} is not a finite number")
-    if unit.low is not None and number < unit.low - slack:
-        raise StudyError(f"{key}: {number:g} is below the smallest allowed value "
-                         f"{unit.low:g}{meant(key, number, unit)}")  # fmt: skip
-    if unit.high is not None and number > unit.high + slack:
-        raise StudyError(f"{key}: {number:g} is above the largest allowed value "
-                         f"{unit.high:g}{meant(key, number, unit)}")  # fmt: skip
+    for end, side, words in ((unit.low, -1.0, "below the smallest"), (unit.high, 1.0, "above the largest")):
+        if end is not None and side * (number - end) > slack:
+            raise StudyError(f"{key}: {number:g} is {words} allowed value {end:g}{meant(key, number, unit)}")
 
 
 def check_quantity(key: str, number: float) -> None:
