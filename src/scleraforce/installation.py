@@ -34,7 +34,6 @@ from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Plane
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.study import Study
 from scleraforce.units import from_si, to_si
 
@@ -158,7 +157,6 @@ def compile_loops() -> None:
     iop_ratio_under_force(library, *walls, np.array([to_si(10.0, "mn") / MODULUS_PA]), globe)
     library.covers(*walls, np.array([0.0]))
     iop_ratio_at_dent(library, *walls, np.zeros(1), globe)
-    ShownPictures(1)
     frame, scale, known = _frame()
     for reading in (_reader().read, _reader().read_live):
         for eye in (known, Known()):

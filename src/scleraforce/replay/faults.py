@@ -4,7 +4,7 @@ The messages of a fault are prepared before it is due, so that reading and encod
 frame the recording continues where it can, so that a silence does not hide a fault that the monitor missed.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, islice
 from math import ceil, nan
@@ -185,7 +185,8 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
 class _Stage:
     """The material of a fault: the frames that would come next, from `first` on; `number` is that of the last one sent.
 
-    The fault is watched for the time of `count` frames, of which `left` remain in the recording.
+    The fault is watched for the time of `count` frames, of which `left` remain in the recording; `last` is the picture
+    before it.
     """
 
     recording: Recording
@@ -198,6 +199,8 @@ class _Stage:
     def __post_init__(self) -> None:
         self.number, self.count = self.first, ceil(WITHIN_S / self.interval_s) + 1
         self.left = min(self.count, len(self.recording.frames) - self.first)
+        self.info, self.last = self.recording.info.oct, self.pixels(-1)
+        self.silence: list[Act] = [()] * self.count
 
     def pixels(self, index: int) -> Pixels:
         """Return the pixels of the frame `index` places after the first one of the fault."""
@@ -206,16 +209,21 @@ class _Stage:
     def sending(self, pixels: Pixels, matrix: tuple[float, ...] | None = None) -> Sending:
         """Return a frame with the next number."""
         self.number += 1
-        message = frame_message(pixels, self.recording.info.oct, self.number, self.version, matrix=matrix)
+        message = frame_message(pixels, self.info, self.number, self.version, matrix=matrix)
         return Sending(message, self.number)
 
     def shown(self, pictures: Iterable[Pixels]) -> list[Act]:
         """Return pictures in place of the next frames."""
         return [(self.sending(pixels),) for pixels in pictures]
 
-    def onward(self, begin: int) -> list[Act]:
-        """Return the frames that the scanner would send from `begin` on."""
-        return self.shown(self.pixels(index) for index in range(begin, self.left))
+    @property
+    def live(self) -> Iterator[Pixels]:
+        """The pixels of the frames that would come next."""
+        return map(self.pixels, range(self.left))
+
+    def once(self, *sendings: Sending) -> list[Act]:
+        """Return a wrong act in place of the first frame, and the frames after it."""
+        return [sendings, *self.shown(map(self.pixels, range(1, self.left)))]
 
     def bytes_of_next(self) -> bytearray:
         """Return the next frame as it would be sent now."""
@@ -247,13 +255,8 @@ class _Stage:
 
 def _unusable(stage: _Stage) -> list[Act]:
     """Return noise, or black pixels with a few counts of noise, so that the picture does not count as frozen."""
-    top, like = 2**stage.recording.info.oct.bits if stage.rng.random() < 0.5 else 3, stage.pixels(0)
-    counts = [stage.rng.integers(0, top, like.shape) for _ in range(stage.count)]
-    return stage.shown(_like(like, wrong) for wrong in counts)
-
-
-def _silence(stage: _Stage) -> list[Act]:
-    return [()] * stage.count
+    top, like = 2**stage.info.bits if stage.rng.random() < 0.5 else 3, stage.pixels(0)
+    return stage.shown(_like(like, stage.rng.integers(0, top, like.shape)) for _ in range(stage.count))
 
 
 def _double_buffer(stage: _Stage) -> list[Act]:
@@ -263,57 +266,51 @@ def _double_buffer(stage: _Stage) -> list[Act]:
 
 
 def _burned_in_clock(stage: _Stage) -> list[Act]:
-    last, pictures = stage.pixels(-1), []
+    last, pictures = stage.last, []
     clock = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
     rows, columns = (1, 1) if stage.rng.random() < 0.5 else clock
     for place in range(stage.count):
         burned_in = last.copy()
-        digits = stage.rng.integers(0, 2, (rows, columns)) * (2**stage.recording.info.oct.bits - 1)
+        digits = stage.rng.integers(0, 2, (rows, columns)) * (2**stage.info.bits - 1)
         burned_in[:rows, :columns] = digits ^ (place & 1)
         pictures.append(burned_in)
     return stage.shown(pictures)
 
 
 def _dark_level(stage: _Stage) -> list[Act]:
-    last = stage.pixels(-1)
-    return stage.shown(_like(last, last + np.float64(place)) for place in range(stage.count))
+    return stage.shown(_like(stage.last, stage.last + np.float64(place)) for place in range(stage.count))
 
 
 def _moved(stage: _Stage) -> list[Act]:
-    last, axis = stage.pixels(-1), int(stage.rng.integers(2))
-    return stage.shown(np.roll(last, place, axis) for place in range(stage.count))
+    axis = int(stage.rng.integers(2))
+    return stage.shown(np.roll(stage.last, place, axis) for place in range(stage.count))
 
 
 def _half_frozen(stage: _Stage) -> list[Act]:
-    last = stage.pixels(-1)
     axis, side = (int(stage.rng.integers(2)) for _ in range(2))
-    half = (np.indices(last.shape, sparse=True)[axis] >= last.shape[axis] // 2) == bool(side)
-    return stage.shown(np.where(half, last, stage.pixels(index)) for index in range(stage.left))
+    shape = stage.last.shape
+    half = (np.indices(shape, sparse=True)[axis] >= shape[axis] // 2) == bool(side)
+    return stage.shown(np.where(half, stage.last, live) for live in stage.live)
 
 
 def _ghost(stage: _Stage) -> list[Act]:
-    last, old = stage.pixels(-1), stage.rng.uniform(*OLD_SHARES)
-    return stage.shown(_like(last, old * last + (1.0 - old) * stage.pixels(index)) for index in range(stage.left))
+    old = stage.rng.uniform(*OLD_SHARES)
+    return stage.shown(_like(live, old * stage.last + (1.0 - old) * live) for live in stage.live)
 
 
 def _persistence(stage: _Stage) -> list[Act]:
-    last, old = stage.pixels(-1), stage.rng.uniform(*OLD_SHARES)
-    live = (stage.pixels(index) for index in range(stage.left))
-    means = accumulate(live, lambda mean, seen: old * mean + (1.0 - old) * seen, initial=last.astype(np.float64))
-    return stage.shown(_like(last, mean) for mean in islice(means, 1, None))
+    old, mean = stage.rng.uniform(*OLD_SHARES), stage.last.astype(np.float64)
+    means = accumulate(stage.live, lambda mean, seen: old * mean + (1.0 - old) * seen, initial=mean)
+    return stage.shown(_like(stage.last, mean) for mean in islice(means, 1, None))
 
 
 def _pixel_type(stage: _Stage) -> list[Act]:
-    last = stage.pixels(-1)
-    if last.dtype == np.uint8:
-        other: Pixels = last.astype(np.uint16)
-    else:
-        other = (last >> max(0, stage.recording.info.oct.bits - 8)).astype(np.uint8)
+    last, above = stage.last, max(0, stage.info.bits - 8)
+    other = last.astype(np.uint16) if last.dtype == np.uint8 else (last >> above).astype(np.uint8)
     return stage.shown(last if place % 2 else other for place in range(stage.count))
 
 
 def _like(pixels: Pixels, values: NDArray[np.generic]) -> Pixels:
-    """Return values as counts of the type of some pixels."""
     counts = np.clip(np.rint(values.astype(np.float64)), 0, np.iinfo(pixels.dtype).max)
     return counts.astype(np.uint8) if pixels.dtype == np.uint8 else counts.astype(np.uint16)
 
@@ -321,7 +318,7 @@ def _like(pixels: Pixels, values: NDArray[np.generic]) -> Pixels:
 def _stale(stage: _Stage) -> list[Act]:
     return [
         tuple(replace(sending, late_s=-LATER * place * stage.interval_s) for sending in act or ())
-        for place, act in enumerate(stage.onward(0), start=1)
+        for place, act in enumerate(stage.shown(stage.live), start=1)
     ]
 
 
@@ -330,29 +327,24 @@ def _out_of_order(stage: _Stage) -> list[Act]:
     stage.number -= back + 1
     old = replace(stage.sending(stage.pixels(0)), late_s=-(back + 1) * stage.interval_s)
     stage.number = stage.first + 1
-    return [(old,), *stage.onward(1)]
-
-
-def _size(stage: _Stage) -> list[Act]:
-    pixels = stage.pixels(0)
-    return [*stage.shown([pixels[: len(pixels) // 2]]), *stage.onward(1)]
+    return stage.once(old)
 
 
 def _scale(stage: _Stage) -> list[Act]:
-    matrix = tuple(1.03 * value for value in image_matrix(stage.recording.info.oct))
-    return [(stage.sending(stage.pixels(0), matrix),), *stage.onward(1)]
+    matrix = tuple(1.03 * value for value in image_matrix(stage.info))
+    return stage.once(stage.sending(stage.pixels(0), matrix))
 
 
 def _nan(stage: _Stage) -> list[Act]:
-    matrix = list(image_matrix(stage.recording.info.oct))
-    matrix[int(stage.rng.integers(12))] = nan
-    return [(stage.sending(stage.pixels(0), tuple(matrix)),), *stage.onward(1)]
+    matrix = np.array(image_matrix(stage.info))
+    matrix[stage.rng.integers(12)] = nan
+    return stage.once(stage.sending(stage.pixels(0), tuple(matrix.tolist())))
 
 
 def _checksum(stage: _Stage) -> list[Act]:
     data = stage.bytes_of_next()
     data[int(stage.rng.integers(HEADER_BYTES, len(data)))] ^= 1 << int(stage.rng.integers(8))
-    return [(Sending(bytes(data)),), *stage.onward(1)]
+    return stage.once(Sending(bytes(data)))
 
 
 def _bad_image(stage: _Stage) -> list[Act]:
@@ -363,13 +355,13 @@ def _bad_image(stage: _Stage) -> list[Act]:
     if stage.version > 1:  # the metadata follows the pixels
         body = body[:-2] + bytes(2)
     head = pack_header(replace(header, body_bytes=len(body), crc=fastcrc.crc64.ecma_182(body)))
-    return [(Sending(head + body),), *stage.onward(1)]
+    return stage.once(Sending(head + body))
 
 
 def _flood(stage: _Stage) -> list[Act]:
     several = [stage.pixels(index) for index in range(min(FLOOD, len(stage.recording.frames) - stage.first))]
     burst = [stage.sending(several[place % len(several)]) for place in range(FLOOD)]
-    return [tuple(replace(sending, late_s=place * 1e-5) for place, sending in enumerate(burst)), *stage.onward(1)]
+    return stage.once(*(replace(sending, late_s=place * 1e-5) for place, sending in enumerate(burst)))
 
 
 def _rising(stage: _Stage) -> list[Act]:
@@ -381,12 +373,12 @@ def _rising(stage: _Stage) -> list[Act]:
 def _dangerous(stage: _Stage) -> list[Act]:
     forces_n = stage.forces_n(DANGEROUS_N)
     wanted_n = stage.rng.choice(forces_n[forces_n >= DANGEROUS_N])
-    return [*stage.shown(stage.nearest([wanted_n], DANGEROUS_N)), *stage.onward(1)]
+    return stage.once(*map(stage.sending, stage.nearest([wanted_n], DANGEROUS_N)))
 
 
 def _half(stage: _Stage) -> list[Act]:
     data = stage.bytes_of_next()
-    return [(Sending(bytes(data[: len(data) // 2])),), *_silence(stage)]
+    return [(Sending(bytes(data[: len(data) // 2])),), *stage.silence]
 
 
 @dataclass(frozen=True)
@@ -401,9 +393,9 @@ class Fault:
 FAULTS: Mapping[str, Fault] = MappingProxyType(
     {
         "unusable": Fault("frames that show noise, or nothing", _unusable, (Cause.UNUSABLE,)),
-        "silence": Fault("no more frames; the connection stays", _silence, (Cause.SILENCE,)),
+        "silence": Fault("no more frames; the connection stays", lambda stage: stage.silence, (Cause.SILENCE,)),
         "frozen": Fault("the same picture again and again, with new numbers and times",
-                        lambda stage: stage.shown([stage.pixels(-1)] * stage.count)),
+                        lambda stage: stage.shown([stage.last] * stage.count)),
         "double-buffer": Fault("the last 2 to 10 pictures in turns, with new numbers and times", _double_buffer),
         "burned-in-clock": Fault("the same picture, in which a clock or one pixel changes", _burned_in_clock),
         "dark-level": Fault("the same picture, one count brighter with each frame", _dark_level),
@@ -414,7 +406,8 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         "pixel-type": Fault("the same picture with 8 and 16 bits in turns", _pixel_type, (Cause.PIXEL_TYPE,)),
         "stale": Fault("frames that wait longer and longer in their sender's queue", _stale, (Cause.STALE,)),
         "out-of-order": Fault("a frame with an older number and time", _out_of_order, (Cause.OUT_OF_ORDER,)),
-        "size": Fault("a frame of half the rows", _size, (Cause.SIZE,)),
+        "size": Fault("a frame of half the rows",
+                      lambda stage: stage.once(stage.sending(stage.pixels(0)[: stage.info.rows // 2])), (Cause.SIZE,)),
         "scale": Fault("a frame whose pixels are stated 3 % too large", _scale, (Cause.SCALE,)),
         "checksum": Fault("a frame with one byte flipped", _checksum, (Cause.CHECKSUM,)),
         "nan": Fault("a frame whose matrix has a NaN", _nan, (Cause.BAD_IMAGE,)),
@@ -426,8 +419,8 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
                            (Cause.DANGEROUS_CLASS, Cause.BOUND, Cause.RISING)),
         "half": Fault("half a frame, and nothing more", _half, (Cause.SILENCE,)),
         "garbage": Fault("bytes that are not OpenIGTLink",
-                         lambda stage: [(Sending(b"\xff" + stage.rng.bytes(4095)),), *_silence(stage)],
+                         lambda stage: [(Sending(b"\xff" + stage.rng.bytes(4095)),), *stage.silence],
                          (Cause.BAD_IMAGE,)),
-        "disconnect": Fault("the connection is closed", lambda stage: [None, *_silence(stage)], (Cause.SILENCE,)),
+        "disconnect": Fault("the connection is closed", lambda stage: [None, *stage.silence], (Cause.SILENCE,)),
     }
 )  # fmt: skip

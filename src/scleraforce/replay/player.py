@@ -295,7 +295,6 @@ class AnswerLog:
 
 
 def _plain(value: object, kind: type[Value]) -> Value | None:
-    """Return a value of a reading if it is of a kind, else None."""
     with suppress(msgspec.ValidationError):
         return msgspec.convert(value, kind)
     return None

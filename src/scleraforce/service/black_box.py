@@ -266,7 +266,6 @@ class Withdrawals:
             self._journal.fault(WITHDRAWAL, fault)
 
     def _begin(self, cause: str, entry: messages.Entry, beginning: SessionBeginning) -> _Writing:
-        """Begin the recording of the seconds up to an entry."""
         since_s = entry.at_s - self._settings.keep_s
         stamp = datetime.fromtimestamp(entry.time_s, UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
         folder = self._settings.folder / "withdrawals" / f"{stamp}Z-{cause}"
@@ -300,7 +299,6 @@ class Withdrawals:
             self._complete(writing, writing.finishing)
 
     def _complete(self, writing: _Writing, finished: Future[str | None]) -> None:
-        """Report the result of a recording; then begin the one that waits."""
         taker, folder = writing.taker, writing.folder
         try:
             reason = finished.result()

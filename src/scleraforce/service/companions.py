@@ -189,12 +189,10 @@ class Companions:
         return (name != BLACK_BOX or not self._waiting) and self._send(name, encode_message(message), now_s)
 
     def _send_waiting(self, now_s: float) -> None:
-        """Send the decisions that wait for the black box, oldest first."""
         while self._waiting and self._send(BLACK_BOX, self._waiting[0], now_s):
             self._waiting.popleft()
 
     def _send(self, name: str, data: bytes, now_s: float) -> bool:
-        """Send a message to a companion; return whether it was taken."""
         state = self._states.get(name)
         if state is None or state.dead:
             return False

@@ -76,15 +76,13 @@ class Entry:
     @property
     def force_mn(self) -> float | None:
         """The force that was read in the frame."""
-        return from_si(self.verdict.force_n, "mn") if self.verdict and self.verdict.force_n is not None else None
+        return from_si(self.verdict.force_n, "mn") if self.verdict else None
 
     @property
     def interval_mn(self) -> tuple[float, float] | None:
         """The 90 % interval of the force."""
-        if self.verdict is None or self.verdict.interval_n is None:
-            return None
-        low_n, high_n = self.verdict.interval_n
-        return from_si(low_n, "mn"), from_si(high_n, "mn")
+        interval_n = self.verdict.interval_n if self.verdict else None
+        return interval_n and (from_si(interval_n[0], "mn"), from_si(interval_n[1], "mn"))
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON object: flat, forces in mN, `class` for `predicted`; NaN and infinity become null.
@@ -100,9 +98,8 @@ class Entry:
         }  # fmt: skip
         record: dict[str, Any] = {}
         for name, value in vars(self).items():
-            if value is None and name in OF_PLANES:
-                continue
-            record |= reading if name == "verdict" else {name: finite(value)}
+            if value is not None or name not in OF_PLANES:
+                record |= reading if name == "verdict" else {name: finite(value)}
         elastic_mn = from_si(verdict.elastic_force_n, "mn") if verdict else None
         return record | {"class": verdict.predicted if verdict else None, "elastic_force_mn": finite(elastic_mn)}
 
@@ -125,25 +122,20 @@ KEYS = START.as_json().keys() | OF_PLANES.keys()
 
 
 def _verdict_of(value: dict[str, Any]) -> Verdict | None:
-    """Return the verdict in the object of an entry; None without a class."""
     if value["class"] is None:
         return None
     names = {
-        "class": "predicted", "force_mn": "force_n", "interval_mn": "interval_n", "elastic_force_mn": "elastic_force_n"
+        "class": "predicted", "force_mn": "force_n", "interval_mn": "interval_n", "elastic_force_mn": "elastic_force_n",
+        "probabilities": "probabilities", "usable": "usable", "reason": "reason",
     }  # fmt: skip
-    known = (*names, "probabilities", "usable", "reason")
-    verdict = convert({names.get(name, name): _with_nan(value[name]) for name in known}, Verdict)
-    low_mn, high_mn = verdict.interval_n or (nan, nan)
-    return replace(
-        verdict,
-        force_n=None if verdict.force_n is None else to_si(verdict.force_n, "mn"),
-        elastic_force_n=None if verdict.elastic_force_n is None else to_si(verdict.elastic_force_n, "mn"),
-        interval_n=verdict.interval_n and (to_si(low_mn, "mn"), to_si(high_mn, "mn")),
-    )
-
-
-def _with_nan(value: Any) -> Any:
-    return [nan if number is None else number for number in value] if isinstance(value, list) else value
+    found = {own: value[name] for name, own in names.items()}
+    for name, listed in found.items():
+        if isinstance(listed, list):
+            found[name] = [nan if number is None else number for number in listed]
+    read = convert(found, Verdict)
+    force_n, elastic_n = to_si(read.force_n, "mn"), to_si(read.elastic_force_n, "mn")
+    interval_n = read.interval_n and (to_si(read.interval_n[0], "mn"), to_si(read.interval_n[1], "mn"))
+    return replace(read, force_n=force_n, elastic_force_n=elastic_n, interval_n=interval_n)
 
 
 class _Message(Struct, frozen=True, kw_only=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):

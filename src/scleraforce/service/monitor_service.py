@@ -170,7 +170,6 @@ def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> No
 
 
 def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
-    """Return the contents of recording.toml for a recording of the session."""
     known, gauge = settings.known, nearest_gauge(study.needle.outer_diameter_m)
     stated_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     lean_rad = one_lean(known.lean_rad)

@@ -82,7 +82,6 @@ class FrameAssembler:
 
 
 def _frame(image: Image) -> ScannerFrame:
-    """Return the pixels of an image as counts, and their size."""
     pixels = image.pixels
     if pixels.dtype not in SENT:
         raise ProtocolError(f"IMAGE: {pixels.dtype} pixels: must be 8 or 16 bit in this machine's byte order")

@@ -238,7 +238,6 @@ class Server:
             self._note_state()
 
     def _note_state(self) -> None:
-        """Note a change of the state for the operator."""
         decision = self.session.decision
         if decision.state is not self._noted:
             self._noted = decision.state
@@ -310,7 +309,6 @@ class Server:
                 self._note(f"the last seconds were kept in {folder}")
 
     def _knows(self, secret: str, now_s: float) -> bool:
-        """Return whether this is the program's token or the operator's code."""
         return self._token.knows(secret) or self.code.knows(secret, now_s)
 
     def _reset(self, known: bool, now_s: float) -> tuple[bool, str]:

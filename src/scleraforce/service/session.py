@@ -186,11 +186,11 @@ class Session:
         """Decide on an event; return whether the decision has changed."""
         before = self.decision
         self._decide(event)
-        cause, message = self.decision.cause, self.decision.message
-        if cause and State.WITHDRAW is self.decision.state is not before.state:
-            begun = {"frame": self.frames, "time_s": self.wall_clock(), "cause": cause.name, "message": message}
+        now = self.decision
+        if now.cause and State.WITHDRAW is now.state is not before.state:
+            begun = {"frame": self.frames, "time_s": self.wall_clock(), "cause": now.cause.name, "message": now.message}
             self.withdrawals.append(begun)
-        return self.decision != before
+        return now != before
 
     def _decide(self, event: MonitorEvent) -> None:
         state = self._state
@@ -220,10 +220,10 @@ class Session:
 
     def read_together(self, verdict: events.Verdict, contact_m: tuple[float, ...] | None) -> None:
         """Take what all planes of a moment show together: the force, and the contact in three dimensions."""
-        force_n, (low_n, high_n) = verdict.force_n, verdict.interval_n or (None, None)
+        interval_n = verdict.interval_n
         self._beside |= {
-            "planes_force_mn": from_si(force_n, "mn"),
-            "planes_interval_mn": None if low_n is None else (from_si(low_n, "mn"), from_si(high_n, "mn")),
+            "planes_force_mn": from_si(verdict.force_n, "mn"),
+            "planes_interval_mn": interval_n and tuple(from_si(end_n, "mn") for end_n in interval_n),
             "contact_xyz_mm": contact_m and tuple(from_si(place_m, "mm") for place_m in contact_m),
         }
 
@@ -277,11 +277,9 @@ class Session:
         return tuple(self._moment.values())
 
     def _fits(self, image: ScannerFrame, sent_type: str | None) -> bool:
-        """Return whether an image is of the expected size and scale, and its pixels of the type before it."""
         limits, scale_m = self.limits, (image.lateral_m, image.depth_m)
-        same_type = image.sent_type == (sent_type or image.sent_type)
-        fits = image.pixels.shape == limits.size and of_scale(scale_m, limits.scale_m or scale_m, limits)
-        return fits and same_type
+        same_type = sent_type in (None, image.sent_type)
+        return same_type and image.pixels.shape == limits.size and of_scale(scale_m, limits.scale_m or scale_m, limits)
 
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""
@@ -340,8 +338,7 @@ class Session:
         The event "again" repeats the decision with its number, for a receiver that may have missed it.
         """
         self._entries += event != "again"
-        answer = self.answer if frame else None
-        decision = self.decision
+        answer, decision = self.answer if frame else None, self.decision
         to_bound = decision.to_bound.as_ms() if frame and decision.to_bound else (None, None)
         return Entry(
             number=self._entries, time_s=self.wall_clock(), at_s=at_s, event=event, state=decision.state.name,

@@ -4,10 +4,8 @@ import fastcrc
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Bytes, Counts, Flags, Integers
-from scleraforce.compiled import compiled
+from scleraforce.arrays import Bytes, Flags, Integers
 from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.light import counts_of
 
 GRID = 8  # rows and columns of blocks
 PAIRS = 32  # of neighbouring pixels in a row, in each block: one bit each
@@ -23,8 +21,6 @@ COPY = 0.85  # a block that agrees as in a copy, and the share of them
 COPIES, COPIES_OF_A_PART = 0.6, 0.8  # in the whole picture; in its left, right, upper, lower or middle half
 
 SHIFTS, UNMOVED = 3, 4  # rows and columns that a picture may have moved by; of their pairs, the one without a move
-
-_WORD, _NONE = np.uint64(2**PAIRS - 1), np.uint64(0)
 
 Words = NDArray[np.uint64]
 
@@ -42,17 +38,17 @@ class ShownPictures:
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._begin((GRID, GRID * RUN))
-        self.back(np.random.default_rng(0).integers(0, GRID * RUN, (GRID, GRID * RUN), np.uint16))  # loads the loops
         self._shape: tuple[int, ...] = ()
 
     def back(self, pixels: Pixels) -> int:
         """Take a picture (row, column); return the number of pictures since it was last shown, 0 if it is new."""
         if self._shape != pixels.shape:
             self._begin(pixels.shape)
-        rises_sb, differs_sb, steps_p = self._signs
-        blocks = _read_signs(counts_of(pixels).reshape(-1), self._places_brp, rises_sb, differs_sb, steps_p)
+        values_brp = pixels[self._places].astype(np.int32)
+        rises_sb, differs_sb = _read_signs(values_brp)
         rises_b, differs_b, last = rises_sb[UNMOVED], differs_sb[UNMOVED], self._slot(1)
+        steps_p = np.diff(values_brp[:, 1, 1:-1]).ravel()
+        blocks = np.count_nonzero(np.bitwise_count(differs_b) >= LEAST_PAIRS)
         checksum: int | None = None
         if blocks >= self._least_h[0]:
             found_m = self._alike(self._rises_mb, self._differs_mb, rises_b, differs_b)
@@ -75,11 +71,11 @@ class ShownPictures:
 
     def _alike(self, rises_mb: Words, differs_mb: Words, rises_b: Words, differs_b: Words) -> Flags:
         """Return for several pictures whether they are the same as one."""
-        alike_m = _worth_a_look(rises_mb, differs_mb, rises_b, differs_b)
+        both_mb = differs_mb & differs_b
+        told_mb, unlike_mb = np.bitwise_count(both_mb), np.bitwise_count(both_mb & (rises_mb ^ rises_b))
+        alike_m: Flags = 2.0 * unlike_mb.sum(axis=1) < (1 - WORTH_A_LOOK) * told_mb.sum(axis=1)
         if alike_m.any():
-            both_mb = differs_mb[alike_m] & differs_b
-            unlike_mb = np.bitwise_count(both_mb & (rises_mb[alike_m] ^ rises_b))
-            alike_m[alike_m] = self._same(np.bitwise_count(both_mb), unlike_mb)
+            alike_m[alike_m] = self._same(told_mb[alike_m], unlike_mb[alike_m])
         return alike_m
 
     def _same(self, told_mb: Bytes, unlike_mb: Bytes) -> Flags:
@@ -107,14 +103,12 @@ class ShownPictures:
         left_b = (column_b * columns / across + rng.uniform(0.0, 1.0, len(row_b)) * spare).astype(np.int64)
         rows_br = np.clip(top_b[:, None] + np.arange(-1, 2), 0, rows - 1)
         columns_bp = np.clip(left_b[:, None] + np.arange(RUN), 0, columns - 1)
-        self._places_brp = rows_br[:, :, None] * columns + columns_bp[:, None]
+        self._places = rows_br[:, :, None], columns_bp[:, None]
         middle_b = abs(column_b + 0.5 - across / 2) < across / 4
         halves = (row_b < down // 2, row_b >= down // 2, column_b < across // 2, column_b >= across // 2, middle_b)
         self._parts_bh = np.stack([np.ones(len(row_b)), *halves], axis=1).astype(np.float64)
         self._copies_h = np.array([COPIES] + [COPIES_OF_A_PART] * len(halves))
         self._least_h = np.maximum(LEAST_BLOCKS, LEAST_SHARE * self._parts_bh.sum(axis=0))
-        signs_sb = np.zeros((2, SHIFTS**2, len(row_b)), np.uint64)
-        self._signs = signs_sb[0], signs_sb[1], np.zeros(len(row_b) * PAIRS, np.int32)
         self._rises_mb = np.zeros((self._most, len(row_b)), np.uint64)
         self._differs_mb = np.zeros_like(self._rises_mb)
         self._steps_mp = np.zeros((self._most, len(row_b) * PAIRS), np.int32)
@@ -122,49 +116,15 @@ class ShownPictures:
         self._shape, self._count = shape, 0
 
 
-@compiled
-def _read_signs(
-    counts: Counts, places_brp: Integers, rises_sb: Words, differs_sb: Words, steps_p: NDArray[np.int32]
-) -> int:
-    """Write the signs of the differences in each block, moved by a row and a column, the lowest bit first.
+def _read_signs(values_brp: Integers) -> tuple[Words, Words]:
+    """Return the words of each block, moved by a row and a column: which pairs rise, and which differ.
 
-    `steps_p`: the differences themselves where nothing is moved. Returns the number of blocks that count.
+    `values_brp`: the pixels of a block in the row above it, its own and the one below. A pair is a bit, the first one
+    the lowest.
     """
-    blocks = 0
-    for block in range(len(places_brp)):
-        for row in range(SHIFTS):
-            rises, differs = _NONE, _NONE
-            for pair in range(RUN - 1):
-                left, right = counts[places_brp[block, row, pair]], counts[places_brp[block, row, pair + 1]]
-                rises |= np.uint64(right > left) << np.uint64(pair)
-                differs |= np.uint64(right != left) << np.uint64(pair)
-                if row == 1 and 1 <= pair <= PAIRS:
-                    steps_p[PAIRS * block + pair - 1] = np.int32(right) - np.int32(left)
-            for shift in range(SHIFTS):
-                rises_sb[SHIFTS * row + shift, block] = (rises >> np.uint64(shift)) & _WORD
-                differs_sb[SHIFTS * row + shift, block] = (differs >> np.uint64(shift)) & _WORD
-        blocks += int(_ones(differs_sb[UNMOVED, block]) >= LEAST_PAIRS)
-    return blocks
-
-
-@compiled
-def _ones(word: np.uint64) -> np.uint64:
-    """Return the number of ones in a word of 32 bits."""
-    word -= (word >> np.uint64(1)) & np.uint64(0x55555555)
-    word = (word & np.uint64(0x33333333)) + ((word >> np.uint64(2)) & np.uint64(0x33333333))
-    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F)
-    return ((word * np.uint64(0x01010101)) >> np.uint64(24)) & np.uint64(0xFF)
-
-
-@compiled
-def _worth_a_look(rises_mb: Words, differs_mb: Words, rises_b: Words, differs_b: Words) -> Flags:
-    """Return for several pictures whether most of their pairs rise and fall as in one."""
-    worth_m = np.empty(len(rises_mb), np.bool_)
-    for picture in range(len(rises_mb)):
-        told, unlike = _NONE, _NONE
-        for block in range(len(rises_b)):
-            both = differs_mb[picture, block] & differs_b[block]
-            told += _ones(both)
-            unlike += _ones(both & (rises_mb[picture, block] ^ rises_b[block]))
-        worth_m[picture] = 2.0 * unlike < (1 - WORTH_A_LOOK) * told
-    return worth_m
+    left_brp, right_brp = values_brp[:, :, :-1], values_brp[:, :, 1:]
+    bits_xbrp = np.stack([right_brp > left_brp, right_brp != left_brp])
+    whole_xbr = bits_xbrp @ (np.uint64(1) << np.arange(RUN - 1, dtype=np.uint64))
+    moved_xbrs = (whole_xbr[..., None] >> np.arange(SHIFTS, dtype=np.uint64)) & np.uint64(2**PAIRS - 1)
+    rises_sb, differs_sb = np.moveaxis(moved_xbrs, 1, -1).reshape(2, SHIFTS**2, len(values_brp))
+    return rises_sb, differs_sb

@@ -95,7 +95,6 @@ class History:
 
 
 def _numbers(*forces_mn: float | None) -> list[float]:
-    """Return the forces that are neither missing nor NaN or infinite."""
     return [force_mn for force_mn in forces_mn if force_mn is not None and isfinite(force_mn)]
 
 
