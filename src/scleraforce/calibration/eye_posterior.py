@@ -8,7 +8,7 @@ from math import exp, sqrt
 import numpy as np
 
 from scleraforce.calibration.assimilation import PARAMETERS, Skipped
-from scleraforce.calibration.eye_frames import EyeFrames, Settings
+from scleraforce.calibration.eye_frames import NO_WALL, EyeFrames, Settings
 from scleraforce.calibration.forces import LABEL_SD_N, frame_order
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.errors import CalibrationError
@@ -25,7 +25,6 @@ from scleraforce.units import from_si
 MOST_FRAMES = 24  # of a posterior; frames of like dents say the same
 START_SD = 0.05  # relative, of E in the fits of single frames that the joint fit begins with
 TELLS_LITTLE = 0.8  # of the prior's standard deviation
-NO_WALL = "the library's walls do not lie on its boundaries"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,7 +76,8 @@ class EyePosterior:
 
     def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
         """Return the posterior after more frames; a frame that no wall of the library lies on is left out."""
-        library, smoothing_m = self.library.nearest_contact(self.known.polar_rad), self._smoothing_m
+        library = self.library.nearest_contact(self.known.polar_rad)
+        smoothing_m = self.study.calibration.surface_smoothing_m
         modulus = replace(self.modulus, sd_pa=START_SD * self.modulus.mean_pa, source="population")
         begun = replace(self.known, modulus=modulus)
         shown, own = list(self.frames), [] if self.fit is None else list(self.fit.own)
@@ -95,10 +95,6 @@ class EyePosterior:
         begin = None if self.fit is None else self.fit.shared
         of_eye = library, shown, self.known, self.study.reader, smoothing_m
         return replace(self, frames=tuple(shown), fit=fit_jointly(*of_eye, np.array(own), begin))
-
-    @property
-    def _smoothing_m(self) -> float:
-        return self.study.calibration.surface_smoothing_m
 
 
 def _spread(tips_m: Sequence[float], needed: Sequence[bool]) -> list[int]:

@@ -34,17 +34,11 @@ def _cut_lines(points_rblsc: Floats, gap_m: Floats, tilt_rad: float) -> Floats:
     across = across - gap_m
     c, s = cos(tilt_rad), sin(tilt_rad)
     distance, down = c * across - s * depth, s * across + c * depth
-    lines, samples = distance.shape[-2:]
-    before = np.minimum(np.maximum((distance < 0).sum(axis=-2) - 1, 0), lines - 2)
-    corner = np.arange(before.size // samples).reshape(*before.shape[:-1], 1) * (lines * samples)
-    first = corner + before * samples + np.arange(samples)
-    low, high = distance.ravel()[first], distance.ravel()[first + samples]
-    share = low / (low - high)
-    cut = np.empty((*before.shape, 2))
-    for axis, values in enumerate((lateral.ravel(), down.ravel())):
-        start = values[first]
-        cut[..., axis] = start + share * (values[first + samples] - start)
-    return cut
+    before = np.clip((distance < 0).sum(axis=-2, keepdims=True) - 1, 0, distance.shape[-2] - 2)
+    points = np.stack([distance, lateral, down], axis=-1)
+    start, end = (np.take_along_axis(points, before[..., None] + k, axis=-3)[..., 0, :, :] for k in (0, 1))
+    share = start[..., :1] / (start[..., :1] - end[..., :1])
+    return start[..., 1:] + share * (end[..., 1:] - start[..., 1:])
 
 
 def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeConstants, lateral_m: Floats) -> Floats:

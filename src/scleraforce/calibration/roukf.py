@@ -300,12 +300,10 @@ def _status(recent: tuple[tuple[float, int], ...]) -> str:
     if not np.isfinite(nis):
         return "diverged: an innovation is not finite"
     ratio = np.sqrt(nis / count)
-    if ratio > DIVERGED_SD and nis > _largest_by_chance(count):
-        return f"diverged: over the last {len(recent)} frames the model misses the observations by {ratio:.1f} sd"
-    return "ok"
-
-
-def _largest_by_chance(count: int) -> float:
+    if not ratio > DIVERGED_SD:
+        return "ok"
     from scipy.special import chdtri  # a tenth of a second, which a filter that keeps to its frames does not wait for
 
-    return float(chdtri(count, DIVERGENCE_PROBABILITY))
+    if not nis > chdtri(count, DIVERGENCE_PROBABILITY):
+        return "ok"
+    return f"diverged: over the last {len(recent)} frames the model misses the observations by {ratio:.1f} sd"

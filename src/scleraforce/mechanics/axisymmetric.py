@@ -216,12 +216,7 @@ class _Band:
         factor, fault = dpbtrf(band.reshape(self._unknowns, -1).T, lower=1, overwrite_ab=1)
         if fault != 0:
             return self._exchanged(tangents)
-
-        def solve(rhs: Floats) -> Floats:
-            answer: Floats = dpbtrs(factor, rhs, lower=1)[0]
-            return answer.reshape(rhs.shape)
-
-        return solve
+        return lambda rhs: np.asarray(dpbtrs(factor, rhs, lower=1)[0]).reshape(rhs.shape)
 
     def _exchanged(self, tangents: Floats) -> Solve:
         shape = (self._unknowns, 3 * self.width + 1)
@@ -230,12 +225,7 @@ class _Band:
         factors, pivots, fault = dgbtrf(entries.reshape(shape).T, self.width, self.width, overwrite_ab=1)
         if fault != 0:
             raise SolverError("wall: its tangent is singular; add supports against rigid motion")
-
-        def solve(rhs: Floats) -> Floats:
-            answer: Floats = dgbtrs(factors, self.width, self.width, rhs, pivots)[0]
-            return answer.reshape(rhs.shape)
-
-        return solve
+        return lambda rhs: np.asarray(dgbtrs(factors, self.width, self.width, rhs, pivots)[0]).reshape(rhs.shape)
 
 
 LARGEST_POLAR_RAD = np.radians(55.0)

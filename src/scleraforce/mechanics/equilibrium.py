@@ -208,14 +208,12 @@ def solve_balance(control: Balance, x: Floats) -> tuple[Floats, int]:
     """Return the unknowns that meet the control, from a guess x, and the number of factors."""
     defect = control.defect(x)
     found = control.met(defect, x)
-    for factors in range(MOST_FACTORS):
+    for factors in range(MOST_FACTORS + 1):
         if found:
             return x, factors
-        if not np.all(np.isfinite(defect)):
+        if factors == MOST_FACTORS or not np.all(np.isfinite(defect)):
             break
         x, defect, found = _newton_step(control, x, defect)
-    if found:
-        return x, MOST_FACTORS
     raise SolverError("equilibrium: Newton's method did not converge; use a shorter step")
 
 
