@@ -167,21 +167,18 @@ def network_session(network: bytes, place: str, threads: int) -> "InferenceSessi
         raise ModelError(f"{place}: not a network that ONNX Runtime reads: {fault}") from fault
 
 
-def network_metadata(session: "InferenceSession", place: str) -> dict[str, str]:
-    """Return the metadata of a network; raises `ModelError`."""
+def folder_session(folder: ModelFolder, threads: int) -> tuple["InferenceSession", dict[str, str]]:
+    """Return a session of a folder's network, made with the study beside it, and its metadata; raises `ModelError`."""
+    place = str(folder.path / NETWORK_FILE)
+    session = network_session(folder.files[NETWORK_FILE], place, threads)
     try:
         metadata: dict[str, str] = session.get_modelmeta().custom_metadata_map
     except ValueError as fault:  # names that are not text
         raise ModelError(f"{place}: metadata: {fault}") from fault
-    return metadata
-
-
-def check_provenance(folder: ModelFolder, metadata: Mapping[str, str]) -> None:
-    """Check that the network was made with the study beside it; raises `ModelError`."""
     stated = metadata.get("study_sha256")
     if stated != sha256(folder.files[STUDY_FILE]):
-        place = folder.path / NETWORK_FILE
         raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")
+    return session, metadata
 
 
 def check_interface(session: "InferenceSession", inputs: Interface, outputs: Interface, place: str) -> None:

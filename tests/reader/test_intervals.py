@@ -15,7 +15,7 @@ from scleraforce.library.unknowns import FORM, FORMS, NAMES
 from scleraforce.reader.answer import fit_reading
 
 from scleraforce.reader.intervals import (  # isort: skip
-    FIT_TRAITS, NETWORK_TRAITS, NO_FACTORS, Score, conformal_quantile, parse_factors, score, stretches, traits_of,
+    FIT_TRAITS, NETWORK_TRAITS, NO_FACTORS, Score, conformal_quantile, parse_factors, scored, stretches, traits_of,
 )  # fmt: skip
 from scleraforce.reader.networks import histogram_reading, ratio_edges
 from scleraforce.reader.verdicts import no_wall_of_an_eye
@@ -88,7 +88,9 @@ def test_a_stretched_fit_has_the_quantiles_of_stretched_draws() -> None:
         assert found.interval_n == pytest.approx(wanted.interval_n, rel=1e-9)
         assert found.probabilities == pytest.approx(wanted.probabilities(BOUNDS_N), abs=1e-3)
         assert found.force_n == fit.force_n
-        assert [score(found, end_n) for end_n in (*found.interval_n, found.force_n)] == pytest.approx([1.0, 1.0, 0.0])
+        ends_n = *found.interval_n, found.force_n
+        scores = [scored("fit", found, Known(), "an eye", end_n).score for end_n in ends_n]
+        assert scores == pytest.approx([1.0, 1.0, 0.0])
     light = drawn_fit(np.abs(1e-3 + 1e-3 * np.random.default_rng(0).standard_normal(501)))
     assert fit_reading(light, BOUNDS_N, 5.0).interval_n[0] == 0.0
     assert not fit_reading(replace(light, force_n=nan, interval_n=(nan, nan)), BOUNDS_N, 5.0).finite

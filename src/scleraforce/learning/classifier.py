@@ -275,8 +275,8 @@ def search_sizes(
     chosen size is slightly flattered.
     """
     sizes, fitted, candidates = grid(study), list[TrainedNetwork | None](), list[Candidate]()
-    train = partial(fit, training=training, validation=validation, classes=classes, device=device)
-    train = partial(train, progress=progress if workers is None else None)
+    reported = progress if workers is None else None
+    train = partial(fit, training=training, validation=validation, classes=classes, device=device, progress=reported)
     prepare = partial(partial, _try_size, train, study)  # gives the function of a size's number
     numbers = range(len(sizes))
     tried = map(prepare(), numbers) if workers is None else work_in_order(prepare, numbers, workers, ahead=len(sizes))

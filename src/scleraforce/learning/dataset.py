@@ -87,16 +87,14 @@ def plan_dataset(study: Study) -> DatasetPlan:
         spread = group.images // contacts + (np.arange(contacts) < group.images % contacts)
         parts.append((polar_rad, azimuth_rad, validation, spread, rng.integers(0, 2**32, group.images, np.uint32)))
     polar, azimuth, validates, spreads, seed = (np.concatenate(each) for each in zip(*parts, strict=True))
-    contact, groups = (
-        np.repeat(np.arange(len(spreads)), spreads),
-        [one for one in dataset.group for _ in range(one.images)],
-    )
+    contact = np.repeat(np.arange(len(spreads)), spreads)
+    images = [group.images for group in dataset.group]
     uniform = np.array([np.random.default_rng(number).random(len(DRAWS)) for number in seed])
     draws = dict(zip(DRAWS, uniform.T, strict=True))
-    force_n = np.array([group.max_force_n for group in groups]) * draws["force"]
+    force_n = np.repeat([group.max_force_n for group in dataset.group], images) * draws["force"]
     return DatasetPlan(
         force_n=force_n, target=np.array([study.classes.classify(force) for force in force_n], dtype=np.uint8),
-        thickness_m=np.array([group.thickness_m for group in groups]), contact=contact.astype(np.int32),
+        thickness_m=np.repeat([group.thickness_m for group in dataset.group], images), contact=contact.astype(np.int32),
         polar_rad=polar[contact], azimuth_rad=azimuth[contact],
         gap_m=np.full(len(seed), needle.gap_m) if dataset.gap_m is None else _at(dataset.gap_m, draws["gap"]),
         tilt_rad=_at(dataset.tilt_rad, draws["tilt"]), direction_rad=_at(dataset.direction_rad, draws["direction"]),

@@ -1,4 +1,4 @@
-"""The look of drawn walls: uneven forms, and the errors of a segmentation (NumPy only).
+"""The look of drawn walls: uneven forms, and the errors of a segmentation (NumPy and SciPy only).
 
 A form at rest is added to the dented wall unchanged. The errors imitate the errors that
 `benchmarks/bench_boundary_errors.py` measures on rendered frames. No boundary is found in columns that the scan does
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg import convolution_matrix
 
 from scleraforce.arrays import Flags, Floats
 from scleraforce.library import INNER, OUTER
@@ -148,12 +149,11 @@ def _smoothing(columns: int, length: float) -> Floats:
     """Return the matrix (column, column) that smooths rows by a Gaussian, carried on straight at both ends."""
     reach = int(np.ceil(4.0 * length))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / length) ** 2)
-    matrix = np.zeros((columns, columns))
+    matrix, target = np.zeros((columns, columns)), np.arange(columns)
     for offset, weight in zip(range(-reach, reach + 1), kernel / kernel.sum(), strict=True):
-        at = np.arange(columns) + offset
+        at = target + offset
         inside = np.clip(at, 0, columns - 1)
         mirrored = np.clip(2 * inside - at, 0, columns - 1)  # beyond an end: 2 f(end) - f(mirrored)
-        target = np.arange(columns)
         np.add.at(matrix, (inside, target), np.where(at == inside, weight, 2.0 * weight))
         np.add.at(matrix, (mirrored, target), np.where(at == inside, 0.0, -weight))
     return matrix
@@ -165,10 +165,7 @@ def _colouring(columns: int, length: float) -> Floats:
     reach = int(np.ceil(3.0 * length))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / length) ** 2)
     kernel /= np.sqrt((kernel**2).sum())
-    matrix = np.zeros((columns + 2 * reach, columns))
-    for column in range(columns):
-        matrix[column : column + 2 * reach + 1, column] = kernel
-    return matrix
+    return np.asarray(convolution_matrix(kernel, columns))
 
 
 def _noise(shape: tuple[int, ...], lengths_m: tuple[float, ...], study: SliceStudy, rng: np.random.Generator) -> Floats:

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from scleraforce.decision.events import Verdict
-from scleraforce.known import NINETY_PERCENT, one_lean
+from scleraforce.known import one_lean
 from scleraforce.library.fit import BoundaryFit
 from scleraforce.library.planes import SpatialPlace
 from scleraforce.library.unknowns import LATERAL
 from scleraforce.pictures import html_card
 from scleraforce.plain_json import finite
-from scleraforce.reader.where import NOWHERE, Places
+from scleraforce.reader.where import NOWHERE, Place, Places
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.needle import SeenNeedle, needle_entry
-from scleraforce.units import HumanUnit, from_si
+from scleraforce.units import from_si
 
 METHODS = ("network", "fit")
 SHOWN = 20  # answers of a stack in a notebook
@@ -250,17 +250,12 @@ def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:
     """Return the keys of a contact in three dimensions, with intervals; null without planes that were read together."""
     if place is None:
         return dict.fromkeys(("contact_xyz_mm", "contact_xyz_mm_interval", "tilt_deg", "tilt_deg_interval"))
-    entry = dict[str, Any]()
-    contact: HumanUnit = "mm"
-    tilt: HumanUnit = "deg"
-    for key, unit, values, sds in (
-        ("contact_xyz_mm", contact, place.contact_m, place.contact_sd_m),
-        ("tilt_deg", tilt, place.tilt_rad, place.tilt_sd_rad),
-    ):
-        entry[key] = [from_si(value, unit) for value in values]
-        ends = [(value, NINETY_PERCENT * sd) for value, sd in zip(values, sds, strict=True)]
-        entry[f"{key}_interval"] = [[from_si(value + sign * sd, unit) for sign in (-1, 1)] for value, sd in ends]
-    return entry
+    contact = [one.in_unit("mm") for one in map(Place.of, place.contact_m, place.contact_sd_m)]
+    tilt = [one.in_unit("deg") for one in map(Place.of, place.tilt_rad, place.tilt_sd_rad)]
+    return {
+        "contact_xyz_mm": [value for value, _ in contact], "contact_xyz_mm_interval": [ends for _, ends in contact],
+        "tilt_deg": [value for value, _ in tilt], "tilt_deg_interval": [ends for _, ends in tilt],
+    }  # fmt: skip
 
 
 def together(answers: Sequence[Answer]) -> list[Answer]:

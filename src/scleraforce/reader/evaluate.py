@@ -240,18 +240,13 @@ class Evaluation:
         return tidy(frame.as_row() for frame in self.frames)
 
     def _metrics(self) -> dict[str, Any]:
+        shares = {"recall": self.recall, "precision": self.precision}
+        values = {name: [share.value for share in of_classes] for name, of_classes in shares.items()}
+        ends = {name: [share.interval for share in of_classes] for name, of_classes in shares.items()}
         return {
-            "scored": len(self.scored),
-            "accuracy": self.accuracy.value,
-            "confusion": self.confusion.tolist(),
-            "recall": [share.value for share in self.recall],
-            "precision": [share.value for share in self.precision],
-            "intervals": {
-                "accuracy": self.accuracy.interval,
-                "recall": [share.interval for share in self.recall],
-                "precision": [share.interval for share in self.precision],
-            },
-        }
+            "scored": len(self.scored), "accuracy": self.accuracy.value, "confusion": self.confusion.tolist(), **values,
+            "intervals": {"accuracy": self.accuracy.interval, **ends},
+        }  # fmt: skip
 
 
 def check_once(paths: Sequence[Path]) -> None:
@@ -307,9 +302,7 @@ def recording_scores(
     session = _Session.of(reader, recording, summary)
     repeats = session.repeats
     for entry, trial, answer, calibrates in session.read(progress):
-        if entry.file in repeats:
-            continue
-        if trial.measured_force_n is None or trial.excluded is not None or calibrates:
+        if entry.file in repeats or trial.measured_force_n is None or trial.excluded is not None or calibrates:
             continue
         for method, reading in answer.readings if answer.usable else ():
             fit, eye = answer.fit if method == "fit" else None, recording.info.eye.id

@@ -161,18 +161,16 @@ class Stretch:
     factor: float
 
 
-def score(reading: Reading, force_n: float) -> float:
-    """Return the distance of a force from a reading's median, over that of the interval's end on that side."""
-    low_n, high_n = reading.interval_n
-    end_n = high_n if force_n > reading.force_n else low_n
-    return abs(force_n - reading.force_n) / max(abs(end_n - reading.force_n), LEAST_N)
-
-
 def scored(
     method: str, reading: Reading, known: Known, eye: str, force_n: float, fit: BoundaryFit | None = None
 ) -> Score:
-    """Return the score of a method's reading of an eye under a force, N; `fit`: the fit's own."""
-    return Score(method, traits_of(known, reading.force_n, fit), eye, score(reading, force_n))
+    """Return the score of a method's reading of an eye under a force, N; `fit`: the fit's own.
+
+    It is the distance of the force from the median, over that of the interval's end on that side.
+    """
+    end_n = reading.interval_n[1 if force_n > reading.force_n else 0]
+    distance = abs(force_n - reading.force_n) / max(abs(end_n - reading.force_n), LEAST_N)
+    return Score(method, traits_of(known, reading.force_n, fit), eye, distance)
 
 
 def eye_count(scores: Iterable[Score]) -> int:

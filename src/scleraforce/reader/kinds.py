@@ -309,37 +309,35 @@ class ForceReader(Reader):
             for one, wall in zip_longest(frames, walls)
         ]
         seen_walls = [None if seen.reason else segmented_boundaries(seen.segmentation, scale) for seen in looks]
-        each, left_out = list[tuple[int, verdicts.Look, Boundaries, Known]](), list[str]()
-        for number, (seen, wall, plane) in enumerate(zip(looks, seen_walls, planes, strict=True)):
+        each, left_out = list[tuple[Plane, verdicts.Look, Boundaries, Known]](), list[str]()
+        for seen, wall, plane in zip(looks, seen_walls, planes, strict=True):
             here = known.turned(plane.direction_rad)
             reason = seen.reason if wall is None else self._not_fitted(seen, wall, here)
             if wall is not None and reason is None:
-                each.append((number, seen, wall, here))
+                each.append((plane, seen, wall, here))
             else:
                 left_out.append(f"plane {plane.name}: {reason}")
-        found = self._fitted_together(each, planes) if each else [unusable(self.classes, left_out[0])]
+        found = self._fitted_together(each) if each else [unusable(self.classes, left_out[0])]
         fault = next((one for one in found if not one.usable), None)
-        of_plane = {number: one for (number, *_), one in zip(each, found, strict=False)}  # of no fit there is one only
+        of_plane = {plane.name: one for (plane, *_), one in zip(each, found, strict=False)}  # of no fit: one only
         answers = list[Answer]()
-        for number, seen in enumerate(looks):
-            shared = of_plane.get(number) or replace(found[0], contact_m=None, fit=None, can_calibrate=False)
+        for plane, seen in zip(planes, looks, strict=True):
+            shared = of_plane.get(plane.name) or replace(found[0], contact_m=None, fit=None, can_calibrate=False)
             if fault is not None:
                 shared = replace(unusable(self.classes, fault.reason or ""), fit=shared.fit)
             warned = (*shared.warnings, *(f"{LEFT_OUT}{reason}" for reason in left_out)) if shared.usable else ()
             answers.append(replace(shared, segmentation=seen.segmentation, warnings=warned))
         return tuple(answers)
 
-    def _fitted_together(
-        self, each: Sequence[tuple[int, verdicts.Look, Boundaries, Known]], planes: Sequence[Plane]
-    ) -> list[Answer]:
+    def _fitted_together(self, each: Sequence[tuple[Plane, verdicts.Look, Boundaries, Known]]) -> list[Answer]:
         """Return the answers of planes with a wall, by the fit to all of them; of one alone, by its own."""
         smoothing_m, radius_m = self.study.calibration.surface_smoothing_m, self.library.needle_radius_m
         trained, library = self.study.reader, self.library_for(each[0][3])
         priors = [self._prior(seen, wall, known, verdicts.read_by_fit(trained)) for _, seen, wall, known in each]
         walls = [
-            SeenPlane(planes[number].offset_m, planes[number].direction_rad, wall.lateral_m, wall.depth_m, prior,
+            SeenPlane(plane.offset_m, plane.direction_rad, wall.lateral_m, wall.depth_m, prior,
                       radius_m / sqrt(3.0) if seen.needle else None)
-            for (number, seen, wall, _), prior in zip(each, priors, strict=True)
+            for (plane, seen, wall, _), prior in zip(each, priors, strict=True)
         ]  # fmt: skip
         fits, place = fit_planes(library, walls, smoothing_m)
         if not fits:
@@ -347,24 +345,22 @@ class ForceReader(Reader):
         if place is not None:
             place = place.at_depth(*contact_depth(fits[0], priors[0], library))
             angles = [
-                (planes[number].direction_rad, seen.needle.axis_rad)
-                for (number, seen, *_), fit in zip(each, fits, strict=True)
+                (plane.direction_rad, seen.needle.axis_rad)
+                for (plane, seen, *_), fit in zip(each, fits, strict=True)
                 if seen.needle and seen.needle.axis_rad is not None and shaft_lean(fit, seen.needle) is not None
             ]
             place = place.with_shafts(*zip(*angles, strict=True)) if angles else place
         gaps_m, answers = [abs(float(fit.unknown[GAP])) for fit in fits], list[Answer]()
-        heres = [
-            known if place is None else replace(known, gap_m=gap_m)
-            for (*_, known), gap_m in zip(each, gaps_m, strict=True)
-        ]
-        stretches = (
-            frame_stretch(seen.segmentation, here, trained) for (_, seen, *_), here in zip(each, heres, strict=True)
-        )
-        factor = min(stretches) * max(map(self.factors.of_fit, heres, fits))
-        for (number, seen, wall, _), here, fit, prior in zip(each, heres, fits, priors, strict=True):
+        heres = [known for *_, known in each]
+        if place is not None:
+            heres = [replace(known, gap_m=gap_m) for known, gap_m in zip(heres, gaps_m, strict=True)]
+        sections = [seen.segmentation for _, seen, *_ in each]
+        stretch = min(frame_stretch(*pair, trained) for pair in zip(sections, heres, strict=True))
+        factor = stretch * max(map(self.factors.of_fit, heres, fits))
+        for (plane, seen, wall, _), here, fit, prior in zip(each, heres, fits, priors, strict=True):
             nearest = abs(float(fit.unknown[GAP])) == min(gaps_m)
             answer = self._judged(seen, wall, here, fit, prior, factor, METHODS[1], nearest)
-            reason = None if answer.usable else f"plane {planes[number].name}: {answer.reason}"
+            reason = None if answer.usable else f"plane {plane.name}: {answer.reason}"
             where = answer.places if place is None else in_space(answer.places, place)
             answers.append(replace(answer, place=place, places=where, reason=reason))
         return together(answers)

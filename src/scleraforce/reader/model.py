@@ -31,11 +31,8 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     folder = models.read_folder(Path(path))
     if folder.record["kind"] != models.WALL_FINDER:
         raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, a {models.WALL_FINDER} is needed here")
-    place = str(folder.path / models.NETWORK_FILE)
-    session = models.network_session(folder.files[models.NETWORK_FILE], place, threads)
-    finder = WallFinder(session, models.folder_study(folder).wall_finder, place)
-    models.check_provenance(folder, models.network_metadata(session, place))
-    return finder
+    study, (session, _) = models.folder_study(folder), models.folder_session(folder, threads)
+    return WallFinder(session, study.wall_finder, str(folder.path / models.NETWORK_FILE))
 
 
 def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = models.SHIPPED_WALL_FINDER) -> Reader:
@@ -51,21 +48,18 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = mod
     if kind not in KINDS:
         wanted = f"{', '.join(KINDS[:-1])} or {KINDS[-1]}"
         raise ModelError(f"{folder.path}: kind: found {kind!r}, {wanted} is needed here")
-    study, place = models.folder_study(folder), str(folder.path / models.NETWORK_FILE)
-    session = models.network_session(folder.files[models.NETWORK_FILE], place, threads)
-    provenance = models.network_metadata(session, place)
+    study, (session, provenance) = models.folder_study(folder), models.folder_session(folder, threads)
     if kind == CLASSIFIER:
         model: Reader = Classifier(folder.path, study, session)
     else:
         factors = parse_factors(folder.record, str(folder.path / models.RECORD_FILE))
+        place = str(folder.path / models.NETWORK_FILE)
         network = ForceNetwork(session, study, place, factors, raw=kind == RAW_READER)
         if kind == RAW_READER:
             model = RawReader(folder.path, study, network)
         else:
-            model = ForceReader(
-                folder.path, study, network, _library(folder), folder.record.get("default", ""), factors
-            )
-    models.check_provenance(folder, provenance)
+            default = folder.record.get("default", "")
+            model = ForceReader(folder.path, study, network, _library(folder), default, factors)
     model.record, model.provenance = folder.record, provenance
     model.finder = None if finder is None else load_wall_finder(finder, threads)
     return model

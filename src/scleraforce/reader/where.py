@@ -48,6 +48,10 @@ class Place:
         """Return the place of a normal distribution, its interval cut off at `least`."""
         return cls(value, max(value - NINETY_PERCENT * float(sd), least), value + NINETY_PERCENT * float(sd))
 
+    def in_unit(self, unit: HumanUnit) -> tuple[float, list[float]]:
+        """Return the value and the ends of its interval in a unit."""
+        return from_si(self.value, unit), [from_si(self.low, unit), from_si(self.high, unit)]
+
     @property
     def unsigned(self) -> "Place":
         """The place of the absolute value."""
@@ -79,8 +83,8 @@ class Places:
             unit: HumanUnit = "deg" if si_unit == "rad" else "mm"
             place = getattr(self, item.name)
             place = place and place.unsigned if unit == "deg" else place
-            ends = None if place is None else [from_si(place.low, unit), from_si(place.high, unit)]
-            found |= {f"{name}_{unit}": from_si(place and place.value, unit), f"{name}_{unit}_interval": ends}
+            value, ends = place.in_unit(unit) if place else (None, None)
+            found |= {f"{name}_{unit}": value, f"{name}_{unit}_interval": ends}
         return found
 
 
