@@ -168,23 +168,28 @@ def network_session(network: bytes, place: str, threads: int) -> "InferenceSessi
 
 
 def folder_session(folder: ModelFolder, threads: int) -> tuple["InferenceSession", dict[str, str]]:
-    """Return a session of a folder's network, made with the study beside it, and its metadata; raises `ModelError`."""
+    """Return a session of a folder's network and the network's metadata; raises `ModelError`."""
     place = str(folder.path / NETWORK_FILE)
     session = network_session(folder.files[NETWORK_FILE], place, threads)
     try:
         metadata: dict[str, str] = session.get_modelmeta().custom_metadata_map
     except ValueError as fault:  # names that are not text
         raise ModelError(f"{place}: metadata: {fault}") from fault
+    return session, metadata
+
+
+def check_provenance(folder: ModelFolder, metadata: Mapping[str, str]) -> None:
+    """Check that the network was made with the study beside it; raises `ModelError`."""
     stated = metadata.get("study_sha256")
     if stated != sha256(folder.files[STUDY_FILE]):
+        place = folder.path / NETWORK_FILE
         raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")
-    return session, metadata
 
 
 def check_interface(session: "InferenceSession", inputs: Interface, outputs: Interface, place: str) -> None:
     """Check types and shapes, without the first axis, of a network's inputs and outputs; raises `ModelError`."""
-    for which, wanted in (("inputs", inputs), ("outputs", outputs)):
-        items = session.get_inputs() if which == "inputs" else session.get_outputs()
+    sides = (("inputs", session.get_inputs(), inputs), ("outputs", session.get_outputs(), outputs))
+    for which, items, wanted in sides:
         found = {item.name: (item.type, item.shape[1:]) for item in items}
         if found != wanted:
             raise ModelError(f"{place}: {which}: found {found}, its study asks for {wanted}")

@@ -122,8 +122,9 @@ class RawSource:
 
     def __init__(self, library: Library, study: Study) -> None:
         """Keep only the part of a library that frames can show: it is quicker."""
-        columns = window_columns(FrameWindow.of(study.raw_reader))
-        self.library, self.study = Source(library, study.reader, columns).library, study
+        window = FrameWindow.of(study.raw_reader)
+        self.columns = SliceStudy(columns=window.columns, rows=window.rows, pixel_m=window.column_m)
+        self.library, self.study = Source(library, study.reader, self.columns).library, study
 
     def chunk(self, number: int, count: int = FRAMES_TOGETHER) -> RawSamples:
         """Draw a chunk of samples, shuffled: a share of them is crossed by a needle."""
@@ -139,7 +140,7 @@ class RawSource:
         """Draw samples of a reader's study, all with a needle or all without."""
         study, window = self.study, FrameWindow.of(self.study.raw_reader)
         library = samples.library_of_tissue(self.library, reader, rng)
-        eyes, framing, depth_sbc = samples.draw_framed(library, reader, window_columns(window), count, rng)
+        eyes, framing, depth_sbc = samples.draw_framed(library, reader, self.columns, count, rng)
         optics = [draw_optics(study, gap_m if needle else None, rng) for gap_m in eyes.gap_m.tolist()]
         shafts = draw_shafts(optics, depth_sbc, framing.lateral_m, eyes.rotation_rad, study)
         frames, boundary_rows = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
@@ -148,11 +149,6 @@ class RawSource:
         rows = np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32)
         given, modulus_pa = networks.given_inputs(eyes.stated, trained), networks.given_modulus(eyes.stated, trained)[0]
         return RawSamples(given, eyes.force_n, modulus_pa, framing.lateral_m, frames, rows)
-
-
-def window_columns(window: FrameWindow) -> SliceStudy:
-    """Return a slice with the columns of a window."""
-    return SliceStudy(columns=window.columns, rows=window.rows, pixel_m=window.column_m)
 
 
 def fit_raw_reader(

@@ -163,11 +163,6 @@ def _contradicted(ends_rad: tuple[float, float], azimuth_rad: float | None, seen
     return (f"the needle leans by {shown:.0f} degrees in the picture (above 0: right), {allows}",)
 
 
-def seen_lean(answer: Answer) -> float | None:
-    """Return the lean of the shaft that an answer sees, `where.shaft_lean`; of several planes in space, above 0."""
-    return shaft_lean(answer.fit, answer.needle) if answer.place is None else answer.place.lean_rad
-
-
 @dataclass(frozen=True, eq=False)
 class History:
     """Memory of an eye's tissue after the frames so far: mean (term,) and covariance (term, term) of m_i, in N.
@@ -220,8 +215,10 @@ class History:
         """
         if not elastic.usable or elastic.force_n is None or not isfinite(elastic.force_n):
             return elastic, self
-        known = self.known if elastic.place is None else replace(self.known, lean_azimuth_rad=None)  # turned away
-        lean = Lean.of(known, seen_lean(elastic))
+        known, seen_rad = self.known, shaft_lean(elastic.fit, elastic.needle)
+        if elastic.place is not None:  # of several planes: the angle in space, above 0, turned away from any of them
+            known, seen_rad = replace(known, lean_azimuth_rad=None), elastic.place.lean_rad
+        lean = Lean.of(known, seen_rad)
         felt, after = FeltForce(1.0, 0.0, 0.0), self
         if any(self.relaxation.shares):
             felt, after = self._felt(elastic.force_n, time_s, held_s)

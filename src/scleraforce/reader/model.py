@@ -31,8 +31,10 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     folder = models.read_folder(Path(path))
     if folder.record["kind"] != models.WALL_FINDER:
         raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, a {models.WALL_FINDER} is needed here")
-    study, (session, _) = models.folder_study(folder), models.folder_session(folder, threads)
-    return WallFinder(session, study.wall_finder, str(folder.path / models.NETWORK_FILE))
+    study, (session, metadata) = models.folder_study(folder), models.folder_session(folder, threads)
+    finder = WallFinder(session, study.wall_finder, str(folder.path / models.NETWORK_FILE))
+    models.check_provenance(folder, metadata)
+    return finder
 
 
 def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = models.SHIPPED_WALL_FINDER) -> Reader:
@@ -60,6 +62,7 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = mod
         else:
             default = folder.record.get("default", "")
             model = ForceReader(folder.path, study, network, _library(folder), default, factors)
+    models.check_provenance(folder, provenance)
     model.record, model.provenance = folder.record, provenance
     model.finder = None if finder is None else load_wall_finder(finder, threads)
     return model

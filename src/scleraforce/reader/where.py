@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.arrays import Floats
 from scleraforce.known import NINETY_PERCENT, Known
 from scleraforce.library import unknowns as at
 from scleraforce.library.fit import BoundaryFit, law_of, library_walls
@@ -128,17 +127,11 @@ def in_space(places: Places, place: SpatialPlace) -> Places:
 
 def contact_depth(fit: BoundaryFit, prior: Prior, library: Library) -> tuple[float, float]:
     """Return the depth of the dented surface on the needle's axis below the frame's top, m, and its SD."""
-    law = law_of(prior.globe)
-    steps = STEP * fit.spread
-    places_m = _depths(np.concatenate([fit.unknown[None], fit.unknown + steps]), law.pressure, library)
+    unknown_su = np.concatenate([fit.unknown[None], fit.unknown + STEP * fit.spread])
+    on_axis_m = library.shapes(*library_walls(library, unknown_su, law_of(prior.globe).pressure))[:, 0, 0, 1]
+    upright_m = np.exp(unknown_su[:, at.SIZE]) * on_axis_m
+    places_m = upright_m * np.cos(unknown_su[:, at.ROTATION]) + unknown_su[:, at.DEPTH]
     return float(places_m[0]), float(np.linalg.norm(places_m[1:] - places_m[0]) / STEP)
-
-
-def _depths(unknown_su: Floats, pressure: int, library: Library) -> Floats:
-    on_axis_m = library.shapes(*library_walls(library, unknown_su, pressure))[:, 0, 0, 1]
-    return np.asarray(
-        np.exp(unknown_su[:, at.SIZE]) * on_axis_m * np.cos(unknown_su[:, at.ROTATION]) + unknown_su[:, at.DEPTH]
-    )
 
 
 def shaft_lean(fit: BoundaryFit | None, needle: SeenNeedle | None) -> float | None:
