@@ -82,13 +82,15 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def read_folder(path: Path) -> ModelFolder:
-    """Read a model folder, or the shipped one of that name, and check the hashes of its files; raises `ModelError`."""
+def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolder:
+    """Read a model folder of some kinds, or the shipped one of that name, and check its files; raises `ModelError`."""
     path = model_folder(path)
     if not path.is_dir():
         bundled, makes = ", ".join(SHIPPED), "`scleraforce train DATASET --out MODEL` makes a folder"
         raise ModelError(f"{path}: no such folder, and not a bundled model ({bundled}); {makes}")
     record = _read_record(path / RECORD_FILE)
+    if record["kind"] not in kinds:
+        raise ModelError(f"{path}: kind: found {record['kind']!r}, a {' or '.join(kinds)} is needed here")
     places, hashes = {name: path / name for name in FILES[record["kind"]]}, record["files"]
     if path == SHIPPED_LIVING:  # the libraries of both bundled readers are large, and equal but for rounding
         places[LIBRARY_FILE] = SHIPPED_READER / LIBRARY_FILE

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from math import hypot, inf, sqrt
 from pathlib import Path
 
-from scleraforce.errors import ModelError
 from scleraforce.known import NOTHING_KNOWN, OWN_SOURCES, UNKNOWN, Known, Modulus, known_of_recording, open_doubts
 from scleraforce.models import folder_study, model_folder, model_name, read_folder
 from scleraforce.reader.verdicts import LEAST_FRAME_M, least_wall_m, read_by_fit, wall_seen
@@ -67,11 +66,9 @@ def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) 
 
 def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
     """Return a note for each value of a recording outside a model's training; raises `ModelError`."""
-    folder, name = read_folder(model), model_name(model_folder(model))
-    kind = folder.record["kind"]
-    if kind not in KINDS:
-        raise ModelError(f"{model}: kind: found {kind!r}, one of {', '.join(KINDS)} is needed here")
-    found = limits(kind, folder_study(folder), known_of_recording(info), info.oct, info.needle.gauge)
+    folder, name = read_folder(model, KINDS), model_name(model_folder(model))
+    eye, scan, gauge = known_of_recording(info), info.oct, info.needle.gauge
+    found = limits(folder.record["kind"], folder_study(folder), eye, scan, gauge)
     return tuple(f"outside the range of {name}: {sentence}" for sentence in found)
 
 

@@ -28,9 +28,7 @@ Finder = str | PathLike[str] | None
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     """Load a model folder of kind "wall-finder"; arguments and errors as for `load_model`."""
-    folder = models.read_folder(Path(path))
-    if folder.record["kind"] != models.WALL_FINDER:
-        raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, a {models.WALL_FINDER} is needed here")
+    folder = models.read_folder(Path(path), (models.WALL_FINDER,))
     study, (session, metadata) = models.folder_study(folder), models.folder_session(folder, threads)
     finder = WallFinder(session, study.wall_finder, str(folder.path / models.NETWORK_FILE))
     models.check_provenance(folder, metadata)
@@ -45,11 +43,8 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = mod
     checks the walls it reads, None: nothing checks them. A file that is missing, was changed, or does not fit the study
     beside it raises `ModelError`.
     """
-    folder = models.read_folder(Path(path))
+    folder = models.read_folder(Path(path), KINDS)
     kind = folder.record["kind"]
-    if kind not in KINDS:
-        wanted = f"{', '.join(KINDS[:-1])} or {KINDS[-1]}"
-        raise ModelError(f"{folder.path}: kind: found {kind!r}, {wanted} is needed here")
     study, (session, provenance) = models.folder_study(folder), models.folder_session(folder, threads)
     if kind == CLASSIFIER:
         model: Reader = Classifier(folder.path, study, session)
