@@ -13,7 +13,7 @@ from predicted_walls import Walls, predict_wall
 from scleraforce.calibration.eye_posterior import MOST_FRAMES, EyePosterior, _spread
 from scleraforce.calibration.result import calibration_lines, parse_calibration
 from scleraforce.cli.main import run
-from scleraforce.errors import CalibrationError, InputError
+from scleraforce.errors import InputError
 from scleraforce.known import LEAST_MODULUS_SD, Known, Modulus
 from scleraforce.known.calibration_file import known_of_eye, open_calibration, read_calibration
 from scleraforce.library import Library
@@ -34,7 +34,6 @@ def found(made_up_folder: Path, library: Library, tmp_path_factory: pytest.TempP
 def test_the_file_says_that_no_force_was_measured_and_is_read_back(found: Path) -> None:
     entry = json.loads(found.read_text())["eyes"]["made-up"]
     assert entry["without_force"] is True
-    assert entry["state"] is None
     assert entry["frames"] == []  # no force has been used: `evaluate` scores all of them
     assert entry["updates"] == len([step for step in entry["steps"] if step["skipped"] is None]) >= 4
     text = "\n".join(calibration_lines(parse_calibration(open_calibration(found))))
@@ -79,14 +78,6 @@ def test_what_cannot_be_is_refused(
         recording = replace(recording, info=info)
     with pytest.raises(InputError, match=words):
         sf.calibrate(recording, **{"without_force": True, **given})
-
-
-def test_a_calibration_with_forces_does_not_continue_one_without(
-    found: Path, made_up_folder: Path, library: Library, monkeypatch: Any
-) -> None:
-    monkeypatch.setattr("scleraforce.notebook.calibrating.library_for", lambda *_: library)
-    with pytest.raises(CalibrationError, match="made without forces"):
-        sf.calibrate(made_up_folder, earlier=found)
 
 
 def test_the_command_takes_both_options(made_up_folder: Path, tmp_path: Path, capsys: Any) -> None:

@@ -105,15 +105,12 @@ def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(tmp_path: Pat
     assert "not usable" in skipped
 
 
-def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(
-    calibration, cross, single, monkeypatch
-) -> None:
+def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(cross, single, monkeypatch) -> None:
     monkeypatch.setattr("scleraforce.notebook.calibrating.library_for", lambda *_: LIBRARY)
-    again = calibrated(single, earlier=calibration).eyes["eye"].frames
+    again = calibrate_recordings([cross, single], STUDY, "hash", LIBRARY, ("e",), frames=3).eyes["eye"].frames
     assert [frame.file for frame in again] == ["0-1.png", "2-1.png", "3-1.png", "1-1.png", "4-0.png"]
-    shown = sf.calibrate(cross, without_force=True)
     with pytest.raises(CalibrationError, match="none of its 0 frames"):
-        sf.calibrate(single, without_force=True, earlier=shown)
+        sf.calibrate([cross, single], without_force=True)
 
 
 def test_what_planes_cannot_be_calibrated_with_is_refused(cross) -> None:

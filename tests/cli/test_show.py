@@ -153,7 +153,7 @@ REFUSED = {
     "empty": "empty: give a study, library, data set, model (or a bundled one: default, living, paper, wall-finder)",
     "eye/recording.toml": "a part of a recording; give its folder", "eye/frames/0000.png": "0000.png: give a study",
     "eye --model nowhere": "nowhere: no such folder, and not a bundled model",
-    "eye --model wall-finder": "wall-finder: kind: found 'wall-finder'",
+    "eye --model wall-finder": "wall_finder: kind: found 'wall-finder'",
     "study.toml --model default": "--model: study.toml is a study; a model reads recordings",
     "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",
     "eye --plot study.toml": "give a name that ends in", "eye --plot old.svg": "old.svg: exists already",

@@ -38,7 +38,6 @@ SOUGHT_ON = 6  # frames of the search; if more are wanted, they are calibrated o
 FAR_ABOVE = 1.5  # of the highest force that is calibrated on: a force above is far from it
 LEAKS = "eye.leak_time_s: E and k are of the globe without its leak, which `read` and `monitor` do not follow"
 LEAK_ROUNDS = 3  # of a calibration with the resting pressures that its E and k give
-SAME_MODULUS = 0.01  # relative; other stated values of the eye move the mean of a lognormal by less
 
 
 @dataclass
@@ -55,7 +54,7 @@ class _StepCount:
 
 def calibrate_recordings(
     recordings: Sequence[Recording], study: Study, study_sha256: str, library: Library | None,
-    parameters: tuple[str, ...] | None = None, frames: int | None = None, earlier: Calibration | None = None,
+    parameters: tuple[str, ...] | None = None, frames: int | None = None,
     progress: Callable[[int], object] | None = None, finder: WallFinder | None = None,
 ) -> Calibration:  # fmt: skip
     """Calibrate every eye on its recordings; recordings of one eye add up. It raises `CalibrationError`.
@@ -63,29 +62,24 @@ def calibrate_recordings(
     Without a library, mechanics is linear, as in the paper. The uncertain `parameters` are, of `e`, `stiffening`,
     `iop`, `thickness` and `gap`, by default e, and with a library the stiffening, which is found on the first recording
     of an eye; otherwise the stiffening is the study's. `frames` of each recording are taken that bear enough force,
-    deep dents among them (None: all). An `earlier` calibration is continued; frames that its eyes have used are left
-    out. `progress` is called with 1 after each frame, in each of `calibration_passes`. The `finder` checks the walls:
-    a frame in which it sees another one is not used.
+    deep dents among them (None: all). `progress` is called with 1 after each frame, in each of `calibration_passes`.
+    The `finder` checks the walls: a frame in which it sees another one is not used.
     """
     if parameters is None:
         parameters = ("e",) if library is None else ("e", STIFFENING)
     if library is None and STIFFENING in parameters:
         raise CalibrationError("parameters: linear mechanics knows no tissue that stiffens; leave out stiffening")
-    mechanics = "linear" if library is None else "finite-strain"
-    if earlier is not None and earlier.mechanics != mechanics:
-        wrong = f"the earlier calibration has {earlier.mechanics} mechanics, not {mechanics}"
-        raise CalibrationError(f"{wrong}; name the same")
     of_filter = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
     settings = Settings(study, library, of_filter, STIFFENING in parameters, frames, finder)
-    eyes = {} if earlier is None else dict(earlier.eyes)
+    eyes = dict[str, EyeCalibration]()
     for recording in recordings:
         eye_id = recording.info.eye.id
         count = _StepCount(passes * len(recording.frames), progress or silent)
         eyes[eye_id] = _of_eye(recording, replace(settings, count=count), eyes.get(eye_id))
         count(count.left)
-    mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
-    return Calibration(mine, study_sha256, study.classes.bounds_n, mechanics)
+    mechanics = "linear" if library is None else "finite-strain"
+    return Calibration(eyes, study_sha256, study.classes.bounds_n, mechanics)
 
 
 def calibration_passes(library: Library | None, parameters: tuple[str, ...] | None) -> int:
@@ -97,8 +91,6 @@ def calibration_passes(library: Library | None, parameters: tuple[str, ...] | No
 def _of_eye(recording: Recording, settings: Settings, before: EyeCalibration | None) -> EyeCalibration:
     """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
     stated = recording.info.eye.globe
-    if before is not None and before.state is None:
-        raise CalibrationError(f"{before.id}: the earlier calibration was made without forces; begin anew")
     used = frozenset() if before is None else frozenset(sha256 for record in before.frames for _, sha256 in record.seen)
     check_planes(recording, settings)
     frames = EyeFrames(recording, settings, used, _known_relaxation(recording, before))
@@ -354,22 +346,10 @@ def _begin(
     session = assimilation.begin(*begun, frames.poses if earlier is None else None)
     if earlier is None:
         return session
-    names = session.filter.space.names
-    if earlier.names != names:
-        raise CalibrationError(f"{earlier.id}: the earlier calibration has {', '.join(earlier.names)} for parameters, "
-                               f"not {', '.join(names)}; begin anew or name the same")  # fmt: skip
     if (earlier.lean_rad is None) != (recording.info.needle.lean_rad is None):
         raise CalibrationError(f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of {earlier.id} "
                                "state it and some do not; state it in all of them, or in none")  # fmt: skip
-    assert earlier.state is not None  # `_of_eye`
-    with np.errstate(over="ignore", invalid="ignore"):
-        means, sds = assimilation.moments(session.filter, earlier.state)
-    same = abs(means[names.index(assimilation.PARAMETERS["e"])] / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS
-    if not (same and np.isfinite((means, sds)).all()):
-        raise CalibrationError(f"{earlier.id}: the state of the earlier calibration is not that of its parameters "
-                               "under this study; begin anew, or give the study that it was made with")  # fmt: skip
-    if tables_digest(recording) in {entry.sha256 for entry in earlier.recordings}:
-        return replace(session, state=earlier.state)
+    assert earlier.state is not None  # of a filter
     return replace(session, state=replace(earlier.state, belief=first_belief(session.filter.model)))
 
 
@@ -387,11 +367,7 @@ def _recordings(
     """Return the recordings that an eye rests on, this one among them."""
     path, sha256, (zero_n, drift) = str(recording.path), tables_digest(recording), forces.zero.tolist()
     used = UsedRecording(path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, doubts=doubts)
-    before = () if earlier is None else earlier.recordings
-    if used.sha256 not in {entry.sha256 for entry in before}:
-        return (*before, used)
-    *others, last = before
-    return (*others, replace(last, doubts=doubts or last.doubts))
+    return (used,) if earlier is None else (*earlier.recordings, used)
 
 
 def _settled(

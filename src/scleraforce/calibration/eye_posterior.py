@@ -70,8 +70,9 @@ class EyePosterior:
         return EyeCalibration(
             id=eye, names=(PARAMETERS["e"], PARAMETERS["thickness"]), means=(modulus.mean_pa, thickness_m),
             sds=(modulus.sd_pa, float(np.sqrt(self.fit.covariance[THICKNESS, THICKNESS]))),
-            stated_thickness_m=thickness_m, globe=self.known.globe or UNKNOWN, state=None, recordings=tuple(recordings),
-            frames=tuple(frames), stiffening=self.library.stiffening, relaxation=self.known.relaxation,
+            stated_thickness_m=thickness_m, globe=self.known.globe or UNKNOWN, without_force=True,
+            recordings=tuple(recordings), frames=tuple(frames),
+            stiffening=self.library.stiffening, relaxation=self.known.relaxation,
         )  # fmt: skip
 
     def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
@@ -111,21 +112,20 @@ def _spread(tips_m: Sequence[float], needed: Sequence[bool]) -> list[int]:
 
 def calibrate_without_force(
     recordings: Sequence[Recording], settings: Settings, study_sha256: str, population: Modulus | None = None,
-    earlier: Calibration | None = None, progress: Callable[[int], object] = lambda _: None,
+    progress: Callable[[int], object] = lambda _: None,
 ) -> Calibration:  # fmt: skip
     """Calibrate every eye on the shape of its dents; `settings.frames` of each recording also by their forces.
 
     `population` is the prior of E, by default the study's. A later recording of an eye begins with the posterior of an
-    earlier one. It raises `CalibrationError`: no pressure is stated, no frame is usable, or `earlier` knows forces.
+    earlier one. It raises `CalibrationError`: no pressure is stated, or no frame is usable.
     """
-    eyes = {} if earlier is None else dict(earlier.eyes)
+    eyes = dict[str, EyeCalibration]()
     study = settings.study.calibration
     prior = population or Modulus(mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population")
     for recording in recordings:
         eye = recording.info.eye.id
         eyes[eye] = _of_eye(recording, settings, prior, eyes.get(eye), progress)
-    mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
-    return Calibration(mine, study_sha256, settings.study.classes.bounds_n, "finite-strain")
+    return Calibration(eyes, study_sha256, settings.study.classes.bounds_n, "finite-strain")
 
 
 def _of_eye(
@@ -138,8 +138,6 @@ def _of_eye(
     if info.eye.iop_pa is None:
         raise CalibrationError(f"{place}: eye.iop_pa: missing; without forces E is found beside the known pressure")
     if before is not None:
-        if before.state is not None:
-            raise CalibrationError(f"{before.id}: the earlier calibration knows its forces; leave out without_force")
         prior = Modulus(mean_pa=before.mean_pa, sd_pa=before.sd_pa, source="population")
     relaxation = None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation)
     earlier = () if before is None else before.frames

@@ -10,12 +10,9 @@ import numpy as np
 from msgspec import Meta
 
 from scleraforce import __version__
-from scleraforce.arrays import Floats
-from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, SHARED, EyeFilter, EyeState, FrameStep
+from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, EyeFilter, EyeState, FrameStep
 from scleraforce.calibration.eye_model import spread
 from scleraforce.calibration.known_forces import Finite, KnownForce, NotNegative
-from scleraforce.calibration.registration import NUISANCES, PoseBelief
-from scleraforce.calibration.roukf import Posterior
 from scleraforce.errors import CalibrationError
 from scleraforce.known import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy, KnownGlobe, calibration_file
 from scleraforce.known.calibration_file import WRITER, CalibrationFile, Line, converted
@@ -79,9 +76,9 @@ class EyeCalibration:
     `globe`: the known globe after the frames; `discrepancy`: of its forces from the library's; `stiffening`: b of the
     tissue whose walls explain its frames best; `relaxation`: how it relaxes; `lean_rad`: of the needle in the last
     recording; if it is known, forces are parts along the wall's normal, and E is of these. With a library, modulus and
-    rigidity are from the frames read again (`calibration.known_forces`), `state` is the filter's,
-    None if no filter ran: E is from the shape of the dents (`calibration.eye_posterior`). `steps` are for figures, and
-    are empty if read from a file.
+    rigidity are from the frames read again (`calibration.known_forces`); `without_force`: E is from the shape of the
+    dents (`calibration.eye_posterior`). The filter's `state`, from which the eye's next recording continues, and its
+    `steps`, for figures, are missing if read from a file.
     """
 
     id: str
@@ -90,13 +87,14 @@ class EyeCalibration:
     sds: tuple[float, ...]
     stated_thickness_m: float
     globe: KnownGlobe
-    state: EyeState | None = field(repr=False)
     recordings: tuple[UsedRecording, ...] = field(repr=False)
     frames: tuple[FrameRecord, ...] = field(repr=False)
     discrepancy: ForceDiscrepancy | None = None
     stiffening: float = 0.0
     relaxation: KnownRelaxation | None = None
     lean_rad: float | None = None
+    without_force: bool = False
+    state: EyeState | None = field(default=None, repr=False)
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
 
@@ -134,7 +132,7 @@ class EyeCalibration:
     @property
     def updates(self) -> int:
         """The number of frames that the estimate rests on."""
-        return len(self.used) if self.state is None else self.state.posterior.updates
+        return len(self.used)
 
     @property
     def status(self) -> str:
@@ -219,7 +217,7 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     (an uneven wall); and the scatter of its frames, if that is large (a wall that the library does not have).
     """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
-    words = ["E from shape"] if eye.state is None else []
+    words = ["E from shape"] if eye.without_force else []
     words += [_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]]
     if eye.stiffening > 0.0:
         words.append(f"tissue stiffens, b {eye.stiffening:.2g}")
@@ -252,7 +250,6 @@ def _words(name: str, mean: float, sd: float) -> str:
     return f"{words} {mean:.{decimals}f} ± {sd:.{decimals}f} {printed}"
 
 
-LONGEST_RECENT = 100
 # Each uncertain parameter, and the values (SI) that it may have in a file.
 _RANGES = {
     "youngs_modulus_pa": (1e3, 100e6), "iop_pa": (-1e5, 1e5), "thickness_m": (1e-6, 10e-3), "gap_m": (-0.1, 0.1),
@@ -267,26 +264,15 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "thickness_um": from_si(eye.thickness_m, "um"), "globe": calibration_file.globe_entry(eye.globe),
         "stiffening": eye.stiffening, "relaxation": eye.relaxation and vars(eye.relaxation),
         "lean_deg": from_si(eye.lean_rad, "deg"), "discrepancy": eye.discrepancy and vars(eye.discrepancy),
-        "updates": eye.updates, "without_force": eye.state is None, "status": eye.status,
+        "updates": eye.updates, "without_force": eye.without_force, "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
         "recording": eye.recordings[0].path,
         "frames": [
             {"file": file, "sha256": sha256}
-            for frame in eye.used if eye.state or frame.force_n for file, sha256 in frame.seen
+            for frame in eye.used if frame.force_n or not eye.without_force for file, sha256 in frame.seen
         ],
         "parameters": {name: {"mean": mean, "sd": sd} for name, mean, sd in moments},
         "recordings": [vars(entry) for entry in eye.recordings], "steps": [_frame_entry(frame) for frame in eye.frames],
-        "state": eye.state and _state_entry(eye.state),
-    }  # fmt: skip
-
-
-def _state_entry(state: EyeState) -> dict[str, Any]:
-    posterior, belief = state.posterior, state.belief
-    return {
-        "mean": posterior.mean.tolist(), "factor": posterior.factor.tolist(), "precision": posterior.precision.tolist(),
-        "updates": posterior.updates, "recent": [list(entry) for entry in posterior.recent],
-        "belief_mean": belief.mean.tolist(), "belief_covariance": belief.covariance.tolist(), "shared": list(SHARED),
-        "sensitivity": state.sensitivity.tolist(), "zero_covariance": state.zero_covariance.tolist(),
     }  # fmt: skip
 
 
@@ -312,30 +298,12 @@ class _Moments(msgspec.Struct):
     sd: NotNegative
 
 
-_Vector = list[Finite]
-_Matrix = list[list[Finite]]
-
-
-class _State(msgspec.Struct):
-    mean: _Vector
-    factor: _Matrix
-    precision: _Matrix
-    updates: Annotated[int, Meta(ge=0, le=10**9)]
-    recent: Annotated[tuple[tuple[NotNegative, Annotated[int, Meta(ge=0)]], ...], Meta(max_length=LONGEST_RECENT)]
-    belief_mean: _Vector
-    belief_covariance: _Matrix
-    shared: tuple[str, ...]
-    sensitivity: _Matrix
-    zero_covariance: _Matrix
-
-
 class _Saved(msgspec.Struct):
     """The part of an entry of `eyes` that `calibration` reads beside its summary."""
 
     parameters: dict[str, dict[str, Any]]
     recordings: tuple[UsedRecording, ...]
     steps: tuple[FrameRecord, ...]
-    state: _State | None
 
 
 def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
@@ -352,7 +320,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
     found = EyeCalibration(
         id=eye_id, names=tuple(moments), means=tuple(each.mean for each in moments.values()),
         sds=tuple(each.sd for each in moments.values()), stated_thickness_m=summary.thickness_m, globe=summary.globe,
-        state=_parse_state(saved.state, len(moments), f"{place}.state"), recordings=saved.recordings,
+        without_force=summary.without_force, recordings=saved.recordings,
         frames=saved.steps, discrepancy=summary.discrepancy, stiffening=summary.stiffening,
         relaxation=summary.relaxation, lean_rad=summary.lean_rad,
     )  # fmt: skip
@@ -361,38 +329,6 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
     if not np.allclose((found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6):
         raise CalibrationError(f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}")
     return found
-
-
-def _parse_state(saved: _State | None, size: int, place: str) -> EyeState | None:
-    if saved is None:
-        return None
-    if saved.shared != SHARED:
-        raise CalibrationError(f"{place}.shared: expected {', '.join(SHARED)}; {WRITER}")
-    pose, shared = len(NUISANCES), len(SHARED)
-
-    def array(name: str, *shape: int) -> Floats:
-        try:
-            found = np.array(getattr(saved, name), dtype=np.float64)
-        except ValueError:  # rows of several lengths
-            found = np.empty(0)
-        if found.shape != shape:
-            raise CalibrationError(f"{place}.{name}: expected numbers of shape {shape}; {WRITER}")
-        return found
-
-    def covariance(name: str, size: int) -> Floats:
-        """Return a symmetric matrix that is nowhere negative."""
-        found = array(name, size, size)
-        slack = 1e-9 * np.abs(found).max()
-        if np.abs(found - found.T).max() > slack or np.linalg.eigvalsh(found).min() < -slack:
-            raise CalibrationError(f"{place}.{name}: not a covariance or precision; {WRITER}")
-        return found
-
-    precision = covariance("precision", size)
-    if np.linalg.eigvalsh(precision).min() <= 0.0:
-        raise CalibrationError(f"{place}.precision: not positive definite; {WRITER}")
-    posterior = Posterior(array("mean", size), array("factor", size, size), precision, saved.updates, saved.recent)
-    belief = PoseBelief(array("belief_mean", pose), covariance("belief_covariance", pose))
-    return EyeState(posterior, belief, array("sensitivity", size, shared), covariance("zero_covariance", 2))
 
 
 BENDS_OTHERWISE = 0.1  # relative difference between the moduli of low and high forces that is worth a remark

@@ -51,7 +51,6 @@ class _Notes(list[str]):
 @options(
     "calibration", calibration="With --without-force: other eyes' calibration; their population is the prior of E."
 )
-@click.option("--resume", "earlier", type=PATH, help="Continue from an earlier file of this command.")
 @click.option("--intervals", "model", type=PATH, metavar="MODEL", help="Adapt the intervals of this reader (a folder, "
               "or `default`) to these recordings; --out is the adapted copy.")  # fmt: skip
 @options("plot")

@@ -10,10 +10,10 @@ from scleraforce import models
 from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
 from scleraforce.calibration.eye_frames import Settings
 from scleraforce.calibration.eye_posterior import calibrate_without_force
-from scleraforce.calibration.result import Calibration, parse_calibration
+from scleraforce.calibration.result import Calibration
 from scleraforce.errors import InputError
 from scleraforce.known import known_of_recording
-from scleraforce.known.calibration_file import open_calibration, population_modulus, write_calibration
+from scleraforce.known.calibration_file import population_modulus, write_calibration
 from scleraforce.library import Library, load_library
 from scleraforce.library.plan import plan_library
 from scleraforce.notebook import Counting, counting_for
@@ -36,8 +36,8 @@ PARAMETERS = ("e", "stiffening", "iop", "thickness", "gap")
 def calibrate(
     recordings: Given | Sequence[Given], study: Study | None = None, *, frames: int | None = None,
     parameters: Sequence[str] | None = None, mechanics: str = "finite-strain",
-    earlier: Calibration | str | PathLike[str] | None = None, without_force: bool = False,
-    calibration: "GivenCalibration | None" = None, wall_finder: str | PathLike[str] | None = models.SHIPPED_WALL_FINDER,
+    without_force: bool = False, calibration: "GivenCalibration | None" = None,
+    wall_finder: str | PathLike[str] | None = models.SHIPPED_WALL_FINDER,
     thickness_m: float | None = None, out: str | PathLike[str] | None = None,
     note: Callable[[str], object] | None = None, progress: Callable[[int], object] | None = None,
     counting: Counting | None = None,
@@ -53,7 +53,6 @@ def calibrate(
         parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap"; "e" among them. None: e and the
             stiffening, with linear mechanics e.
         mechanics: "finite-strain" (from the library), or the paper's "linear".
-        earlier: a calibration, or its file, to continue.
         without_force: find E by the shape of the dents beside the stated IOP; no force log is needed.
         calibration: with `without_force`, other eyes' calibration or its file: their population is the prior of E.
         wall_finder: model folder that checks the walls, by default the bundled one; None: nothing checks them.
@@ -84,7 +83,7 @@ def calibrate(
     if without_force and (mechanics == "linear" or parameters is not None):
         raise InputError("without_force: finds E at finite strain; leave out parameters and mechanics")
     if calibration is not None and not without_force:
-        raise InputError("calibration: is the prior of without_force; to continue a calibration, give it as earlier")
+        raise InputError("calibration: is the prior of without_force; leave it out")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
     if thickness_m is not None:
@@ -107,8 +106,6 @@ def calibrate(
         for sentence in limits(kind, study, known_of_recording(info), info.oct, info.needle.gauge):
             if note is not None:
                 note(f"{recording.path}: {sentence}")
-    if isinstance(earlier, str | PathLike):
-        earlier = parse_calibration(open_calibration(Path(earlier)))
     finder = finder_of(wall_finder)
     library = library_for(study, mechanics, counting)
     passes = 1 if without_force else calibration_passes(library, sought)
@@ -118,9 +115,9 @@ def calibrate(
             prior = None if summary is None else population_modulus(summary)
             stiffening = study.tissue.stiffening if summary is None else summary.population_stiffening
             settings = Settings(study, library.for_stiffening(stiffening), ("e",), False, frames, finder)
-            found = calibrate_without_force(each, settings, study_hash(study), prior, earlier, advance)
+            found = calibrate_without_force(each, settings, study_hash(study), prior, advance)
         else:
-            by_force = study, study_hash(study), library, sought, frames, earlier, advance, finder
+            by_force = study, study_hash(study), library, sought, frames, advance, finder
             found = calibrate_recordings(each, *by_force)
     if out is not None:
         write_calibration(found.to_dict(), Path(out))
