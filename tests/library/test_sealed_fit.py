@@ -161,18 +161,15 @@ def taut_wall(
     return unknown, globe
 
 
-@pytest.mark.parametrize(
-    ("rigidity", "thickness_m", "pressure_mmhg"),
-    [(1.0, 0.58e-3, 21.0), (1.25, 0.6e-3, 21.0), (1.6, 0.5e-3, 21.0), (1.3, 0.5e-3, 26.0)],
-)
+@pytest.mark.parametrize(("rigidity", "thickness_m"), [(1.0, 0.58e-3), (1.25, 0.6e-3), (1.6, 0.5e-3)])
 def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
-    library: Library, rigidity: float, thickness_m: float, pressure_mmhg: float
+    library: Library, rigidity: float, thickness_m: float
 ) -> None:
-    """The dent hardly deepens any more: where nothing says where the pole lies, forces that are twice as large look
-    nearly alike. At 26 mmHg a search from even dents ends at a third of the force, one from even pressures does not.
+    """From rest to 21 mmHg the dent hardly deepens any more: where nothing says where the pole lies, forces that are
+    twice as large look nearly alike, and a search from the dents that lie best ends a third below the truth.
     """
     walls = Walls(library, SEALED)
-    unknown, globe = taut_wall(library, rigidity, thickness_m, to_si(pressure_mmhg, "mmhg"))
+    unknown, globe = taut_wall(library, rigidity, thickness_m, to_si(21.0, "mmhg"))
     depth = noisy_boundaries(predict_wall(walls, unknown, BOTH), 5e-6, np.random.default_rng(3))
     known = replace(known_eye(unknown, globe), polar_rad=None, direction_rad=None)
     fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known, RANGES))
@@ -187,6 +184,6 @@ def test_a_globe_of_unknown_kind_that_was_found_to_be_open_is_read(library: Libr
     found = replace(UNKNOWN, mean=0.0, sd=0.01 * REFERENCE_RIGIDITY, calibrated=True)
     truth = eye(0.8e-3, 0.0)
     depth = predict_wall(Walls(library, OPEN), truth, BOTH).depth_m.reshape(2, -1)
-    fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known_eye(truth, found), RANGES))
+    fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known_eye(truth, found), RANGES), 0.0, 10e-3)
     assert fit is not None
     assert fit.force_n == pytest.approx(float(force_n(Walls(library, OPEN), truth[None])[0]), rel=0.05)

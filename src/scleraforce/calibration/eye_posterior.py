@@ -85,7 +85,7 @@ class EyePosterior:
         for frame in frames:
             gap_m = self.known.gap_m if frame.gap_m is None else frame.gap_m
             prior = prior_of(replace(begun, gap_m=gap_m), self.study.reader)
-            fit = fit_boundaries(library, frame.lateral_m, frame.depth_bc, prior, smoothing_m)
+            fit = fit_boundaries(library, frame.lateral_m, frame.depth_bc, prior, smoothing_m, frame.force_n)
             if fit is not None and fit.misfit_m <= NO_WALL_M:
                 shown.append(frame)
                 own.append(fit.unknown[OWN])

@@ -277,7 +277,9 @@ def read_again(
     for (seen, force_n), rest_pa in zip(frames, rests, strict=True):
         eyes = [replace(each, iop_pa=rest_pa) for each in certain]
         fits = (
-            _fits_of_planes(near, seen, eyes, study) if isinstance(seen, PlanesFit) else _fits(near, seen, eyes, study)
+            _fits_of_planes(near, seen, eyes, study)
+            if isinstance(seen, PlanesFit)
+            else _fits(near, seen, eyes, study, force_n)
         )
         beside = list(filter(_read, fits))
         if len(beside) < len(eyes):
@@ -296,11 +298,13 @@ def read_again(
     return found
 
 
-def _fits(near: Library, seen: Boundaries, eyes: Sequence[Known], study: Study) -> list[BoundaryFit | None]:
+def _fits(
+    near: Library, seen: Boundaries, eyes: Sequence[Known], study: Study, force_n: float
+) -> list[BoundaryFit | None]:
     """Return the fits of a frame with each of the known eyes; none if the first one cannot be read."""
     priors, smoothing_m = [prior_of(eye, study.reader) for eye in eyes], study.calibration.surface_smoothing_m
     at = near, seen.lateral_m, seen.depth_m
-    fit = fit_boundaries(*at, priors[0], smoothing_m)
+    fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
     if not _read(fit):
         return []
     # A fit of its own for each could end in another valley, and the slope would be that from one to the other.

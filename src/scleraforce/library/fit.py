@@ -109,14 +109,15 @@ class BoundaryFit:
 
 def fit_boundaries(
     library: Library, lateral_m: Floats, depth_bc: Floats, prior: Prior, smoothing_m: float = 0.0,
-    begun: Floats | None = None,
+    borne_n: float | None = None, begun: Floats | None = None,
 ) -> BoundaryFit | None:  # fmt: skip
     """Fit the library to the boundaries of a frame; None if it shows fewer columns than there are unknowns.
 
     `lateral_m` (column,): places of the frame's columns from its middle. `depth_bc` (2, column), m: depth of the outer
     and the inner boundary below the frame's top, free of refraction; NaN where unseen. `smoothing_m`: standard
-    deviation of the Gaussian with which the segmentation smooths the outer boundary. `begun` (unknown,): the unknowns
-    of another fit, which this one starts from alone, and goes to the end: for small changes of the prior.
+    deviation of the Gaussian with which the segmentation smooths the outer boundary. `borne_n`: the needle's force, if
+    known: one more start in a sealed globe. `begun` (unknown,): the unknowns of another fit, which this one starts from
+    alone, and goes to the end: for small changes of the prior.
     """
     fitted = empty_fit(library)
     has_fit = fit_frame(
@@ -127,6 +128,7 @@ def fit_boundaries(
         float(smoothing_m),
         Belief(prior.mean, prior.sd, prior.precision, prior.same_force, prior.calibrated, prior.wall_sd_m),
         doubt_of(prior),
+        np.nan if borne_n is None else float(borne_n),
         np.empty(0) if begun is None else np.ascontiguousarray(begun, dtype=np.float64),
         fitted,
     )  # fmt: skip

@@ -1,6 +1,6 @@
 """One compiled call: a frame's fit, from its boundaries to the force with its posterior.
 
-`tests/oracles/plain_fit.py` has the cost of any unknowns and the posterior there by arrays; it does not search.
+`tests/oracles/plain_fit.py` does the same by arrays.
 """
 
 from typing import NamedTuple
@@ -69,11 +69,11 @@ class Fitted(NamedTuple):
 @compiled
 def fit_frame(
     tables: SplineTables, law: Law, lateral_m: Floats, depth_bc: Floats, smoothing_m: float,
-    belief: Belief, doubt: Doubt, begun: Floats, fitted: Fitted,
+    belief: Belief, doubt: Doubt, borne_n: float, begun: Floats, fitted: Fitted,
 ) -> bool:  # fmt: skip
     """Write the fit of a frame; from the unknowns `begun` to the end if there are any (0 or unknown,).
 
-    Return False if the frame shows too few columns.
+    `borne_n` is the needle's force, NaN if it is not known. Return False if the frame shows too few columns.
     """
     at_m, depth_m, sd_m, outer = _columns(lateral_m, depth_bc, belief.wall_sd_m)
     if outer < UNKNOWNS:
@@ -92,7 +92,7 @@ def fit_frame(
         cost = _best_fit(problem, starts[:count], work, unknown)
         cost = _with_limbus(problem, starts[0], cost, work, unknown)
         if not law.is_open:
-            cost = _beyond(problem, surface, cost, work, unknown)
+            cost = _beyond(problem, surface, borne_n, cost, work, unknown)
             cost = _along_valley(problem, cost, work, unknown, spread)
     _conclude(problem, cost, doubt, work, fitted)
     return True
@@ -205,15 +205,21 @@ def _with_limbus(problem: Problem, first: Floats, best: float, work: Work, unkno
 
 
 @compiled_part
-def _beyond(problem: Problem, surface: Surface, best: float, work: Work, unknown: Floats) -> float:
-    """Put a sealed globe's fit begun at a much higher pressure in place of a worse one; return the cost.
+def _beyond(problem: Problem, surface: Surface, borne_n: float, best: float, work: Work, unknown: Floats) -> float:
+    """Put a sealed globe's fit begun where a known force lies, or at a higher pressure, in place of a worse one.
 
     Where the pressure has nearly run away, two dents that are alike may be under very different forces.
     """
-    start, tried = np.empty((1, UNKNOWNS)), np.empty(UNKNOWNS)
-    if problem.law.mean > 0.0 and fit_starts.higher_start(problem, surface, unknown, work, start[0]):
-        search_loops.keep_inside(problem.scene.tables, start[0])
-        cost = _best_fit(problem, start, work, tried)
+    if problem.law.mean <= 0.0:
+        return best
+    starts, tried = np.empty((2, UNKNOWNS)), np.empty(UNKNOWNS)
+    count = 1 if fit_starts.higher_start(problem, surface, unknown, work, starts[0]) else 0
+    if not np.isnan(borne_n):
+        fit_starts.bearing_start(problem, surface, borne_n, work, starts[count])
+        count += 1
+    for number in range(count):
+        search_loops.keep_inside(problem.scene.tables, starts[number])
+        cost = _best_fit(problem, starts[number : number + 1], work, tried)
         if cost < best and force_at(problem.scene.tables, problem.law, tried) < fit_starts.LARGEST_N:
             unknown[:], best = tried, cost
     return best

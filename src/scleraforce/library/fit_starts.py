@@ -145,6 +145,17 @@ def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
 
 
 @compiled_part
+def bearing_start(problem: Problem, surface: Surface, borne_n: float, work: Work, start: Floats) -> None:
+    """Write the start in a sealed globe whose needle is known to bear a force."""
+    states, best = np.empty((PRESSURES, UNKNOWNS)), np.inf
+    for state in range(_find_states(problem, states)):
+        off = np.abs(force_at(problem.scene.tables, problem.law, states[state]) - borne_n)
+        if off < best:
+            best, start[:] = off, states[state]
+    _lay(problem, surface, start, problem.belief.mean, work)
+
+
+@compiled_part
 def higher_start(problem: Problem, surface: Surface, fitted: Floats, work: Work, start: Floats) -> bool:
     """Write the best state of a sealed globe among those at much higher pressures than `fitted`.
 

@@ -1,6 +1,6 @@
 """Compiled loops: the least-squares problem of one frame, and the damped Gauss-Newton method that solves it.
 
-`tests/oracles/plain_fit.py` has the problem by arrays; it does not search.
+`tests/oracles/plain_fit.py` does the same by arrays.
 """
 
 from typing import NamedTuple

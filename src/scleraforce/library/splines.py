@@ -59,8 +59,19 @@ class CubicSpline:
         return self.pieces.weights(places)
 
     def shares(self, places: Floats) -> Floats:
-        """Return the weight of each node's value at places (place, node)."""
-        return self._spread(places) @ self._inverse
+        """Return the weight of each node's value at places (place, node); for a few, cheaper than all weights."""
+        left, right = self._spread(self.nodes).T.copy(), self._spread(places).T.copy()
+        # Elimination without pivoting: B-splines' matrices are banded and totally positive (de Boor, XIII), and the
+        # threads of LAPACK wait for busy cores.
+        for row in range(len(left)):
+            below, beside = slice(row + 1, row + SUPPORT), slice(row, row + SUPPORT)
+            factor = left[below, row, None] / left[row, row]
+            left[below, beside] -= factor * left[row, beside]
+            right[below] -= factor * right[row]
+        for row in range(len(left) - 1, -1, -1):
+            after = slice(row + 1, row + SUPPORT)
+            right[row] = (right[row] - left[row, after] @ right[after]) / left[row, row]
+        return np.ascontiguousarray(right.T)
 
     def slopes(self, coefficients: Floats) -> Floats:
         """Return the spline's derivative at the nodes; `coefficients` and result have the nodes as last axis."""
