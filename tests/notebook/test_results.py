@@ -77,6 +77,21 @@ def test_columns_that_a_masked_array_masks_are_not_judged_and_leave_no_edge() ->
     assert read(np.ma.masked_all_like(torn)).reason == "all columns are masked"
 
 
+def test_masked_columns_are_not_judged_in_a_given_wall_either() -> None:
+    half = np.broadcast_to(np.arange(512) < 256, FRAMES[1].shape)
+    wall = sf.segment(FRAMES[1], width_m=15e-3, depth_m=4e-3).mask
+    expected = read(FRAMES[1], mask=np.where(half, 128, wall).astype(np.uint8)).to_dict()
+    for answer in (
+        read(np.ma.array(FRAMES[1], mask=half), mask=wall), read(FRAMES[1], mask=np.ma.array(wall > 0, mask=half)),
+        read(np.ma.array(wall > 0, mask=half)), read(np.ma.array(FRAMES[1:], mask=half[None]), mask=wall[None])[0],
+    ):  # fmt: skip
+        assert answer.to_dict() == expected
+    assert read((wall > 0)[None])[0].to_dict() == read(wall > 0).to_dict()
+    for empty in (FRAMES[:0], FRAMES[:, :0], FRAMES[0, :0]):
+        with pytest.raises(FrameError, match="an array of shape"):
+            read(empty)
+
+
 def test_results_become_plain_types_and_tables() -> None:
     stack = read(np.concatenate([FRAMES, np.zeros_like(FRAMES[:1])]))
     plain = stack.to_dict()
@@ -101,6 +116,15 @@ def test_an_evaluation_and_a_calibration_become_tables(tmp_path, monkeypatch) ->
     assert sf.export(found, "answers.csv") == len(found.frames)
     with pytest.raises(InputError, match=r"answers\.csv: exists already"):
         sf.export(found, "answers.csv")
+    stack = read(
+        np.stack([recording.frame(entry) for recording in [sf.read_recording("eye-a")] for entry in recording.frames])
+    )
+    assert sf.export("eye-a", "stack.csv", answers=stack) == len(stack)
+    for wrong in (stack[:1], stack[0]):
+        with pytest.raises(InputError, match="answers: "):
+            sf.export("eye-a", "wrong.csv", answers=wrong)  # type: ignore[arg-type]  # the mistake
+    with pytest.raises(InputError, match="author: 'a"):
+        sf.save_wall("eye-a", found.frames[0].file, stack[0].segmentation.mask, author="a\nb")
     assert sf.export("eye-a", "both.json", answers=found) == len(found.frames)
     rows = json.loads((tmp_path / "both.json").read_text())["frames"]
     assert [row["predicted"] for row in rows] == [frame.answer.predicted for frame in found.frames]

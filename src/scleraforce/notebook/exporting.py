@@ -32,7 +32,7 @@ def export(
         thing: a recording, opened or as a folder; or answers: of `evaluate`, of `read` to a stack, or a file with
             the output of a command's --json.
         out: the file; its ending decides: .csv and .json have a row for each frame, .mcap and .nrrd need a recording.
-        answers: to a recording's frames, to add to their rows.
+        answers: to a recording's frames, to add to their rows; of a stack one for each, in their order.
         replace: replace a file that exists.
 
     Raises:
@@ -48,6 +48,11 @@ def export(
         raise InputError(f"out: {out}: give a name that ends in {', '.join(ENDINGS)}")
     if out.exists() and not replace:
         raise InputError(f"{out}: exists already; choose another name, or replace it (--force)")
+    for name, one in {"thing": thing, "answers": answers}.items():
+        if one is not None and not isinstance(one, Recording | Evaluation | Answers | str | PathLike):
+            raise InputError(
+                f"{name}: {type(one).__name__}; give a recording, an evaluation, answers of a stack or a file"
+            )
     if isinstance(thing, Evaluation | Answers) or not (isinstance(thing, Recording) or Path(thing).is_dir()):
         if answers is not None:
             raise InputError(f"answers: {thing} is answers already; give a recording with them")
@@ -66,7 +71,12 @@ def export(
         return len(recording.frames)
     rows = formats.frame_rows(recording, ClassesStudy())
     if answers is not None:
-        rows = formats.with_answers(rows, _rows(answers), recording.path)
+        given = _rows(answers)
+        if isinstance(answers, Answers):
+            if len(given) != len(rows):
+                raise InputError(f"answers: {len(given)} for {len(rows)} frames; give one for each, in their order")
+            given = [{**one, "file": row["file"]} for one, row in zip(given, rows, strict=True)]
+        rows = formats.with_answers(rows, given, recording.path)
     if kind != ".mcap":
         return _write_table(tomllib.loads(format_record(recording.info)), rows, out)
     formats.write_mcap(recording, rows, clock_origin_s(recording.path), out)

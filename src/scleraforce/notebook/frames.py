@@ -32,7 +32,7 @@ from scleraforce.reader.model import load_model as load_reader, load_wall_finder
 from scleraforce.recording import folder
 from scleraforce.recording.folder import Plane, Recording, ScaledFrame, Scanner, read_recording
 from scleraforce.recording.pixels import Pixels, Sourced, find_greys
-from scleraforce.recording.walls import WALL, RecordedWalls, mask_of, read_mask, write_wall
+from scleraforce.recording.walls import NOT_JUDGED, RecordedWalls, mask_of, read_mask, write_wall
 from scleraforce.segmentation.found import Segmentation, without_wall
 from scleraforce.segmentation.observations import GIVEN_SD_ROWS, check_size, given_wall, recorded_wall
 from scleraforce.segmentation.wall import find_wall
@@ -253,6 +253,8 @@ def read(
     masks: Any = [] if mask is None else mask if isinstance(mask, list | tuple) else [mask]
     if not isinstance(frame, np.ndarray) or frame.ndim != 3:
         return answer(frames, masks)
+    if not frame.size:
+        raise FrameError(f"frame: an array of shape {frame.shape}; give frames x rows x columns, at least one")
     stack, notes = counted(frame)
     masks = mask if isinstance(mask, np.ndarray) else masks
     if len(masks) not in (0, len(stack)):
@@ -321,6 +323,8 @@ def save_wall(recording: Given, file: str, mask: Mask, *, author: str | None = N
     folder.check_alone(found, file)
     drawn = read_mask(Path(mask)) if isinstance(mask, str | PathLike) else mask_of(mask, "mask")
     check_size(drawn, (found.info.oct.rows, found.info.oct.columns), "mask")
+    if author is not None and not author.isprintable():
+        raise InputError(f"author: {author!r}: a line break or another unprintable character; give a name of one line")
     write_wall(found.path, file, drawn, author or getpass.getuser(), utc_now())
 
 
@@ -425,6 +429,9 @@ def _wall(
     given = read_mask(Path(mask)) if isinstance(mask, str | PathLike) else mask_of(mask, "mask")
     given = given.T if transpose else given
     check_size(given, seen.pixels.shape, "mask")
+    if np.ma.is_masked(frame):
+        hidden = np.ma.getmaskarray(np.ma.asarray(frame))
+        given = np.where(hidden.T if transpose else hidden, np.uint8(NOT_JUDGED), given)
     return given_wall(given, seen.scale, sd_rows)
 
 
@@ -468,7 +475,7 @@ def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpos
     if isinstance(frame, str | PathLike):
         return folder.read_scaled_frame(Path(frame), given, (assumed, source), transpose)
     pixels, notes = counted(frame)
-    if pixels.ndim != 2:
+    if pixels.ndim != 2 or not pixels.size:
         raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
     if given.width_m is None or given.depth_m is None:
         raise FrameError("frame: nothing says how large this array is; give width_m and depth_m")
@@ -493,8 +500,8 @@ def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
     pixels = np.asanyarray(frame)
     if pixels.dtype in (np.uint8, np.uint16):
         return pixels, ()
-    if pixels.dtype == bool:
-        return (mask_of(pixels, "frame") if pixels.ndim == 2 else pixels.astype(np.uint8) * np.uint8(WALL)), ()
+    if pixels.dtype == bool:  # of a stack each frame is a mask
+        return (mask_of(pixels, "frame") if pixels.ndim == 2 else pixels), ()
     known = np.ma.compressed(pixels)
     greys = find_greys([known], None, "frame")
     if greys.lost:

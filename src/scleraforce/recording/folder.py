@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from math import cos, sin
@@ -256,7 +257,10 @@ class Recording:
         first, last = self.frames[0], self.frames[-1]
         facts = {"eye": self.info.eye.id, "frames": f"{len(self.frames)} in {last.time_s - first.time_s:g} s",
                  "forces": forces}  # fmt: skip
-        return html_card(f"Recording {self.path}", facts, grey_picture(self.frame(first)))
+        picture = None
+        with suppress(InputError):  # the frame may be gone
+            picture = grey_picture(self.frame(first))
+        return html_card(f"Recording {self.path}", facts, picture)
 
     @cached_property
     def walls(self) -> RecordedWalls:

@@ -23,18 +23,21 @@ COLUMNS = ("file", "author", "time_utc", "source_sha256")
 def mask_of(mask: Any, place: str) -> Bytes:
     """Return a mask (row, column) of NO_WALL, NOT_JUDGED and WALL; flags, and 0 and 1, are taken for no wall and wall.
 
+    Pixels that a masked array masks are not judged.
+
     Raises:
         FrameError: naming `place`: another shape, or other values.
     """
+    hidden = np.ma.getmaskarray(np.ma.asarray(mask))
     found = np.asarray(mask)
     if found.ndim != 2:
         raise FrameError(f"{place}: a mask of shape {found.shape}; give one, rows x columns")
     levels = np.unique(found)
     if set(levels.tolist()) <= {0, 1}:
-        return found.astype(np.uint8) * np.uint8(WALL)
+        return np.where(hidden, np.uint8(NOT_JUDGED), found.astype(np.uint8) * np.uint8(WALL))
     if others := [level for level in levels.tolist() if level not in (NO_WALL, NOT_JUDGED, WALL)]:
         raise FrameError(f"{place}: {others[0]:g} in a mask; it has 0 (no wall), 128 (column not judged), 255 (wall)")
-    return found.astype(np.uint8)
+    return np.where(hidden, np.uint8(NOT_JUDGED), found.astype(np.uint8))
 
 
 def read_mask(path: Path) -> Bytes:
