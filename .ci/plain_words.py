@@ -13,7 +13,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 # The whole tree; the cards of the bundled models change only with the models.
-WHOLE = ("src", "tests", "benchmarks", "examples", "docs", "plugins", *(path.name for path in ROOT.glob("*.md")))
+WHOLE = (
+    "src",
+    "tests",
+    "benchmarks",
+    "examples",
+    "docs",
+    "plugins",
+    *(path.name for path in ROOT.glob("*.md")),
+)
 # What must not be written -> what to write. A phrase of ALLOWED around a hit excuses it.
 WORDS = {
     r"told": "given, declared",
@@ -36,8 +44,17 @@ WORDS = {
     r"likewise": "repeat the noun",
     r"the rooms?": "the package",
 }
-ALLOWED = ("there is no", "there are no", "there is none", "regardless of what", "as long as it is")
-HIT = re.compile("|".join(rf"(?P<w{n}>\b(?:{words})\b)" for n, words in enumerate(WORDS)), re.IGNORECASE)
+ALLOWED = (
+    "there is no",
+    "there are no",
+    "there is none",
+    "regardless of what",
+    "as long as it is",
+)
+HIT = re.compile(
+    "|".join(rf"(?P<w{n}>\b(?:{words})\b)" for n, words in enumerate(WORDS)),
+    re.IGNORECASE,
+)
 CLAUSE = re.compile(r"(?:What|Whether|How|Where|Which|When|Who|Why)\b")
 FENCE = re.compile(r"^```.*?^```|`[^`\n]*`|<!--.*?-->", re.MULTILINE | re.DOTALL)
 
@@ -47,7 +64,10 @@ def texts(path: Path) -> Iterator[tuple[int, str, bool]]:
     content = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
         bare = FENCE.sub(lambda block: "\n" * block[0].count("\n"), content)
-        yield from ((number, line, False) for number, line in enumerate(bare.splitlines(), start=1))
+        yield from (
+            (number, line, False)
+            for number, line in enumerate(bare.splitlines(), start=1)
+        )
         return
     for token in tokenize.generate_tokens(io.StringIO(content).readline):
         if token.type == tokenize.COMMENT:
@@ -60,9 +80,15 @@ def texts(path: Path) -> Iterator[tuple[int, str, bool]]:
         if isinstance(node, documented) and ast.get_docstring(node) is not None
     }
     for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and " " in node.value
+        ):
             yield node.lineno, node.value, id(node) in docstrings
-        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) and "_" in node.name.strip("_"):
+        elif isinstance(
+            node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+        ) and "_" in node.name.strip("_"):
             yield node.lineno, node.name.replace("_", " "), False
 
 
@@ -84,7 +110,11 @@ def files(*places: str) -> Iterator[Path]:
     """Yield the Python files and pages of folders, and the given files."""
     for place in places:
         path = ROOT / place
-        found = sorted([*path.rglob("*.py"), *path.rglob("*.md")]) if path.is_dir() else [path]
+        found = (
+            sorted([*path.rglob("*.py"), *path.rglob("*.md")])
+            if path.is_dir()
+            else [path]
+        )
         yield from (file for file in found if not {".venv", "shipped"} & {*file.parts})
 
 

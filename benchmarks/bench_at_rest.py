@@ -30,15 +30,29 @@ WIDTH_M, DEPTH_RATIO, INDICES = (6e-3, 20e-3), (0.3, 1.0), (1.0, 1.385)
 CELL = (300, 420)  # rows and columns of a picture in the sheet
 
 
-def read_at_random(model: Reader, frame: Pixels, rng: np.random.Generator) -> tuple[Answer, PixelScale]:
+def read_at_random(
+    model: Reader, frame: Pixels, rng: np.random.Generator
+) -> tuple[Answer, PixelScale]:
     """Read a scan at a drawn scale, as an eye of which nothing, modulus and IOP, or the thickness is known."""
-    width_m, ratio, trained = rng.uniform(*WIDTH_M), rng.uniform(*DEPTH_RATIO), model.study.reader
-    modulus = Modulus(mean_pa=draw(trained.youngs_modulus_pa, rng), sd_pa=0.0, source="own")
+    width_m, ratio, trained = (
+        rng.uniform(*WIDTH_M),
+        rng.uniform(*DEPTH_RATIO),
+        model.study.reader,
+    )
+    modulus = Modulus(
+        mean_pa=draw(trained.youngs_modulus_pa, rng), sd_pa=0.0, source="own"
+    )
     iop_pa, thickness_m = draw(trained.iop_pa, rng), draw(trained.thickness_m, rng)
-    eyes = Known(), Known(modulus=modulus, iop_pa=iop_pa), Known(thickness_m=thickness_m)
+    eyes = (
+        Known(),
+        Known(modulus=modulus, iop_pa=iop_pa),
+        Known(thickness_m=thickness_m),
+    )
     rows, columns = frame.shape
     scale = PixelScale(
-        lateral_m=width_m / columns, depth_m=width_m * ratio / rows, refractive_index=float(rng.choice(INDICES))
+        lateral_m=width_m / columns,
+        depth_m=width_m * ratio / rows,
+        refractive_index=float(rng.choice(INDICES)),
     )
     return model.read(frame, scale, eyes[rng.integers(len(eyes))]), scale
 
@@ -49,20 +63,38 @@ def picture(frame: Pixels, answer: Answer, scale: PixelScale) -> np.ndarray:
     drawn = draw_overlay(frame, answer.segmentation, CELL)
     if answer.fit is not None:
         rows, columns = frame.shape
-        place = answer.fit.wall_bmc[0] / (scale.lateral_m, scale.depth_m) + (columns / 2, 0.0)
-        cv2.polylines(drawn, [np.rint(place * (CELL[1] / columns, CELL[0] / rows)).astype(int)], False, (255,) * 3)
+        place = answer.fit.wall_bmc[0] / (scale.lateral_m, scale.depth_m) + (
+            columns / 2,
+            0.0,
+        )
+        cv2.polylines(
+            drawn,
+            [np.rint(place * (CELL[1] / columns, CELL[0] / rows)).astype(int)],
+            False,
+            (255,) * 3,
+        )
     return drawn
 
 
 def main() -> None:
     """Print the usable readings above the lowest class, and why the others are not usable."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("models", nargs="*", type=Path, default=[SHIPPED_READER, SHIPPED_LIVING])
-    parser.add_argument("--readings", type=int, default=120, help="of each scan by each model")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
+    parser.add_argument(
+        "models", nargs="*", type=Path, default=[SHIPPED_READER, SHIPPED_LIVING]
+    )
+    parser.add_argument(
+        "--readings", type=int, default=120, help="of each scan by each model"
+    )
     parser.add_argument("--seed", type=int, default=3)
-    parser.add_argument("--sheet", type=Path, help="PNG of the scans that are read as under a force")
+    parser.add_argument(
+        "--sheet", type=Path, help="PNG of the scans that are read as under a force"
+    )
     given = parser.parse_args()
-    files = sorted((REAL / "anterior-segment").glob("*.jp*g")) + sorted((REAL / "dicom").glob("*.dcm"))
+    files = sorted((REAL / "anterior-segment").glob("*.jp*g")) + sorted(
+        (REAL / "dicom").glob("*.dcm")
+    )
     cv2.setNumThreads(1)
     cells = []
     for path in given.models:
@@ -73,20 +105,38 @@ def main() -> None:
             for _ in range(given.readings):
                 answer, scale = read_at_random(model, frame, rng)
                 reasons[(answer.reason or "usable")[:19]] += 1
-                if not answer.usable or answer.force_n is None or answer.force_n <= bound_n:
+                if (
+                    not answer.usable
+                    or answer.force_n is None
+                    or answer.force_n <= bound_n
+                ):
                     continue
                 wrong += 1
                 rows, columns = frame.shape
                 size = f"{scale.lateral_m * columns * 1e3:.1f} x {scale.depth_m * rows * 1e3:.1f} mm"
-                print(f"{model.path.name:9}{file.name:22}{size:18}{answer.force_n * 1e3:6.1f} mN")
+                print(
+                    f"{model.path.name:9}{file.name:22}{size:18}{answer.force_n * 1e3:6.1f} mN"
+                )
                 cells.append(picture(frame, answer, scale))
-                cv2.putText(cells[-1], f"{file.stem} {size}", (6, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 255, 255))
-        print(f"{model.path.name}: {wrong} of {reasons.total()} readings usable and above {bound_n * 1e3:.0f} mN")
+                cv2.putText(
+                    cells[-1],
+                    f"{file.stem} {size}",
+                    (6, 20),
+                    cv2.FONT_HERSHEY_SIMPLEX,
+                    0.5,
+                    (0, 255, 255),
+                )
+        print(
+            f"{model.path.name}: {wrong} of {reasons.total()} readings usable and above {bound_n * 1e3:.0f} mN"
+        )
         for reason, count in reasons.most_common(12):
             print(f"{count:9} {reason}")
     if given.sheet and cells:
         cells += [np.zeros_like(cells[0])] * (-len(cells) % 4)
-        cv2.imwrite(str(given.sheet), np.vstack([np.hstack(cells[n : n + 4]) for n in range(0, len(cells), 4)]))
+        cv2.imwrite(
+            str(given.sheet),
+            np.vstack([np.hstack(cells[n : n + 4]) for n in range(0, len(cells), 4)]),
+        )
 
 
 if __name__ == "__main__":

@@ -14,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from reference_walls import DeadPressureWall, cut_section, polar_path, shift_in_plane, spread_needle
+from reference_walls import (
+    DeadPressureWall,
+    cut_section,
+    polar_path,
+    shift_in_plane,
+    spread_needle,
+)
 from scleraforce.mechanics.axisymmetric import (
     AxisymmetricPath,
     AxisymmetricWall,
@@ -57,36 +63,59 @@ R2_TIPS_MM = {
 def print_paths(rows: int | None) -> None:
     """Print the time of a path of 30 states to 7.5 mm, and the error of its forces against a fine mesh."""
     tips_m = np.linspace(0.25e-3, 7.5e-3, 30)
-    print("one path: t mm, E MPa, IOP Pa, elements, s, largest F/E mm^2, largest error of the force %")
+    print(
+        "one path: t mm, E MPa, IOP Pa, elements, s, largest F/E mm^2, largest error of the force %"
+    )
     walls = ((0.35, 0.2, 0.0), (0.35, 0.2, 266.0), *EYES, (0.9, 0.2, 533.0))
     for thickness_mm, modulus_mpa, iop_pa in walls[:rows]:
         forces: dict[int, Floats] = {}
         for elements in (200, 64, 48, 32):
             start = process_time()
-            sizes = (RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M, 1e-6 * iop_pa / modulus_mpa)
+            sizes = (
+                RADIUS_M,
+                1e-3 * thickness_mm,
+                NU,
+                NEEDLE_RADIUS_M,
+                1e-6 * iop_pa / modulus_mpa,
+            )
             path = axisymmetric_path(*sizes, tips_m=tips_m, size=MeridianSize(elements))
             seconds = process_time() - start
             forces[elements] = path.force_ratio_m2[1:]
             error = 100.0 * np.abs(forces[elements] / forces[200] - 1.0).max()
             largest = 1e6 * forces[elements].max()
-            print(f"  {thickness_mm} {modulus_mpa} {iop_pa:3g} {elements:4d} {seconds:.3f} {largest:.3f} {error:.3f}")
+            print(
+                f"  {thickness_mm} {modulus_mpa} {iop_pa:3g} {elements:4d} {seconds:.3f} {largest:.3f} {error:.3f}"
+            )
 
 
 def print_r2(rows: int | None) -> None:
     """Print the tips of reference problem R2: dead pressure, a Gaussian, needle at the pole."""
-    print("R2: t mm, E MPa, polar angle of the 3-D figure; tip in mm, and % from the figure")
-    for (thickness_mm, modulus_mpa, polar_deg), expected_mm in islice(R2_TIPS_MM.items(), rows):
-        mesh = meridian_mesh(RADIUS_M, 1e-3 * thickness_mm, NEEDLE_RADIUS_M, 0.5 * np.pi, MeridianSize())
+    print(
+        "R2: t mm, E MPa, polar angle of the 3-D figure; tip in mm, and % from the figure"
+    )
+    for (thickness_mm, modulus_mpa, polar_deg), expected_mm in islice(
+        R2_TIPS_MM.items(), rows
+    ):
+        mesh = meridian_mesh(
+            RADIUS_M, 1e-3 * thickness_mm, NEEDLE_RADIUS_M, 0.5 * np.pi, MeridianSize()
+        )
         loaded = AxisymmetricWall(mesh, NU)
         spread_needle(loaded, lambda d: np.exp(-0.5 * (d / 0.35e-3) ** 2))
         wall = DeadPressureWall(loaded)
         pressure = 266e-6 / modulus_mpa
         end_m = 1e-3 * expected_mm[-1] + 0.3e-3
-        path = trace(wall, pressurise(wall, pressure), pressure, tips_m=np.linspace(0.1e-3, end_m, 60))
+        path = trace(
+            wall,
+            pressurise(wall, pressure),
+            pressure,
+            tips_m=np.linspace(0.1e-3, end_m, 60),
+        )
         forces = 1e-6 * R2_FORCES_N[: len(expected_mm)] / modulus_mpa
         tips_mm = 1e3 * CubicSpline(path.force, path.tip_m)(forces)
         off = 100.0 * (tips_mm / np.array(expected_mm) - 1.0)
-        print(f"  {thickness_mm} {modulus_mpa} {polar_deg:2d}  {np.round(tips_mm, 3)}  {np.round(off, 1)}")
+        print(
+            f"  {thickness_mm} {modulus_mpa} {polar_deg:2d}  {np.round(tips_mm, 3)}  {np.round(off, 1)}"
+        )
 
 
 def print_sealed(rows: int | None) -> None:
@@ -95,20 +124,34 @@ def print_sealed(rows: int | None) -> None:
     print(
         "sealed: t mm, E MPa, IOP Pa, support deg; pressure / IOP and force / force of the open globe at 0.5, 1, 1.5 mm"
     )
-    for (thickness_mm, modulus_mpa, iop_pa), support_deg in islice(product(EYES, (90.0, 170.0)), rows):
-        sizes = (RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M, 1e-6 * iop_pa / modulus_mpa)
+    for (thickness_mm, modulus_mpa, iop_pa), support_deg in islice(
+        product(EYES, (90.0, 170.0)), rows
+    ):
+        sizes = (
+            RADIUS_M,
+            1e-3 * thickness_mm,
+            NU,
+            NEEDLE_RADIUS_M,
+            1e-6 * iop_pa / modulus_mpa,
+        )
         support_rad, size = np.radians(support_deg), MeridianSize(80)
         globes = OPEN_GLOBE, study_globe(GlobeStudy("sealed")).over(1e6 * modulus_mpa)
         opened, sealed = (
-            axisymmetric_path(*sizes, tips_m=tips_m, support_rad=support_rad, size=size, globe=globe)
+            axisymmetric_path(
+                *sizes, tips_m=tips_m, support_rad=support_rad, size=size, globe=globe
+            )
             for globe in globes
         )
         pressure = sealed.iop_ratio[1:] / sealed.iop_ratio[0]
         force = sealed.force_ratio_m2[1:] / opened.force_ratio_m2[1:]
-        print(f"  {thickness_mm} {modulus_mpa} {iop_pa:g} {support_deg:3g}  {pressure.round(2)}  {force.round(2)}")
+        print(
+            f"  {thickness_mm} {modulus_mpa} {iop_pa:g} {support_deg:3g}  {pressure.round(2)}  {force.round(2)}"
+        )
 
 
-def solid_path(thickness_mm: float, modulus_mpa: float, iop_pa: float, contact: Contact) -> tuple[FiniteWall, LoadPath]:
+def solid_path(
+    thickness_mm: float, modulus_mpa: float, iop_pa: float, contact: Contact
+) -> tuple[FiniteWall, LoadPath]:
     """Return the 3-D wall of the default graded mesh and its path to a dent of 4.2 mm."""
     wall = FiniteWall(graded_mesh(RADIUS_M, 1e-3 * thickness_mm, contact), NU)
     path = wall.load_path(
@@ -127,7 +170,8 @@ class Reduced:
 
     def __init__(self, path: AxisymmetricPath, shift: BaseShift | None) -> None:
         self._force, self._curves = (
-            CubicSpline(path.tip_m, values) for values in (path.force_ratio_m2, path.curves_sbnc)
+            CubicSpline(path.tip_m, values)
+            for values in (path.force_ratio_m2, path.curves_sbnc)
         )
         self._shift, self._iop_ratio = shift, float(path.iop_ratio[0])
 
@@ -143,24 +187,44 @@ class Reduced:
         for side in (-1.0, 1.0):
             points = np.stack([side * lateral_bn, curves_bnc[..., 1]], axis=-1)
             if self._shift is not None:
-                points += shift_in_plane(self._shift, self._iop_ratio, force_ratio, side * lateral_bn, GAP_M, 0.0)
+                points += shift_in_plane(
+                    self._shift,
+                    self._iop_ratio,
+                    force_ratio,
+                    side * lateral_bn,
+                    GAP_M,
+                    0.0,
+                )
             sides.append(points)
         met = curves_bnc[..., 0] >= GAP_M
-        return Section(*(np.concatenate([sides[0][b][met[b]][::-1], sides[1][b][met[b]]]) for b in (0, 1)))
+        return Section(
+            *(
+                np.concatenate([sides[0][b][met[b]][::-1], sides[1][b][met[b]]])
+                for b in (0, 1)
+            )
+        )
 
 
 def distance_m(points: Floats, curve: Floats) -> float:
     """Return the largest distance of points in the window from a curve."""
     shown = points[(np.abs(points[:, 0]) < WINDOW_M[0]) & (points[:, 1] < WINDOW_M[1])]
     places = np.linspace(0.0, len(curve) - 1.0, 20 * len(curve))
-    dense = np.stack([np.interp(places, np.arange(len(curve)), curve[:, k]) for k in (0, 1)], axis=1)
-    return max(float(np.linalg.norm(dense - point, axis=1).min()) for point in shown[::4])
+    dense = np.stack(
+        [np.interp(places, np.arange(len(curve)), curve[:, k]) for k in (0, 1)], axis=1
+    )
+    return max(
+        float(np.linalg.norm(dense - point, axis=1).min()) for point in shown[::4]
+    )
 
 
 def print_solid(rows: int | None) -> None:
     """Print tips at equal force and sections, with neither, either and both corrections of `polar`."""
-    print("3-D: t mm, E MPa, IOP Pa, polar deg; without, with stiffening, with shift, with both: tip %, section mm")
-    for (thickness_mm, modulus_mpa, iop_pa), polar_deg in islice(product(EYES + OTHERS, POLAR_DEG), rows):
+    print(
+        "3-D: t mm, E MPa, IOP Pa, polar deg; without, with stiffening, with shift, with both: tip %, section mm"
+    )
+    for (thickness_mm, modulus_mpa, iop_pa), polar_deg in islice(
+        product(EYES + OTHERS, POLAR_DEG), rows
+    ):
         contact = Contact(polar_rad=float(np.radians(polar_deg)))
         wall, solid = solid_path(thickness_mm, modulus_mpa, iop_pa, contact)
         sizes = (RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M)
@@ -170,14 +234,30 @@ def print_solid(rows: int | None) -> None:
             ratio = 1e-6 * iop_pa / modulus_mpa
             reduced = Reduced(polar_path((*sizes, ratio), angle, FINE_TIPS_M), moved)
             tips, sections = [], []
-            for dent_m, force_n in zip(DENTS_M, CubicSpline(solid.tips_m, solid.forces_n)(DENTS_M), strict=True):
+            for dent_m, force_n in zip(
+                DENTS_M, CubicSpline(solid.tips_m, solid.forces_n)(DENTS_M), strict=True
+            ):
                 force_ratio = 1e-6 * float(force_n) / modulus_mpa
                 tips.append(100.0 * (reduced.tip_m(force_ratio) / dent_m - 1.0))
-                cut = cut_section(wall.mesh, ScanPlane(contact, gap_m=GAP_M), solid.displacement_at_tip_nc(dent_m))
+                cut = cut_section(
+                    wall.mesh,
+                    ScanPlane(contact, gap_m=GAP_M),
+                    solid.displacement_at_tip_nc(dent_m),
+                )
                 made = reduced.section(force_ratio)
-                sections.append(max(distance_m(cut.outer, made.outer), distance_m(cut.inner, made.inner)))
-            report.append(f"{tips[int(np.argmax(np.abs(tips)))]:+.1f} {1e3 * max(sections):.3f}")
-        print(f"  {thickness_mm} {modulus_mpa} {iop_pa:g} {polar_deg:2g}  {' | '.join(report)}", flush=True)
+                sections.append(
+                    max(
+                        distance_m(cut.outer, made.outer),
+                        distance_m(cut.inner, made.inner),
+                    )
+                )
+            report.append(
+                f"{tips[int(np.argmax(np.abs(tips)))]:+.1f} {1e3 * max(sections):.3f}"
+            )
+        print(
+            f"  {thickness_mm} {modulus_mpa} {iop_pa:g} {polar_deg:2g}  {' | '.join(report)}",
+            flush=True,
+        )
 
 
 def main() -> None:

@@ -22,12 +22,18 @@ from scleraforce.study import Study, read_study
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parser.add_argument("eyes", type=int, nargs="?", default=16)
     parser.add_argument("seed", type=int, nargs="?", default=1)
     parser.add_argument("--frames", type=int, default=12, help="of each eye")
     parser.add_argument("--study", type=Path, help="the paper's where none is given")
-    parser.add_argument("--checked", action="store_true", help="by the wall finder, as in the commands; not the loop's")
+    parser.add_argument(
+        "--checked",
+        action="store_true",
+        help="by the wall finder, as in the commands; not the loop's",
+    )
     given = parser.parse_args()
     study = read_study(given.study) if given.study else Study()
     forces_n = np.linspace(0.0, 60e-3, given.frames).tolist()
@@ -41,12 +47,21 @@ def main() -> None:
     made = disturb(true, study.slice, np.random.default_rng(given.seed))
     print(f"{len(true)} frames of {given.eyes} eyes")
     print(f"{'':<26}{'segmented':>22}{'made':>22}")
-    _table(boundary_statistics(true, seen, study.slice), boundary_statistics(true, made, study.slice))
+    _table(
+        boundary_statistics(true, seen, study.slice),
+        boundary_statistics(true, made, study.slice),
+    )
 
 
 def _table(*columns: BoundaryStatistics) -> None:
     for item in fields(BoundaryStatistics):
-        print(f"{item.name:<26}" + "".join(f"{_text(item.name, getattr(column, item.name)):>22}" for column in columns))
+        print(
+            f"{item.name:<26}"
+            + "".join(
+                f"{_text(item.name, getattr(column, item.name)):>22}"
+                for column in columns
+            )
+        )
 
 
 def _text(name: str, value: float | tuple[float, ...]) -> str:

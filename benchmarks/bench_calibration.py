@@ -18,7 +18,12 @@ import numpy as np
 
 from calibration_eyes import drawn_eye, stated
 from ideal_boundaries import ideal_boundaries, virtual_sections
-from scleraforce.calibration.assimilation import EyeSession, FrameStep, assimilate, begin_with
+from scleraforce.calibration.assimilation import (
+    EyeSession,
+    FrameStep,
+    assimilate,
+    begin_with,
+)
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.calibration.linear_eye import linear_eye
@@ -36,7 +41,14 @@ from scleraforce.study import Study, read_study
 def wall(study: Study, thickness_m: float) -> LinearWall:
     """Return the factored wall of a thickness, at the study's mesh."""
     mesh = study.mesh
-    built = build_mesh(study.eye.radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
+    built = build_mesh(
+        study.eye.radius_m,
+        thickness_m,
+        mesh.divisions,
+        mesh.level,
+        mesh.layers,
+        mesh.order,
+    )
     return LinearWall(built, study.eye.poisson_ratio)
 
 
@@ -44,25 +56,36 @@ Frame = tuple[Boundaries, float]  # and its force, N
 NO_ZERO = np.diag([1e-18, 1e-18])  # of a force sensor without offset and drift
 
 
-def frames(study: Study, count: int, rng: np.random.Generator, sections_at: SectionsAt) -> list[Frame]:
+def frames(
+    study: Study, count: int, rng: np.random.Generator, sections_at: SectionsAt
+) -> list[Frame]:
     """Return the frames of a virtual eye."""
     forces = rng.uniform(6e-3, 58e-3, count).tolist()
     made = []
     for force_n, section in zip(forces, sections_at(forces), strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        pose, smoothing_m = Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m), study.calibration.surface_smoothing_m
+        pose, smoothing_m = (
+            Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m),
+            study.calibration.surface_smoothing_m,
+        )
         boundaries = ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m)
         made.append((boundaries, force_n))
     return made
 
 
-def linear_frames(study: Study, count: int, eye: PhantomEye, rng: np.random.Generator) -> list[Frame]:
+def linear_frames(
+    study: Study, count: int, eye: PhantomEye, rng: np.random.Generator
+) -> list[Frame]:
     """Return the frames of an eye of linear mechanics, whose wall may serve several."""
     built = wall(study, eye.thickness_m)
-    return frames(study, count, rng, lambda forces: virtual_sections(built, eye, forces, study))
+    return frames(
+        study, count, rng, lambda forces: virtual_sections(built, eye, forces, study)
+    )
 
 
-def calibrated(study: Study, model: EyeModel, inputs: list[Frame]) -> tuple[float, float, list[float]]:
+def calibrated(
+    study: Study, model: EyeModel, inputs: list[Frame]
+) -> tuple[float, float, list[float]]:
     """Return mean and standard deviation of E, and the time of each step in s."""
     session, seconds = begun(study, model), []
     for frame in inputs:
@@ -72,7 +95,11 @@ def calibrated(study: Study, model: EyeModel, inputs: list[Frame]) -> tuple[floa
         if isinstance(step, FrameStep):
             session = replace(session, state=step.state)
     modulus = session.modulus
-    return (modulus.mean_pa, modulus.sd_pa, seconds) if session.updates else (np.nan, np.nan, seconds)
+    return (
+        (modulus.mean_pa, modulus.sd_pa, seconds)
+        if session.updates
+        else (np.nan, np.nan, seconds)
+    )
 
 
 def begun(study: Study, model: EyeModel) -> EyeSession:
@@ -83,16 +110,24 @@ def begun(study: Study, model: EyeModel) -> EyeSession:
 def print_step_time(study: Study, model: EyeModel, inputs: list[Frame]) -> None:
     """Print the time of a step: registration, observation, two sigma points, correction."""
     seconds = np.array(calibrated(study, model, inputs)[2][1:])
-    print(f"step (one frame): {1e3 * seconds.min():.1f} ms at best, {1e3 * np.median(seconds):.1f} ms in the median")
+    print(
+        f"step (one frame): {1e3 * seconds.min():.1f} ms at best, {1e3 * np.median(seconds):.1f} ms in the median"
+    )
 
 
-def print_wrong_statements(study: Study, eye: PhantomEye, right: EyeConstants, inputs: list[Frame]) -> None:
+def print_wrong_statements(
+    study: Study, eye: PhantomEye, right: EyeConstants, inputs: list[Frame]
+) -> None:
     """Print what E becomes where thickness, gap or IOP are stated 10 % wrong."""
     changes: dict[str, Callable[[float], EyeConstants]] = {
-        "thickness": lambda share: replace(right, thickness_m=share * right.thickness_m),
+        "thickness": lambda share: replace(
+            right, thickness_m=share * right.thickness_m
+        ),
         "gap": lambda share: replace(right, gap_m=share * right.gap_m),
         "IOP": lambda share: replace(right, iop_pa=share * right.iop_pa),
-        "contact angle": lambda share: replace(right, polar_rad=share * right.polar_rad, polar_sd_rad=0.0),
+        "contact angle": lambda share: replace(
+            right, polar_rad=share * right.polar_rad, polar_sd_rad=0.0
+        ),
     }
     print(
         f"\nE of an eye of {eye.youngs_modulus_pa / 1e6:.2f} MPa, {eye.thickness_m * 1e6:.0f} um, where stated wrong:"
@@ -100,7 +135,9 @@ def print_wrong_statements(study: Study, eye: PhantomEye, right: EyeConstants, i
     print(f"{'':<16}{'-10 %':>10}{'+10 %':>10}")
     for name, change in changes.items():
         errors = [
-            calibrated(study, linear_eye(study, change(share)), inputs)[0] / eye.youngs_modulus_pa - 1
+            calibrated(study, linear_eye(study, change(share)), inputs)[0]
+            / eye.youngs_modulus_pa
+            - 1
             for share in (0.9, 1.1)
         ]
         print(f"{name:<16}" + "".join(f"{100 * error:>+9.1f}%" for error in errors))
@@ -112,16 +149,24 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
     for number in range(count):
         eye = drawn_eye(number, rng)
         mean, sd, _ = calibrated(
-            study, linear_eye(study, stated(study, eye)), linear_frames(study, frame_count, eye, rng)
+            study,
+            linear_eye(study, stated(study, eye)),
+            linear_frames(study, frame_count, eye, rng),
         )
         errors.append(mean / eye.youngs_modulus_pa - 1)
         scores.append(abs(mean - eye.youngs_modulus_pa) / sd)
         sds.append(sd)
-    print(f"\n{count} eyes, {frame_count} frames each, contact angle unknown (25 to 45 degrees):")
+    print(
+        f"\n{count} eyes, {frame_count} frames each, contact angle unknown (25 to 45 degrees):"
+    )
     rms, largest = np.sqrt(np.mean(np.square(errors))), np.abs(errors).max()
-    print(f"error of E: mean {100 * np.mean(errors):+.2f} %, rms {100 * rms:.2f} %, largest {100 * largest:.2f} %")
+    print(
+        f"error of E: mean {100 * np.mean(errors):+.2f} %, rms {100 * rms:.2f} %, largest {100 * largest:.2f} %"
+    )
     honest = np.mean(np.array(scores) < 2)
-    print(f"posterior sd: largest {max(sds) / 1e3:.1f} kPa; true E within two sd: {100 * honest:.0f} %")
+    print(
+        f"posterior sd: largest {max(sds) / 1e3:.1f} kPa; true E within two sd: {100 * honest:.0f} %"
+    )
 
 
 def draw_bent_eye(number: int, rng: np.random.Generator) -> PhantomEye:
@@ -140,38 +185,63 @@ def draw_bent_eye(number: int, rng: np.random.Generator) -> PhantomEye:
 def print_bent(study: Study, count: int, frame_count: int) -> None:
     """Print how far E of bent eyes is off after 3, 5 and all frames, and what low and high forces say on their own."""
     library, rng = cached_library(study), np.random.default_rng(0)
-    print(f"\n{count} eyes of three-dimensional finite strain, contact angle unknown; error of E in % (sd):")
-    print(f"{'t/um':>6}{'E/MPa':>7}{'mmHg':>6}{'angle':>6}" + "".join(f"{n:>16}" for n in ("3 frames", "5", "all"))
-          + f"{'below 20 mN':>14}{'above 35 mN':>13}{'step/ms':>9}")  # fmt: skip
+    print(
+        f"\n{count} eyes of three-dimensional finite strain, contact angle unknown; error of E in % (sd):"
+    )
+    print(
+        f"{'t/um':>6}{'E/MPa':>7}{'mmHg':>6}{'angle':>6}"
+        + "".join(f"{n:>16}" for n in ("3 frames", "5", "all"))
+        + f"{'below 20 mN':>14}{'above 35 mN':>13}{'step/ms':>9}"
+    )
     found = []
     for number in range(count):
         eye = draw_bent_eye(number, rng)
         inputs = frames(study, frame_count, rng, BentSections(eye, study))
         model = library_eye(study, stated(study, eye), library)
         runs = [calibrated(study, model, inputs[:used]) for used in (3, 5, frame_count)]
-        found.append([((mean / eye.youngs_modulus_pa - 1), sd / eye.youngs_modulus_pa) for mean, sd, _ in runs])
+        found.append(
+            [
+                ((mean / eye.youngs_modulus_pa - 1), sd / eye.youngs_modulus_pa)
+                for mean, sd, _ in runs
+            ]
+        )
         low, high = own_moduli(study, model, inputs, eye)
-        print(f"{eye.thickness_m * 1e6:>6.0f}{eye.youngs_modulus_pa / 1e6:>7.3f}{eye.iop_pa / 133.3:>6.1f}"
-              f"{np.degrees(eye.polar_rad):>6.0f}"
-              + "".join(f"{100 * error:>+9.2f} ({100 * sd:.1f})" for error, sd in found[-1])
-              + f"{_percent(low):>14}{_percent(high):>13}{1e3 * np.median(runs[-1][2][1:]):>9.1f}",
-              flush=True)  # fmt: skip
+        print(
+            f"{eye.thickness_m * 1e6:>6.0f}{eye.youngs_modulus_pa / 1e6:>7.3f}{eye.iop_pa / 133.3:>6.1f}"
+            f"{np.degrees(eye.polar_rad):>6.0f}"
+            + "".join(
+                f"{100 * error:>+9.2f} ({100 * sd:.1f})" for error, sd in found[-1]
+            )
+            + f"{_percent(low):>14}{_percent(high):>13}{1e3 * np.median(runs[-1][2][1:]):>9.1f}",
+            flush=True,
+        )
     errors = np.array(found)
-    for used, (error, sd) in zip((3, 5, frame_count), np.moveaxis(errors, 0, 2), strict=True):
+    for used, (error, sd) in zip(
+        (3, 5, frame_count), np.moveaxis(errors, 0, 2), strict=True
+    ):
         honest = 100 * np.mean(np.abs(error) < 2 * sd)
         rms, largest = np.sqrt(np.mean(error**2)), np.abs(error).max()
-        print(f"after {used} frames: mean {100 * error.mean():+.2f} %, rms {100 * rms:.2f} %, largest "
-              f"{100 * largest:.2f} %; within two sd: {honest:.0f} %")  # fmt: skip
+        print(
+            f"after {used} frames: mean {100 * error.mean():+.2f} %, rms {100 * rms:.2f} %, largest "
+            f"{100 * largest:.2f} %; within two sd: {honest:.0f} %"
+        )
 
 
-def own_moduli(study: Study, model: EyeModel, inputs: list[Frame], eye: PhantomEye) -> tuple[list[float], list[float]]:
+def own_moduli(
+    study: Study, model: EyeModel, inputs: list[Frame], eye: PhantomEye
+) -> tuple[list[float], list[float]]:
     """Return the errors of E from single frames, below 20 mN and above 35 mN."""
     session, alone = begun(study, model), []
     for boundaries, force_n in inputs:
         step = assimilate(session, boundaries, force_n)
         if isinstance(step, FrameStep):
             session = replace(session, state=step.state)
-            alone.append((force_n, step.registered.wall.youngs_modulus_pa / eye.youngs_modulus_pa - 1))
+            alone.append(
+                (
+                    force_n,
+                    step.registered.wall.youngs_modulus_pa / eye.youngs_modulus_pa - 1,
+                )
+            )
     low = [error for force_n, error in alone if force_n < 20e-3]
     high = [error for force_n, error in alone if force_n > 35e-3]
     return low, high
@@ -202,7 +272,9 @@ def print_linear(study: Study, count: int, frame_count: int) -> None:
 
 def main() -> None:
     """Print all figures."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parser.add_argument("linear_eyes", type=int, nargs="?", default=50)
     parser.add_argument("bent_eyes", type=int, nargs="?", default=5)
     parser.add_argument("--frames", type=int, default=24, help="of each eye")

@@ -35,11 +35,20 @@ def drawn(layer_um: int, number: int) -> tuple[Bscan, float]:
     rng = np.random.default_rng((layer_um, number))
     thickness_m = rng.uniform(0.45e-3, 0.85e-3)
     dent_m = rng.uniform(0.0, 2e-3)
-    section = waving_wall(thickness_m, dent_m, rng.uniform(-0.12, 0.12) if layer_um == 0 else 0.0)
+    section = waving_wall(
+        thickness_m, dent_m, rng.uniform(-0.12, 0.12) if layer_um == 0 else 0.0
+    )
     phantom = replace(STUDY.phantom, conjunctiva_thickness_m=fixed(layer_um * 1e-6))
-    optics = replace(sample_optics(phantom, STUDY.oct, rng), conjunctiva=sample_conjunctiva(phantom, rng))
-    told_m = thickness_m * (rng.uniform(0.8, 0.98) if layer_um == 0 else 1 + 0.02 * rng.standard_normal())
-    return render_bscan(Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), STUDY.oct, optics, rng), told_m
+    optics = replace(
+        sample_optics(phantom, STUDY.oct, rng),
+        conjunctiva=sample_conjunctiva(phantom, rng),
+    )
+    told_m = thickness_m * (
+        rng.uniform(0.8, 0.98) if layer_um == 0 else 1 + 0.02 * rng.standard_normal()
+    )
+    return render_bscan(
+        Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), STUDY.oct, optics, rng
+    ), told_m
 
 
 def waving_wall(thickness_m: float, dent_m: float, wave: float) -> Section:
@@ -52,15 +61,23 @@ def rows_off(found: Segmentation, bscan: Bscan) -> float:
     """Return the mean distance of the outer boundary from the wall's true first row."""
     wall = bscan.truth_mask > 0
     column = np.flatnonzero(wall.any(axis=0) & np.isfinite(found.outer_row))
-    return float(np.abs(found.outer_row[column] - (wall.argmax(axis=0)[column] - 0.5)).mean())
+    return float(
+        np.abs(found.outer_row[column] - (wall.argmax(axis=0)[column] - 0.5)).mean()
+    )
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=40, help="of each thickness of the layer")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--frames", type=int, default=40, help="of each thickness of the layer"
+    )
     frames = parser.parse_args().frames
-    print("| layer | frames | found | rows off before | after, where found: mean, worst | ms, least |")
+    print(
+        "| layer | frames | found | rows off before | after, where found: mean, worst | ms, least |"
+    )
     print("|---|---|---|---|---|---|")
     for layer_um in LAYERS_UM:
         print(_row(layer_um, frames * (5 if layer_um == 0 else 1)))

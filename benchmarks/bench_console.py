@@ -28,12 +28,25 @@ from scleraforce.decision.limits import MonitorLimits
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import CompanionMessage, ConsoleSettings, Decided, Entry, ListensAt, Outline, Rates
+from scleraforce.service.messages import (
+    CompanionMessage,
+    ConsoleSettings,
+    Decided,
+    Entry,
+    ListensAt,
+    Outline,
+    Rates,
+)
 from scleraforce.service.monitor_service import listen
 
 SIZE, FRAME_S = 512, 0.01
 VERDICT = Verdict(
-    predicted=1, probabilities=(0.02, 0.96, 0.02), usable=True, reason=None, force_n=0.012, interval_n=(0.01, 0.014)
+    predicted=1,
+    probabilities=(0.02, 0.96, 0.02),
+    usable=True,
+    reason=None,
+    force_n=0.012,
+    interval_n=(0.01, 0.014),
 )
 OBSERVE = """() => {
   window.seen = [];
@@ -54,19 +67,29 @@ class Session:
         self.ring = FrameRing.create(100, SIZE, SIZE)
         listener = listen("127.0.0.1", 0)
         settings = ConsoleSettings(
-            host="127.0.0.1", listener=listener.fileno(), token_digest="", ring=self.ring.place,
-            scale=PixelScale(lateral_m=29e-6, depth_m=8e-6), limits=MonitorLimits(), class_bounds_n=(5e-3, 30e-3),
-            model="bench", eye="",
-        )  # fmt: skip
+            host="127.0.0.1",
+            listener=listener.fileno(),
+            token_digest="",
+            ring=self.ring.place,
+            scale=PixelScale(lateral_m=29e-6, depth_m=8e-6),
+            limits=MonitorLimits(),
+            class_bounds_n=(5e-3, 30e-3),
+            model="bench",
+            eye="",
+        )
         self.child = Child(
-            "scleraforce.service.console.server", settings, [self.ring.place.descriptor, listener.fileno()]
+            "scleraforce.service.console.server",
+            settings,
+            [self.ring.place.descriptor, listener.fileno()],
         )
         listener.close()
         select.select([self.child.channel], [], [], 30)
         (listens,) = self.child.channel.receive()
         assert isinstance(listens, ListensAt), listens
         self.address = listens.url
-        self.pictures = [rng.integers(0, 4096, (SIZE, SIZE), dtype=np.uint16) for _ in range(8)]
+        self.pictures = [
+            rng.integers(0, 4096, (SIZE, SIZE), dtype=np.uint16) for _ in range(8)
+        ]
         self.curve = tuple(np.linspace(100, 140, SIZE // 4).tolist())
         self.state = "WATCHING"
         self.frames = self.refused = 0
@@ -95,7 +118,9 @@ class Session:
         sent_s = time()
         self.send(Decided(entry=entry))
         if self.frames % 4 == 0:
-            self.send(Outline(frame=self.frames, step=4, outer=self.curve, inner=self.curve))
+            self.send(
+                Outline(frame=self.frames, step=4, outer=self.curve, inner=self.curve)
+            )
         if self.frames % 50 == 0:
             self.send(Rates(frames_per_second=100.0, lost=0, clients=()))
         return sent_s
@@ -129,7 +154,10 @@ def run(session: Session, pages: list[Page], changes: int) -> list[NDArray[np.fl
 
 def times_ms(page: Page, sent_s: list[float]) -> NDArray[np.float64]:
     """Pair the changes that a page showed with the ones sent; a change that it never showed is infinite."""
-    seen = [(text, shown, painted or np.inf) for text, shown, painted in page.evaluate("window.seen")]
+    seen = [
+        (text, shown, painted or np.inf)
+        for text, shown, painted in page.evaluate("window.seen")
+    ]
     texts = ("WITHDRAW", "WATCHING")
     found = []
     for number, at_s in enumerate(sent_s):
@@ -146,26 +174,51 @@ def times_ms(page: Page, sent_s: list[float]) -> NDArray[np.float64]:
 
 def show_changes(changes: int) -> None:
     """Print the table."""
-    print("| pages | shown: median | 99 % | worst | painted: median | 99 % | worst | late | CPU: console | browser |")
+    print(
+        "| pages | shown: median | 99 % | worst | painted: median | 99 % | worst | late | CPU: console | browser |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|")
     sending: list[str] = []
     with sync_playwright() as playwright:
         for count in (1, 4):
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+            browser = playwright.chromium.launch(
+                executable_path=CHROMIUM, args=["--no-sandbox"]
+            )
             session = Session()
             session.frame()
-            pages = [browser.new_page(viewport={"width": 1280, "height": 720}) for _ in range(count)]
+            pages = [
+                browser.new_page(viewport={"width": 1280, "height": 720})
+                for _ in range(count)
+            ]
             for page in pages:
                 page.goto(session.address)
                 page.evaluate(OBSERVE)
-            shares = [cpu_s([session.child.process.pid]), cpu_s(browser_pids()), monotonic()]
+            shares = [
+                cpu_s([session.child.process.pid]),
+                cpu_s(browser_pids()),
+                monotonic(),
+            ]
             session.sending_s.clear()
             found = np.concatenate(run(session, pages, changes))
-            used = np.subtract([cpu_s([session.child.process.pid]), cpu_s(browser_pids()), monotonic()], shares)
-            cells = [text for column in found.T for text in spread(column[np.isfinite(column)])]
+            used = np.subtract(
+                [
+                    cpu_s([session.child.process.pid]),
+                    cpu_s(browser_pids()),
+                    monotonic(),
+                ],
+                shares,
+            )
+            cells = [
+                text
+                for column in found.T
+                for text in spread(column[np.isfinite(column)])
+            ]
             late = int(np.isinf(found[:, 0]).sum())
             shares_used = [f"{100 * part / used[2]:.0f} %" for part in used[:2]]
-            print("| " + " | ".join([str(count), *cells, str(late), *shares_used]) + " |", flush=True)
+            print(
+                "| " + " | ".join([str(count), *cells, str(late), *shares_used]) + " |",
+                flush=True,
+            )
             sending_us = 1e6 * np.array(session.sending_s)
             late_ms = 1e3 * np.array(session.late_s)
             sending.append(
@@ -183,12 +236,16 @@ def spread(times: NDArray[np.float64]) -> list[str]:
     """Median, 99th percentile and maximum; dashes where there is nothing."""
     if not len(times):
         return ["-"] * 3
-    return [f"{value:.1f} ms" for value in (*np.percentile(times, [50, 99]), times.max())]
+    return [
+        f"{value:.1f} ms" for value in (*np.percentile(times, [50, 99]), times.max())
+    ]
 
 
 def main() -> None:
     """Run one of the two."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parts = parser.add_subparsers(dest="part", required=True)
     parts.add_parser("changes").add_argument("--changes", type=int, default=100)
     session = parts.add_parser("session")

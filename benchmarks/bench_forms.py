@@ -21,7 +21,14 @@ from scleraforce.mechanics.finite_strain import LoadPath, bend_eye
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.mesh import HexMesh
-from scleraforce.study import EyeStudy, FormStudy, MechanicsStudy, MeshStudy, NeedleStudy, Study
+from scleraforce.study import (
+    EyeStudy,
+    FormStudy,
+    MechanicsStudy,
+    MeshStudy,
+    NeedleStudy,
+    Study,
+)
 from scleraforce.study.eye import RegionStudy, WaveStudy
 
 RADIUS_M, NEEDLE_RADIUS_M, IOP_PA = 12e-3, 0.35e-3, 266.0
@@ -33,12 +40,20 @@ PATH_FORCES_MN = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 
 def leaning(direction_deg: float) -> NeedleStudy:
     """A needle tilted by 10 degrees towards a direction."""
-    return NeedleStudy(tilt_rad=radians(10.0), tilt_direction_rad=radians(direction_deg))
+    return NeedleStudy(
+        tilt_rad=radians(10.0), tilt_direction_rad=radians(direction_deg)
+    )
 
 
 def thicker(fraction: float) -> FormStudy:
     """A wall thicker at the contact and thinner on the other side."""
-    return FormStudy(wave=(WaveStudy(amplitude_fraction=fraction, degree=1, polar_rad=CONTACT.polar_rad),))
+    return FormStudy(
+        wave=(
+            WaveStudy(
+                amplitude_fraction=fraction, degree=1, polar_rad=CONTACT.polar_rad
+            ),
+        )
+    )
 
 
 EFFECTS: dict[str, dict[str, Any]] = {
@@ -52,7 +67,9 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "force leans 10° away from the pole": {"needle": leaning(0.0)},
     "force leans 10° to the pole": {"needle": leaning(180.0)},
     "force leans 10° sideways": {"needle": leaning(90.0)},
-    "pressure as a dead load": {"mechanics": MechanicsStudy("finite-strain", follower=False)},
+    "pressure as a dead load": {
+        "mechanics": MechanicsStudy("finite-strain", follower=False)
+    },
     "no weight": {"eye": EyeStudy(density_kg_m3=0.0)},
 }
 
@@ -60,10 +77,14 @@ EFFECTS: dict[str, dict[str, Any]] = {
 def linear_tip(mesh: HexMesh, contact: Contact) -> float:
     """Linear displacement of the tip under the product's needle, per N at 1 Pa."""
     wall = LinearWall(mesh, 0.45)
-    return tip_displacement(mesh, contact, wall.needle_cnc([contact], NEEDLE_RADIUS_M)[0])
+    return tip_displacement(
+        mesh, contact, wall.needle_cnc([contact], NEEDLE_RADIUS_M)[0]
+    )
 
 
-def bent(study: Study, thickness_m: float, modulus_pa: float, max_force_mn: float) -> LoadPath:
+def bent(
+    study: Study, thickness_m: float, modulus_pa: float, max_force_mn: float
+) -> LoadPath:
     """The load path of one eye at the common contact and pressure."""
     return bend_eye(
         study,
@@ -83,13 +104,22 @@ def tips_mm(eye: LoadPath, forces_mn: tuple[float, ...]) -> list[float]:
 def print_linear(rows: int | None, finest: tuple[int, int]) -> None:
     """Linear tips of several grids over that of a very fine one."""
     print(
-        f"linear tip, per cent off {finest[0]} x {finest[1]};", " ".join(f"{core} x {rings}" for core, rings in GRIDS)
+        f"linear tip, per cent off {finest[0]} x {finest[1]};",
+        " ".join(f"{core} x {rings}" for core, rings in GRIDS),
     )
-    for thickness_m, polar_deg in islice(product((0.4e-3, 0.5e-3, 0.8e-3), (0.0, 35.0, 50.0)), rows):
+    for thickness_m, polar_deg in islice(
+        product((0.4e-3, 0.5e-3, 0.8e-3), (0.0, 35.0, 50.0)), rows
+    ):
         contact = Contact(polar_rad=radians(polar_deg), azimuth_rad=0.3)
         fine = linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, *finest), contact)
-        tips = [linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, *grid), contact) for grid in GRIDS]
-        print(f"{thickness_m * 1e3:.1f} mm, {polar_deg:.0f} deg:", np.round((np.array(tips) / fine - 1) * 100, 2))
+        tips = [
+            linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, *grid), contact)
+            for grid in GRIDS
+        ]
+        print(
+            f"{thickness_m * 1e3:.1f} mm, {polar_deg:.0f} deg:",
+            np.round((np.array(tips) / fine - 1) * 100, 2),
+        )
 
 
 def print_paths(fine: bool, rows: int | None, forces_mn: tuple[float, ...]) -> None:
@@ -97,8 +127,16 @@ def print_paths(fine: bool, rows: int | None, forces_mn: tuple[float, ...]) -> N
     for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))[:rows]:
         for core, rings in GRIDS[1:] if fine else GRIDS[1:2]:
             start = process_time()
-            eye = bent(Study(mesh=MeshStudy(core=core, rings=rings)), thickness_m, modulus_pa, forces_mn[-1])
-            seconds, memory_gb = process_time() - start, getrusage(RUSAGE_SELF).ru_maxrss / 1e6
+            eye = bent(
+                Study(mesh=MeshStudy(core=core, rings=rings)),
+                thickness_m,
+                modulus_pa,
+                forces_mn[-1],
+            )
+            seconds, memory_gb = (
+                process_time() - start,
+                getrusage(RUSAGE_SELF).ru_maxrss / 1e6,
+            )
             print(
                 f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6} MPa, {core} x {rings}:",
                 f"{eye.mesh.points_nc.size} unknowns,",
@@ -114,8 +152,15 @@ def print_effects(rows: int | None, forces_mn: tuple[float, ...]) -> None:
         eye = bent(replace(Study(), **changes), 0.65e-3, 0.25e6, forces_mn[-1])
         tips = np.array(tips_mm(eye, forces_mn))
         plain = tips if plain is None else plain
-        cells = [f"{tip:.2f} ({100 * (tip / of - 1):+.1f} %)" for tip, of in zip(tips, plain, strict=True)]
-        print(f"| {name} |", " | ".join(cells), f"| {eye.pressure_pa(forces_mn[-1] / 1e3):.0f} Pa")
+        cells = [
+            f"{tip:.2f} ({100 * (tip / of - 1):+.1f} %)"
+            for tip, of in zip(tips, plain, strict=True)
+        ]
+        print(
+            f"| {name} |",
+            " | ".join(cells),
+            f"| {eye.pressure_pa(forces_mn[-1] / 1e3):.0f} Pa",
+        )
 
 
 if __name__ == "__main__":
@@ -123,7 +168,9 @@ if __name__ == "__main__":
     parser.add_argument("--fine", action="store_true")
     parser.add_argument("--rows", type=int, help="only the first N of each table")
     parser.add_argument("--forces", type=int, help="only the first N")
-    parser.add_argument("--finest", type=int, nargs=2, default=(12, 28), metavar=("CORE", "RINGS"))
+    parser.add_argument(
+        "--finest", type=int, nargs=2, default=(12, 28), metavar=("CORE", "RINGS")
+    )
     options = parser.parse_args()
     print_linear(options.rows, tuple(options.finest))
     print_paths(options.fine, options.rows, PATH_FORCES_MN[: options.forces])

@@ -15,7 +15,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from elastic_sections import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M, ElasticSections, surfaces
+from elastic_sections import (
+    CONTACT,
+    NEEDLE_RADIUS_M,
+    NU,
+    RADIUS_M,
+    THICKNESS_M,
+    ElasticSections,
+    surfaces,
+)
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import needle_at
@@ -26,7 +34,13 @@ Floats = NDArray[np.float64]
 
 MODULUS_PA = 0.4e6
 IOPS_MMHG = (2.0, 15.0)
-LAYERS = ((0.2e-3, 5e3), (0.2e-3, 20e3), (0.4e-3, 5e3), (0.4e-3, 20e3), (0.6e-3, 20e3))  # m, Pa
+LAYERS = (
+    (0.2e-3, 5e3),
+    (0.2e-3, 20e3),
+    (0.4e-3, 5e3),
+    (0.4e-3, 20e3),
+    (0.6e-3, 20e3),
+)  # m, Pa
 FORCES_N = np.array([10e-3, 20e-3, 30e-3])
 CALIBRATED = 1  # of the forces
 STEPS = 2  # of the secant method, towards the E that reads it right
@@ -38,12 +52,22 @@ class LayeredWall:
 
     def __init__(self, layer_m: float, soft_pa: float, core: int, rings: int) -> None:
         """Build the mesh; the nodes' sheets are moved so that the first element is the layer."""
-        mesh = graded_mesh(RADIUS_M + layer_m, THICKNESS_M + layer_m, CONTACT, core, rings, layers=2)
-        radii_s = RADIUS_M + np.array([1.0, 0.5, 0.0, 0.0, 0.0]) * layer_m - np.array([0, 0, 0, 0.5, 1]) * THICKNESS_M
+        mesh = graded_mesh(
+            RADIUS_M + layer_m, THICKNESS_M + layer_m, CONTACT, core, rings, layers=2
+        )
+        radii_s = (
+            RADIUS_M
+            + np.array([1.0, 0.5, 0.0, 0.0, 0.0]) * layer_m
+            - np.array([0, 0, 0, 0.5, 1]) * THICKNESS_M
+        )
         sheet_nc = mesh.points_nc[: len(mesh.points_nc) // len(radii_s)] / mesh.radius_m
-        self.top: HexMesh = replace(mesh, points_nc=(radii_s[:, None, None] * sheet_nc).reshape(-1, 3))
+        self.top: HexMesh = replace(
+            mesh, points_nc=(radii_s[:, None, None] * sheet_nc).reshape(-1, 3)
+        )
         below_qn = mesh.outer_qn + 2 * len(sheet_nc)
-        self.sclera: HexMesh = replace(self.top, outer_qn=below_qn, radius_m=RADIUS_M, thickness_m=THICKNESS_M)
+        self.sclera: HexMesh = replace(
+            self.top, outer_qn=below_qn, radius_m=RADIUS_M, thickness_m=THICKNESS_M
+        )
         is_layer_e = mesh.cells_en.max(axis=1) < 3 * len(sheet_nc)
         self._factor_ep = np.where(is_layer_e, soft_pa / MODULUS_PA, 1.0)[:, None]
 
@@ -54,7 +78,9 @@ class LayeredWall:
         return np.stack([path.displacement_nc(force_n) for force_n in FORCES_N])
 
 
-def pushed(wall: FiniteWall, touched: HexMesh, modulus_pa: float, iop_pa: float, force_n: float) -> LoadPath:
+def pushed(
+    wall: FiniteWall, touched: HexMesh, modulus_pa: float, iop_pa: float, force_n: float
+) -> LoadPath:
     """Push on the outer surface of `touched`, up to a force."""
     return wall.load_path(
         needle_at(touched, CONTACT, NEEDLE_RADIUS_M),
@@ -71,7 +97,9 @@ class Plain:
     def __init__(self, iop_pa: float, core: int, rings: int) -> None:
         """Prepare the sections with the true E."""
         self._iop_pa = iop_pa
-        self._wall = FiniteWall(graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, core, rings), NU)
+        self._wall = FiniteWall(
+            graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, core, rings), NU
+        )
         self.true = self._with(1.0)
 
     def calibrated(self, seen_sn: Floats) -> tuple[ElasticSections, float]:
@@ -91,25 +119,37 @@ class Plain:
 
     def _with(self, over: float) -> ElasticSections:
         mesh = self._wall.mesh
-        return ElasticSections(mesh, pushed(self._wall, mesh, over * MODULUS_PA, self._iop_pa, END_N))
+        return ElasticSections(
+            mesh, pushed(self._wall, mesh, over * MODULUS_PA, self._iop_pa, END_N)
+        )
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--rows", type=int, help="only the first N pressures, layers and surfaces")
-    parser.add_argument("--core", type=int, default=4, help="quads along the side of the mesh's core")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
+    parser.add_argument(
+        "--rows", type=int, help="only the first N pressures, layers and surfaces"
+    )
+    parser.add_argument(
+        "--core", type=int, default=4, help="quads along the side of the mesh's core"
+    )
     parser.add_argument("--rings", type=int, default=8, help="around the core")
     given = parser.parse_args()
     shown = ", ".join(f"{1e3 * force_n:g}" for force_n in FORCES_N)
-    print(f"| IOP | layer | surface | {shown} mN read with the true E | misfit, um | calibrated: E over true | read |")
+    print(
+        f"| IOP | layer | surface | {shown} mN read with the true E | misfit, um | calibrated: E over true | read |"
+    )
     print("|---|---|---|---|---|---|---|")
     for iop_mmhg in IOPS_MMHG[: given.rows]:
         plain = Plain(to_si(iop_mmhg, "mmhg"), given.core, given.rings)
         for layer_m, soft_pa in LAYERS[: given.rows]:
             layered = LayeredWall(layer_m, soft_pa, given.core, given.rings)
             states_snc = layered.states_snc(to_si(iop_mmhg, "mmhg"))
-            for name, mesh in (("sclera's", layered.sclera), ("layer's", layered.top))[: given.rows]:
+            for name, mesh in (("sclera's", layered.sclera), ("layer's", layered.top))[
+                : given.rows
+            ]:
                 seen_sn = surfaces(mesh, states_snc)
                 read_n, off_m = plain.true.read_n(seen_sn)
                 sections, over = plain.calibrated(seen_sn)
@@ -117,7 +157,10 @@ def main() -> None:
                     f"| {iop_mmhg:g} mmHg | {1e3 * layer_m:g} mm, {1e-3 * soft_pa:g} kPa | {name} | {mn(read_n)} ",
                     end="",
                 )
-                print(f"| {1e6 * off_m.max():.0f} | {over:.2f} | {mn(sections.read_n(seen_sn)[0])} |", flush=True)
+                print(
+                    f"| {1e6 * off_m.max():.0f} | {over:.2f} | {mn(sections.read_n(seen_sn)[0])} |",
+                    flush=True,
+                )
 
 
 def mn(forces_n: Floats) -> str:

@@ -46,7 +46,13 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.learning import EyeLearner, Fitting
-from scleraforce.service.messages import Alive, EyeLearned, OpinionAsked, OpinionGiven, OpinionSettings
+from scleraforce.service.messages import (
+    Alive,
+    EyeLearned,
+    OpinionAsked,
+    OpinionGiven,
+    OpinionSettings,
+)
 from scleraforce.units import from_si
 
 EVERY, OPINIONS, TOP_N, BOUND_N, TOUCHING_N, AN_EYE = 2, 6, 40e-3, 30e-3, 3e-3, 5
@@ -69,13 +75,25 @@ class Played:
     broken: int = 0
     causes: list[str] = field(default_factory=list)
     stopped_n: list[float] = field(default_factory=list)
-    ends: tuple[list[tuple[float, bool]], list[tuple[float, bool]]] = field(default_factory=lambda: ([], []))
-    modulus: tuple[list[tuple[float, float]], list[tuple[float, float]]] = field(default_factory=lambda: ([], []))
+    ends: tuple[list[tuple[float, bool]], list[tuple[float, bool]]] = field(
+        default_factory=lambda: ([], [])
+    )
+    modulus: tuple[list[tuple[float, float]], list[tuple[float, float]]] = field(
+        default_factory=lambda: ([], [])
+    )
     ratios: list[float] = field(default_factory=list)
 
     def add(self, other: "Played") -> None:
         """Add other sessions."""
-        for name in ("false", "unexplained", "missed", "broken", "causes", "stopped_n", "ratios"):
+        for name in (
+            "false",
+            "unexplained",
+            "missed",
+            "broken",
+            "causes",
+            "stopped_n",
+            "ratios",
+        ):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for at in range(2):
             self.ends[at].extend(other.ends[at])
@@ -116,23 +134,41 @@ class Bench:
         self.seed, self.reader = seed, load_force_reader(Path("default"))
         scanner, scale = self.reader.study.oct, PixelScale.of(self.reader.study.oct)
         self.limits = MonitorLimits(
-            bound_n=BOUND_N, size=(scanner.rows, scanner.columns), scale_m=(scale.lateral_m, scale.depth_m),
+            bound_n=BOUND_N,
+            size=(scanner.rows, scanner.columns),
+            scale_m=(scale.lateral_m, scale.depth_m),
             expects_opinion=True,
-        )  # fmt: skip
+        )
 
     def session(self, number: int) -> tuple[Played, Played, list[float]]:
         """Play a session; return both monitors, and the time that each step of learning took of a core, s."""
-        drawn, rng = draw_eye("open", number // AN_EYE, self.reader.study, self.seed), self._rng(number)
+        drawn, rng = (
+            draw_eye("open", number // AN_EYE, self.reader.study, self.seed),
+            self._rng(number),
+        )
         known = self.known(drawn, number, rng)
-        begun = EyePosterior(known=known, study=self.reader.study, library=self.reader.library_for(known))
+        begun = EyePosterior(
+            known=known, study=self.reader.study, library=self.reader.library_for(known)
+        )
         link = InProcess(Fitting(begun, drawn.eye.id, None))
         learner = EyeLearner(link)  # type: ignore[arg-type] # in place of a connection
-        watches = [Watch(self.reader, known, self.limits, one, OPINIONS) for one in (None, learner)]
-        played, readings = [Played(), Played()], list[tuple[list[tuple[float, bool] | None], list[float]]]()
+        watches = [
+            Watch(self.reader, known, self.limits, one, OPINIONS)
+            for one in (None, learner)
+        ]
+        played, readings = (
+            [Played(), Played()],
+            list[tuple[list[tuple[float, bool] | None], list[float]]](),
+        )
         path, moving = forces(rng, drawn)
         for n, frame in enumerate(stream(drawn, path, rng, self.seed)):
-            link.now_s = at_s = EVERY * FRAME_S * (n + 1) + float(np.clip(rng.normal(0.0, 1e-3), -4e-3, 4e-3))
-            force_n, at_frame = float(path.force_n[n]), list[tuple[float, bool] | None]()
+            link.now_s = at_s = EVERY * FRAME_S * (n + 1) + float(
+                np.clip(rng.normal(0.0, 1e-3), -4e-3, 4e-3)
+            )
+            force_n, at_frame = (
+                float(path.force_n[n]),
+                list[tuple[float, bool] | None](),
+            )
             if force_n >= BOUND_N:
                 break
             for watch, of in zip(watches, played, strict=True):
@@ -147,17 +183,30 @@ class Bench:
                     of.stopped_n += [force_n] * (n >= moving)
             if force_n >= TOUCHING_N and n < moving:
                 moduli = (watch.known.modulus for watch in watches)
-                readings.append((at_frame, [modulus.relative_sd for modulus in moduli if modulus]))
+                readings.append(
+                    (at_frame, [modulus.relative_sd for modulus in moduli if modulus])
+                )
         truth_pa = drawn.eye.youngs_modulus_pa
         for place, (watch, of) in enumerate(zip(watches, played, strict=True)):
-            of.missed, of.broken = int(watch.code != WITHDRAW), watch.released + (watch.limits.bound_n != BOUND_N)
+            of.missed, of.broken = (
+                int(watch.code != WITHDRAW),
+                watch.released + (watch.limits.bound_n != BOUND_N),
+            )
             quarter = max(len(readings) // 4, 1)
-            for end, frames in zip(of.ends, (readings[:quarter], readings[-quarter:]), strict=True):
+            for end, frames in zip(
+                of.ends, (readings[:quarter], readings[-quarter:]), strict=True
+            ):
                 end += [one for both, _ in frames if (one := both[place]) is not None]
-            for errors, modulus in zip(of.modulus, (known.modulus, watch.known.modulus), strict=True):
+            for errors, modulus in zip(
+                of.modulus, (known.modulus, watch.known.modulus), strict=True
+            ):
                 assert modulus is not None
                 errors.append((modulus.mean_pa / truth_pa - 1.0, modulus.relative_sd))
-        played[1].ratios = [two[0] / one[0] / (sds[1] / sds[0]) for (one, two), sds in readings if one and two]
+        played[1].ratios = [
+            two[0] / one[0] / (sds[1] / sds[0])
+            for (one, two), sds in readings
+            if one and two
+        ]
         return played[0], played[1], link.took_s
 
     def _rng(self, number: int) -> np.random.Generator:
@@ -166,29 +215,52 @@ class Bench:
     def known(self, drawn: SessionEye, number: int, rng: np.random.Generator) -> Known:
         """Return what is given of an eye: E of the study's prior, or of a population."""
         prior = self.reader.study.calibration
-        studys = Modulus(mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population")
+        studys = Modulus(
+            mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population"
+        )
         stated = replace(stated_eye(drawn, rng)[0], globe=OPEN)
         return known_of_constants(stated, (studys, POPULATION)[number % 2])
 
 
 def forces(rng: np.random.Generator, drawn: SessionEye) -> tuple[Trajectory, int]:
     """Return the course of a session, and the number of frames until the rise."""
-    moving_n, names = moving_forces(round(MOVING_S / FRAME_S), rng.uniform(*HIGHEST_N), rng)
+    moving_n, names = moving_forces(
+        round(MOVING_S / FRAME_S), rng.uniform(*HIGHEST_N), rng
+    )
     rising_n = np.arange(moving_n[-1], TOP_N, rng.uniform(*RISING_N_S) * FRAME_S)
-    path = trajectory(np.concatenate([moving_n, rising_n]), [*names, *["rise"] * len(rising_n)], drawn.study, rng)
+    path = trajectory(
+        np.concatenate([moving_n, rising_n]),
+        [*names, *["rise"] * len(rising_n)],
+        drawn.study,
+        rng,
+    )
     begin = round(APART_S / FRAME_S)
-    return Trajectory(*(part[begin::EVERY] for part in vars(path).values())), (len(moving_n) - begin) // EVERY
+    return Trajectory(*(part[begin::EVERY] for part in vars(path).values())), (
+        len(moving_n) - begin
+    ) // EVERY
 
 
 def rows(prior: str, monitors: tuple[Played, Played]) -> Iterator[str]:
     """Yield the lines of a prior."""
     for learns, of in zip(MONITORS, monitors, strict=True):
-        widths = [from_si(float(np.mean([width for width, _ in end])), "mn") for end in of.ends]
+        widths = [
+            from_si(float(np.mean([width for width, _ in end])), "mn")
+            for end in of.ends
+        ]
         held = np.mean([holds for end in of.ends for _, holds in end])
-        off = [100.0 * float(np.sqrt(np.mean([error**2 for error, _ in end]))) for end in of.modulus]
+        off = [
+            100.0 * float(np.sqrt(np.mean([error**2 for error, _ in end])))
+            for end in of.modulus
+        ]
         sds = [100.0 * float(np.mean([sd for _, sd in end])) for end in of.modulus]
-        inside = sum(abs(error) < 2.0 * sd * (1.0 + error) for error, sd in of.modulus[1])
-        stopped = f"{from_si(float(np.median(of.stopped_n)), 'mn'):.1f}" if of.stopped_n else ""
+        inside = sum(
+            abs(error) < 2.0 * sd * (1.0 + error) for error, sd in of.modulus[1]
+        )
+        stopped = (
+            f"{from_si(float(np.median(of.stopped_n)), 'mn'):.1f}"
+            if of.stopped_n
+            else ""
+        )
         count = len(of.modulus[0])
         yield (
             f"| {prior} | {learns} | {of.false}, {of.unexplained} | {of.missed} of {count} | {stopped} | "
@@ -203,11 +275,24 @@ def opinions(
     """Return how late each opinion of the service's process was, s, and how many frames have taught at the end."""
     scale, rng = PixelScale.of(reader.study.oct), np.random.default_rng(0)
     frames = list(stream(drawn, forces(rng, drawn)[0], rng, 0))
-    ring, late_s, sent_s, taught = FrameRing.create(64, *frames[0].shape), list[float](), dict[int, float](), 0
+    ring, late_s, sent_s, taught = (
+        FrameRing.create(64, *frames[0].shape),
+        list[float](),
+        dict[int, float](),
+        0,
+    )
     with TemporaryDirectory() as folder:
-        settings = OpinionSettings(model=Path("default"), known=known, scale=scale, ring=ring.place,
-                                   learns="eye" if learns else None, record=Path(folder))  # fmt: skip
-        child = Child("scleraforce.service.second_opinion", settings, [ring.place.descriptor])
+        settings = OpinionSettings(
+            model=Path("default"),
+            known=known,
+            scale=scale,
+            ring=ring.place,
+            learns="eye" if learns else None,
+            record=Path(folder),
+        )
+        child = Child(
+            "scleraforce.service.second_opinion", settings, [ring.place.descriptor]
+        )
         while not any(isinstance(one, Alive) for one in child.channel.receive()):
             select([child.channel], [], [], 1.0)
         begun_s = monotonic()
@@ -215,7 +300,11 @@ def opinions(
             sleep(max(0.0, begun_s + number / 50 - monotonic()))
             ring.put(number, frames[number % len(frames)])
             sent_s[number] = now_s = monotonic()
-            child.channel.send(OpinionAsked(number=number, order=number, at_s=now_s, teaches=True, pierced=False))
+            child.channel.send(
+                OpinionAsked(
+                    number=number, order=number, at_s=now_s, teaches=True, pierced=False
+                )
+            )
             for one in child.channel.receive():
                 if isinstance(one, OpinionGiven):
                     late_s.append(now_s - sent_s[one.order])
@@ -226,7 +315,9 @@ def opinions(
 
 def main() -> None:
     """Play the sessions and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=50, help="sessions")
     parser.add_argument("--seed", type=int, default=43)
     parser.add_argument("--opinions", type=float, default=0.0, metavar="S")
@@ -237,32 +328,50 @@ def main() -> None:
         drawn = draw_eye("open", 0, bench.reader.study, given.seed)
         for learns in (False, True):
             known = bench.known(drawn, 0, np.random.default_rng(0))
-            late_s, frames = opinions(bench.reader, drawn, known, given.opinions, learns)
-            half, most = (from_si(float(np.quantile(late_s, share)), "ms") for share in (0.5, 0.99))
+            late_s, frames = opinions(
+                bench.reader, drawn, known, given.opinions, learns
+            )
+            half, most = (
+                from_si(float(np.quantile(late_s, share)), "ms")
+                for share in (0.5, 0.99)
+            )
             words = f"{len(late_s)} opinions after {half:.0f} ms, 99 % {most:.0f}; {frames} frames taught"
             print(f"learning {MONITORS[learns]}: {words}")
         return
     found, took_s = [(Played(), Played()) for _ in PRIORS], list[float]()
     with suppress(KeyboardInterrupt):  # the table is of the sessions that are done
-        for number, (*both, steps_s) in work_units(partial(_bench, given.seed), range(given.count), given.workers):
+        for number, (*both, steps_s) in work_units(
+            partial(_bench, given.seed), range(given.count), given.workers
+        ):
             for of, other in zip(found[number % 2], both, strict=True):
                 of.add(other)
             took_s += steps_s
-            said = [f"{one.causes}, E {one.modulus[1][0][0]:+.0%} sd {one.modulus[1][0][1]:.0%}" for one in both]
+            said = [
+                f"{one.causes}, E {one.modulus[1][0][0]:+.0%} sd {one.modulus[1][0][1]:.0%}"
+                for one in both
+            ]
             print(f"session {number}: {'; learned: '.join(said)}", flush=True)
-    print("\n| prior of E | learns | false withdrawals, not by the interval's width | missed | stopped at, mN | "
-          "width, mN: first, last quarter | intervals hold | E off, %: start, end | sd, % | in 2 sd |")  # fmt: skip
+    print(
+        "\n| prior of E | learns | false withdrawals, not by the interval's width | missed | stopped at, mN | "
+        "width, mN: first, last quarter | intervals hold | E off, %: start, end | sd, % | in 2 sd |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for prior, monitors in zip(PRIORS, found, strict=True):
         if monitors[0].modulus[0]:
             print("\n".join(rows(prior, monitors)))
     ratios = [ratio for _, learned in found for ratio in learned.ratios]
     causes = [cause for monitors in found for one in monitors for cause in one.causes]
-    print(f"\nwithdrawals left, or bounds raised: {sum(one.broken for monitors in found for one in monitors)}")
-    print(f"interval over interval / sd over sd: 1 % of frames below {np.quantile(ratios, 0.01):.2f}, "
-          f"median {np.median(ratios):.2f}")  # fmt: skip
-    print(f"PIERCED {causes.count('PIERCED')} of {len(causes)} causes; a step of learning took "
-          f"{np.median(took_s or [0.0]):.2f} s of a core, {max(took_s, default=0.0):.2f} at most")  # fmt: skip
+    print(
+        f"\nwithdrawals left, or bounds raised: {sum(one.broken for monitors in found for one in monitors)}"
+    )
+    print(
+        f"interval over interval / sd over sd: 1 % of frames below {np.quantile(ratios, 0.01):.2f}, "
+        f"median {np.median(ratios):.2f}"
+    )
+    print(
+        f"PIERCED {causes.count('PIERCED')} of {len(causes)} causes; a step of learning took "
+        f"{np.median(took_s or [0.0]):.2f} s of a core, {max(took_s, default=0.0):.2f} at most"
+    )
 
 
 def _bench(seed: int) -> Callable[[int], tuple[Played, Played, list[float]]]:

@@ -22,23 +22,38 @@ from numpy.typing import NDArray
 
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.plan import plan_library
-from scleraforce.library.sections import Framing, fill_boundaries, highest_depths, wall_boundaries
+from scleraforce.library.sections import (
+    Framing,
+    fill_boundaries,
+    highest_depths,
+    wall_boundaries,
+)
 from scleraforce.library.store import build_library, open_library
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
 
-GRIDS = ((8, 12, 56), (10, 16, 56), (10, 20, 56), (12, 24, 72))  # thicknesses, tensions, tips
+GRIDS = (
+    (8, 12, 56),
+    (10, 16, 56),
+    (10, 20, 56),
+    (12, 24, 72),
+)  # thicknesses, tensions, tips
 VISIBLE_M = (0.3e-3, 9e-3)  # of the needle axis
 SLICES, ROUNDS = 2000, 5
-STORED, CONTACT_RAD = 4000, 0.6  # states, and a contact beside the pole, at which a stored library is compared
+STORED, CONTACT_RAD = (
+    4000,
+    0.6,
+)  # states, and a contact beside the pole, at which a stored library is compared
 
 Floats = NDArray[np.float64]
 Grid = tuple[int, int, int]
 
 
-def draw_walls(study: Study, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def draw_walls(
+    study: Study, count: int, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
     """Thickness (wall,), m, and IOP ratio (wall,), the logarithm of the tension evenly spread."""
     grid = study.library
     thickness_m = rng.uniform(*grid.thickness_m.bounds, count)
@@ -50,7 +65,9 @@ def draw_walls(study: Study, count: int, rng: np.random.Generator) -> tuple[Floa
 def held_out_path(study: Study, wall: tuple[float, float]) -> AxisymmetricPath:
     """Solve a path at dents that the library does not hold."""
     plan = plan_library(study)
-    tips_m = np.concatenate([[1e-5, 3e-5, 6e-5], np.linspace(0.1e-3, 0.99 * plan.grid.max_tip_m, 50)])
+    tips_m = np.concatenate(
+        [[1e-5, 3e-5, 6e-5], np.linspace(0.1e-3, 0.99 * plan.grid.max_tip_m, 50)]
+    )
     size = MeridianSize(plan.grid.elements, plan.grid.layers)
     return axisymmetric_path(
         plan.radius_m,
@@ -64,7 +81,9 @@ def held_out_path(study: Study, wall: tuple[float, float]) -> AxisymmetricPath:
     )
 
 
-def errors(library: Library, wall: tuple[float, float], path: AxisymmetricPath) -> tuple[Floats, Floats, Floats]:
+def errors(
+    library: Library, wall: tuple[float, float], path: AxisymmetricPath
+) -> tuple[Floats, Floats, Floats]:
     """Relative error of the force at each tip; of the tip, and of the curves in m, at each force first reached."""
     tips_m, forces = path.tip_m[1:], path.force_ratio_m2[1:]
     thickness, ratio = (np.full(len(tips_m), value) for value in wall)
@@ -74,19 +93,27 @@ def errors(library: Library, wall: tuple[float, float], path: AxisymmetricPath) 
     found = library.curves(thickness[asked], ratio[asked], forces[asked])
     expected = path.curves_sbnc[1:][asked]
     visible = (expected[..., 0] > VISIBLE_M[0]) & (expected[..., 0] < VISIBLE_M[1])
-    off_m = np.where(visible, np.linalg.norm(found.curves_sbnc - expected, axis=-1), 0.0).max(axis=(1, 2))
+    off_m = np.where(
+        visible, np.linalg.norm(found.curves_sbnc - expected, axis=-1), 0.0
+    ).max(axis=(1, 2))
     return np.abs(of_force), np.abs(found.tip_m / tips_m[asked] - 1.0), off_m
 
 
 def build(paper: Study, grid: Grid) -> tuple[Library, float, float]:
     """Build a library; return it, the elapsed seconds and the processor seconds."""
     thicknesses, tensions, tips = grid
-    finer = replace(paper.library, thicknesses=thicknesses, tensions=tensions, tips=tips)
+    finer = replace(
+        paper.library, thicknesses=thicknesses, tensions=tensions, tips=tips
+    )
     study = replace(paper, library=finer)
     with TemporaryDirectory() as folder:
         before = cpu_seconds()
         seconds = build_library(study, Path(folder) / "library.zarr").seconds
-        return open_library(Path(folder) / "library.zarr").for_contact(0.0), seconds, cpu_seconds() - before
+        return (
+            open_library(Path(folder) / "library.zarr").for_contact(0.0),
+            seconds,
+            cpu_seconds() - before,
+        )
 
 
 def cpu_seconds() -> float:
@@ -97,20 +124,36 @@ def cpu_seconds() -> float:
 
 def print_accuracy(study: Study, grids: tuple[Grid, ...], held_out: int) -> Library:
     """Build libraries of several grids and print their errors; return that of the study."""
-    walls = list(zip(*draw_walls(study, held_out, np.random.default_rng(0)), strict=True))
+    walls = list(
+        zip(*draw_walls(study, held_out, np.random.default_rng(0)), strict=True)
+    )
     with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
         paths = list(pool.map(partial(held_out_path, study), walls))
-    print(f"{'grid':>10} {'build':>7} {'CPU':>6}   error at {held_out} other walls: median, 99 %, largest")
-    print(f"{'t x p x d':>10} {'s':>7} {'s':>6}   {'force at tip, %':>23}  {'tip at force, %':>23}  {'curves, um':>20}")
+    print(
+        f"{'grid':>10} {'build':>7} {'CPU':>6}   error at {held_out} other walls: median, 99 %, largest"
+    )
+    print(
+        f"{'t x p x d':>10} {'s':>7} {'s':>6}   {'force at tip, %':>23}  {'tip at force, %':>23}  {'curves, um':>20}"
+    )
     own = None
     for grid in grids:
         library, seconds, cpu = build(study, grid)
-        found = zip(*(errors(library, *pair) for pair in zip(walls, paths, strict=True)), strict=True)
-        force, tip, curve = (np.percentile(np.concatenate(part), [50.0, 99.0, 100.0]) for part in found)
-        cells = [" ".join(f"{100 * value:7.4f}" for value in part) for part in (force, tip)]
+        found = zip(
+            *(errors(library, *pair) for pair in zip(walls, paths, strict=True)),
+            strict=True,
+        )
+        force, tip, curve = (
+            np.percentile(np.concatenate(part), [50.0, 99.0, 100.0]) for part in found
+        )
+        cells = [
+            " ".join(f"{100 * value:7.4f}" for value in part) for part in (force, tip)
+        ]
         micrometres = " ".join(f"{1e6 * value:6.2f}" for value in curve)
         name = "x".join(map(str, grid))
-        print(f"{name:>10} {seconds:7.1f} {cpu:6.1f}   {cells[0]}  {cells[1]}  {micrometres}", flush=True)
+        print(
+            f"{name:>10} {seconds:7.1f} {cpu:6.1f}   {cells[0]}  {cells[1]}  {micrometres}",
+            flush=True,
+        )
         if grid == grid_of(study):
             own = library
     assert own is not None
@@ -128,7 +171,9 @@ def print_rates(study: Study, library: Library) -> None:
     thickness, ratio = draw_walls(study, SLICES, rng)
     force = rng.uniform(0.0, 0.999, SLICES) * near.largest_force_ratio(thickness, ratio)
     gap, tilt = rng.uniform(0.35e-3, 1e-3, SLICES), rng.uniform(-0.09, 0.09, SLICES)
-    print("\n         framing   curves  unloaded top  boundaries  filling  us of one core a slice")
+    print(
+        "\n         framing   curves  unloaded top  boundaries  filling  us of one core a slice"
+    )
     for name, turn in (("moved, scaled", 0.0), ("turned as well", 0.09)):
         framing = Framing(
             rng.uniform(-1e-3, 1e-3, SLICES),
@@ -141,7 +186,11 @@ def print_rates(study: Study, library: Library) -> None:
             times = [process_time()]
             walls = near.curves(thickness, ratio, force).curves_sbnc
             times.append(process_time())
-            highest_depths(near.at_tip(thickness, ratio, np.zeros(SLICES)).curves_sbnc[:, 0], gap, tilt)
+            highest_depths(
+                near.at_tip(thickness, ratio, np.zeros(SLICES)).curves_sbnc[:, 0],
+                gap,
+                tilt,
+            )
             times.append(process_time())
             boundaries = wall_boundaries(walls, gap, tilt, framing, study.slice)
             times.append(process_time())
@@ -150,7 +199,9 @@ def print_rates(study: Study, library: Library) -> None:
             taken.append(np.diff(times))
         steps = np.min(taken, axis=0) / SLICES * 1e6
         cells = "{:8.1f} {:13.1f} {:11.1f} {:8.1f}".format(*steps)
-        print(f"{name:>16} {cells}  {1e6 / steps.sum():,.0f} slices a second; {boundaries.folded.sum()} fold over")
+        print(
+            f"{name:>16} {cells}  {1e6 / steps.sum():,.0f} slices a second; {boundaries.folded.sum()} fold over"
+        )
 
 
 def print_stored(study: Study, library: Library) -> None:
@@ -161,8 +212,14 @@ def print_stored(study: Study, library: Library) -> None:
         size, found = path.stat().st_size, load_library(path)
     thickness, ratio = draw_walls(study, STORED, rng := np.random.default_rng(2))
     tips = rng.uniform(0.0, 1.0, STORED) ** 1.5 * library.tip_m[-1]
-    off_m = np.abs(found.shapes(thickness, ratio, tips).astype(np.float64) - library.shapes(thickness, ratio, tips))
-    force, known = (eyes.for_contact(CONTACT_RAD).forces(thickness, ratio, tips) for eyes in (found, library))
+    off_m = np.abs(
+        found.shapes(thickness, ratio, tips).astype(np.float64)
+        - library.shapes(thickness, ratio, tips)
+    )
+    force, known = (
+        eyes.for_contact(CONTACT_RAD).forces(thickness, ratio, tips)
+        for eyes in (found, library)
+    )
     print(
         f"\nlibrary.npz: {size:,} bytes; curves {1e6 * told.curves_m:.3f} um off at states, {1e6 * off_m.max():.3f} "
         f"at {STORED} others (rms {1e6 * np.sqrt(np.mean(off_m**2)):.4f}); factors of the force {told.stiffness:.1e}, "
@@ -172,12 +229,20 @@ def print_stored(study: Study, library: Library) -> None:
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parser.add_argument("held_out", type=int, nargs="?", default=40)
-    parser.add_argument("--study", type=Path, help="the paper's where none is given, and three other grids")
+    parser.add_argument(
+        "--study",
+        type=Path,
+        help="the paper's where none is given, and three other grids",
+    )
     given = parser.parse_args()
     study = read_study(given.study) if given.study else Study()
-    library = print_accuracy(study, (grid_of(study),) if given.study else GRIDS, given.held_out)
+    library = print_accuracy(
+        study, (grid_of(study),) if given.study else GRIDS, given.held_out
+    )
     print_stored(study, library)
     print_rates(study, library)
 

@@ -12,7 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from reference_r1 import CONTACT, CONVERGED_MM, E_PA, FORCE_N, NU, RADIUS_M, SPREAD_M, gaussian_load
+from reference_r1 import (
+    CONTACT,
+    CONVERGED_MM,
+    E_PA,
+    FORCE_N,
+    NU,
+    RADIUS_M,
+    SPREAD_M,
+    gaussian_load,
+)
 from reference_walls import symmetric_base, wall_mesh
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
@@ -33,8 +42,12 @@ FINE_MESHES: dict[str, dict[str, Any]] = {
 
 def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> None:
     """Print R1 on several meshes, at the load centre and at the nearest corner."""
-    print("\nR1: inward displacement along the load [mm], and its ratio to the converged one")
-    print(f"{'mesh':38s}{'dofs':>8s}{'t [mm]':>8s}{'centre':>8s}{'ratio':>7s}{'corner':>8s}{'seconds':>9s}")
+    print(
+        "\nR1: inward displacement along the load [mm], and its ratio to the converged one"
+    )
+    print(
+        f"{'mesh':38s}{'dofs':>8s}{'t [mm]':>8s}{'centre':>8s}{'ratio':>7s}{'corner':>8s}{'seconds':>9s}"
+    )
     for name, kind in islice(meshes.items(), rows):
         for thickness_m, converged in CONVERGED_MM.items():
             start = process_time()
@@ -43,7 +56,9 @@ def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> No
             u = wall.solve_one(gaussian_load(mesh, CONTACT, SPREAD_M)) * FORCE_N / E_PA
             seconds = process_time() - start
             corners = np.unique(mesh.outer_qn[:, :4])
-            distance = np.linalg.norm(mesh.points_nc[corners] - RADIUS_M * CONTACT.normal, axis=1)
+            distance = np.linalg.norm(
+                mesh.points_nc[corners] - RADIUS_M * CONTACT.normal, axis=1
+            )
             corner = -u[corners[np.argmin(distance)]] @ CONTACT.normal * 1e3
             centre = tip_displacement(mesh, CONTACT, u) * 1e3
             print(
@@ -54,7 +69,9 @@ def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> No
 
 def convergence(rows: int | None) -> None:
     """Print the order of the strain energy for a smooth load on a whole sphere, and under a clamped base."""
-    print("\nOrder of the strain energy from three meshes (2 mm wall, push on the pole)")
+    print(
+        "\nOrder of the strain energy from three meshes (2 mm wall, push on the pole)"
+    )
     print(f"{'element':12s}{'quads':>14s}{'symmetric base':>16s}{'clamped base':>14s}")
     families: dict[str, tuple[tuple[int, ...], dict[str, Any]]] = {
         "8 nodes": ((8, 16, 32), {"order": 1, "layers": 2}),
@@ -66,7 +83,9 @@ def convergence(rows: int | None) -> None:
         print(f"{name:12s}{quads!s:>14s}{orders[0]:16.2f}{orders[1]:14.2f}")
 
 
-def observed_order(quads: tuple[int, ...], kind: dict[str, Any], symmetric: bool) -> float:
+def observed_order(
+    quads: tuple[int, ...], kind: dict[str, Any], symmetric: bool
+) -> float:
     """Return log2 of the ratio of successive differences of the energy."""
     energies = []
     for n in quads:
@@ -80,8 +99,14 @@ def observed_order(quads: tuple[int, ...], kind: dict[str, Any], symmetric: bool
 def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--fine", action="store_true", help="also the meshes of 40 quads (a minute each)")
-    parser.add_argument("--rows", type=int, help="only the first N meshes of each table")
+    parser.add_argument(
+        "--fine",
+        action="store_true",
+        help="also the meshes of 40 quads (a minute each)",
+    )
+    parser.add_argument(
+        "--rows", type=int, help="only the first N meshes of each table"
+    )
     given = parser.parse_args()
     reference_problem(MESHES | FINE_MESHES if given.fine else MESHES, given.rows)
     convergence(given.rows)

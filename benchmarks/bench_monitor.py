@@ -19,15 +19,25 @@ from pathlib import Path
 from monitor_service import faults, hostile, latency, session, soak
 from scleraforce.errors import ScleraforceError
 
-PARTS = {"latency": latency, "soak": soak, "faults": faults, "hostile": hostile, "session": session}
+PARTS = {
+    "latency": latency,
+    "soak": soak,
+    "faults": faults,
+    "hostile": hostile,
+    "session": session,
+}
 
 
 def main() -> int:
     """Run one part, print its tables, and keep its figures where that is asked for."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parts = parser.add_subparsers(dest="part", required=True)
     for name, part in PARTS.items():
-        options = parts.add_parser(name, help=part.__doc__.splitlines()[0] if part.__doc__ else "")
+        options = parts.add_parser(
+            name, help=part.__doc__.splitlines()[0] if part.__doc__ else ""
+        )
         options.add_argument("model", type=Path)
         options.add_argument("recording", type=Path)
         options.add_argument("--seed", type=int, default=0)
@@ -43,7 +53,10 @@ def main() -> int:
         print("interrupted", file=sys.stderr)
         return 130
     if given.json:
-        given.json.write_text(json.dumps({"part": given.part, **result}, indent=1) + "\n", encoding="utf-8")
+        given.json.write_text(
+            json.dumps({"part": given.part, **result}, indent=1) + "\n",
+            encoding="utf-8",
+        )
     return 0
 
 

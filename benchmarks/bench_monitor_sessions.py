@@ -35,7 +35,10 @@ from scleraforce.reader.model import load_force_reader
 from scleraforce.units import from_si, to_si
 
 RATES_MN_S = (5.0, 10.0, 20.0, 50.0, 100.0)
-QUICK_MEMORY = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_")  # workers keep their images: a sixth quicker
+QUICK_MEMORY = (
+    "MALLOC_MMAP_THRESHOLD_",
+    "MALLOC_TRIM_THRESHOLD_",
+)  # workers keep their images: a sixth quicker
 
 
 def main() -> None:
@@ -54,20 +57,30 @@ def main() -> None:
     for kind, of in found.items():
         for name, outcome in of.items():
             for reason, count in outcome.unread.most_common():
-                print(f"{kind}, {DECLARATIONS[name]}: {count} frames not read: {reason}")
+                print(
+                    f"{kind}, {DECLARATIONS[name]}: {count} frames not read: {reason}"
+                )
 
 
 def arguments() -> argparse.Namespace:
     """Return what the user asked for."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parser.add_argument("--model", type=Path, nargs="+", required=True, help="readers")
-    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS), help="of eyes")
+    parser.add_argument(
+        "--kinds", nargs="+", choices=KINDS, default=list(KINDS), help="of eyes"
+    )
     parser.add_argument("--eyes", type=int, default=10, help="of each kind")
     parser.add_argument("--first", type=int, default=0, help="number of the first eye")
     parser.add_argument("--sessions", type=int, default=1, help="of each eye")
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--highest-mn", type=float, default=20.0, help="force of the sessions")
-    parser.add_argument("--rates-mn-s", type=float, nargs="*", default=RATES_MN_S, help="of the ramps")
+    parser.add_argument(
+        "--highest-mn", type=float, default=20.0, help="force of the sessions"
+    )
+    parser.add_argument(
+        "--rates-mn-s", type=float, nargs="*", default=RATES_MN_S, help="of the ramps"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
     return parser.parse_args()
@@ -100,9 +113,14 @@ def plans(given: argparse.Namespace) -> list[Plan]:
 
 def run(plan: Plan, workers: int, found: dict[str, dict[str, Outcome]]) -> None:
     """Run all units of a plan; add the outcome of each, by kind and declaration, when it is done."""
-    for number, (outcomes, took_s) in work_units(partial(prepare, plan), range(len(plan.units)), workers):
+    for number, (outcomes, took_s) in work_units(
+        partial(prepare, plan), range(len(plan.units)), workers
+    ):
         unit = plan.units[number]
-        print(f"{unit.words}, {took_s:.0f} s: {'; '.join(map(summary, outcomes, outcomes.values()))}", flush=True)
+        print(
+            f"{unit.words}, {took_s:.0f} s: {'; '.join(map(summary, outcomes, outcomes.values()))}",
+            flush=True,
+        )
         so_far = found.setdefault(unit.kind, {name: Outcome() for name in DECLARATIONS})
         for name, outcome in outcomes.items():
             for words in outcome.withdrawals:
@@ -112,8 +130,15 @@ def run(plan: Plan, workers: int, found: dict[str, dict[str, Outcome]]) -> None:
 
 def summary(name: str, outcome: Outcome) -> str:
     """Return what a monitor did in a unit: the forces at which it stopped ramps, or its false withdrawals."""
-    forces = ("never" if ramp.force_n is None else f"{from_si(ramp.force_n, 'mn'):.1f}" for ramp in outcome.ramps)
-    done = f"{len(outcome.withdrawn_n)} withdrawals" if outcome.frames else f"ramps at {', '.join(forces) or '-'} mN"
+    forces = (
+        "never" if ramp.force_n is None else f"{from_si(ramp.force_n, 'mn'):.1f}"
+        for ramp in outcome.ramps
+    )
+    done = (
+        f"{len(outcome.withdrawn_n)} withdrawals"
+        if outcome.frames
+        else f"ramps at {', '.join(forces) or '-'} mN"
+    )
     return f"{name} {done}"
 
 

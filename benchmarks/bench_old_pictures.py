@@ -27,7 +27,9 @@ SIZE = 512, 512
 LIMITS = MonitorLimits()
 
 
-def alarm_after(pictures: Sequence[Counts], first: int) -> tuple[int | None, int, float]:
+def alarm_after(
+    pictures: Sequence[Counts], first: int
+) -> tuple[int | None, int, float]:
     """Return after how many pictures from the `first` one on they are `FROZEN`, how many were old, and s for each."""
     shown = ShownPictures(LIMITS.shown_frames)
     repeats, returns, old, alarm = 1, [False] * LIMITS.shown_frames, 0, None
@@ -38,25 +40,37 @@ def alarm_after(pictures: Sequence[Counts], first: int) -> tuple[int | None, int
         taken_s.append(perf_counter() - begun_s)
         repeats = repeats + 1 if back == 1 else 1
         returns = [*returns[1:], back > 1]
-        frozen = repeats >= LIMITS.frozen_frames or (back > 1 and sum(returns) >= LIMITS.frozen_frames - 1)
+        frozen = repeats >= LIMITS.frozen_frames or (
+            back > 1 and sum(returns) >= LIMITS.frozen_frames - 1
+        )
         old += back > 0
         if frozen and alarm is None:
             alarm = number - first + 1
     return alarm, old, float(np.median(taken_s))
 
 
-def still_eye(rng: np.random.Generator, snr_db: float, *, bits: int, motion: float = 0.0) -> Iterator[Counts]:
+def still_eye(
+    rng: np.random.Generator, snr_db: float, *, bits: int, motion: float = 0.0
+) -> Iterator[Counts]:
     """Yield frames of a dome at rest, of fixed speckle: `motion` is how far it moves in depth, in pixels a frame."""
     rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
     below = rows - 150 - ((columns - 256) / 256) ** 2 * 120
-    amplitude = 10 ** (snr_db / 20) * np.where((below > 0) & (below < 160), np.exp(-below / 160), 0.0)
+    amplitude = 10 ** (snr_db / 20) * np.where(
+        (below > 0) & (below < 160), np.exp(-below / 160), 0.0
+    )
     tissue = amplitude * _normal(rng)
     wave = 2j * np.pi * np.fft.fftfreq(SIZE[0])[:, None]
     spectrum = np.fft.fft(tissue, axis=0)
     for number in range(10**6):
-        seen = tissue if not motion else np.fft.ifft(spectrum * np.exp(-wave * motion * number), axis=0)
+        seen = (
+            tissue
+            if not motion
+            else np.fft.ifft(spectrum * np.exp(-wave * motion * number), axis=0)
+        )
         level_db = 20 * np.log10(np.abs(seen + _normal(rng)))
-        yield np.clip((2**bits - 1) * (level_db + 10) / 50, 0, 2**bits - 1).astype(np.uint16)
+        yield np.clip((2**bits - 1) * (level_db + 10) / 50, 0, 2**bits - 1).astype(
+            np.uint16
+        )
 
 
 def _normal(rng: np.random.Generator) -> NDArray[np.complex64]:
@@ -91,21 +105,41 @@ def overlaid(first: Counts, count: int, rng: np.random.Generator) -> Sequence[Co
     return shown
 
 
-def faults(live: Sequence[Counts], rng: np.random.Generator) -> Iterator[tuple[str, Sequence[Counts]]]:
+def faults(
+    live: Sequence[Counts], rng: np.random.Generator
+) -> Iterator[tuple[str, Sequence[Counts]]]:
     """Yield series of old pictures that are made from live ones, with their names."""
     first, numbers = live[0], range(len(live))
     whole, top = first.astype(np.float64), float(first.max())
     yield "stuck", [first for _ in numbers]
     yield "offset moves by a count a frame", [_counts(whole + n) for n in numbers]
-    yield "gain grows by 0.5 % a frame", [_counts(whole * (1 + 0.005 * n)) for n in numbers]
-    yield "gamma grows by 1 % a frame", [_counts(top * (whole / top) ** (1 + 0.01 * n)) for n in numbers]
-    yield "16 and 8 bits in turns", [first if n % 2 else (first >> 4).astype(np.uint8) for n in numbers]
+    yield (
+        "gain grows by 0.5 % a frame",
+        [_counts(whole * (1 + 0.005 * n)) for n in numbers],
+    )
+    yield (
+        "gamma grows by 1 % a frame",
+        [_counts(top * (whole / top) ** (1 + 0.01 * n)) for n in numbers],
+    )
+    yield (
+        "16 and 8 bits in turns",
+        [first if n % 2 else (first >> 4).astype(np.uint8) for n in numbers],
+    )
     yield "scrolls by a row a frame", [np.roll(first, n, axis=0) for n in numbers]
     yield "scrolls by a column a frame", [np.roll(first, n, axis=1) for n in numbers]
-    yield "scrolls by two rows a frame", [np.roll(first, 2 * n, axis=0) for n in numbers]
-    yield "jitters by a row and a column", [np.roll(first, tuple(rng.integers(-1, 2, 2)), (0, 1)) for _ in numbers]
+    yield (
+        "scrolls by two rows a frame",
+        [np.roll(first, 2 * n, axis=0) for n in numbers],
+    )
+    yield (
+        "jitters by a row and a column",
+        [np.roll(first, tuple(rng.integers(-1, 2, 2)), (0, 1)) for _ in numbers],
+    )
     yield "two in turns", [live[n % 2] for n in numbers]
-    yield "three in turns, offset moves", [_counts(live[n % 3] + float(n)) for n in numbers]
+    yield (
+        "three in turns, offset moves",
+        [_counts(live[n % 3] + float(n)) for n in numbers],
+    )
     yield "a wandering strip of 60 columns", overlaid(first, len(live), rng)
     yield "left half stuck", halves(live, (slice(None), slice(256)))
     yield "middle half stuck", halves(live, (slice(None), slice(128, 384)))
@@ -115,7 +149,10 @@ def faults(live: Sequence[Counts], rng: np.random.Generator) -> Iterator[tuple[s
         noisy = [_counts(whole + rng.normal(0, counts, first.shape)) for _ in numbers]
         yield f"fresh noise of {counts} counts", noisy
     for old in (0.95, 0.8, 0.6, 0.5, 0.4):
-        yield f"{old:.0%} of one picture, the rest live", [_counts(old * whole + (1 - old) * seen) for seen in live]
+        yield (
+            f"{old:.0%} of one picture, the rest live",
+            [_counts(old * whole + (1 - old) * seen) for seen in live],
+        )
     for old in (0.95, 0.8, 0.6, 0.5, 0.4):
         yield f"a filter that keeps {old:.0%}", recursive(live, old)
 
@@ -127,23 +164,32 @@ def _counts(values: NDArray[np.floating[Any]]) -> Counts:
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parser.add_argument("recording", type=Path)
     parser.add_argument("--frames", type=int, default=300)
     given = parser.parse_args()
     rng = np.random.default_rng(1)
     recording = read_recording(given.recording)
-    live = [recording.frame(entry).astype(np.uint16) for entry in recording.frames[: given.frames]]
+    live = [
+        recording.frame(entry).astype(np.uint16)
+        for entry in recording.frames[: given.frames]
+    ]
     print(f"{'live frames':44}{'taken for old':>15}{'us a frame':>12}")
     sessions: dict[str, Sequence[Counts]] = {
         "of the recording": live,
         "of the recording, 8 bits": [_counts(picture // 16.0) for picture in live],
         "of the recording, 4 bits": [_counts(picture // 256.0) for picture in live],
-        "mean of two of the recording, in turns": [a // 2 + b // 2 for a, b in pairwise(live)],
+        "mean of two of the recording, in turns": [
+            a // 2 + b // 2 for a, b in pairwise(live)
+        ],
     }
     for name, pictures in sessions.items():
         _, old, taken_s = alarm_after(pictures, 0)
-        print(f"{name:44}{f'{old} of {len(pictures)}':>15}{from_si(taken_s, 'us'):12.0f}")
+        print(
+            f"{name:44}{f'{old} of {len(pictures)}':>15}{from_si(taken_s, 'us'):12.0f}"
+        )
     for snr_db, bits, motion in (
         (15, 12, 0),
         (25, 12, 0),
@@ -157,7 +203,9 @@ def main() -> None:
         pictures = [next(eye) for _ in range(given.frames // 3)]
         _, old, taken_s = alarm_after(pictures, 0)
         name = f"still speckle, {snr_db} dB, {bits} bits, {motion} pixels a frame"
-        print(f"{name:44}{f'{old} of {len(pictures)}':>15}{from_si(taken_s, 'us'):12.0f}")
+        print(
+            f"{name:44}{f'{old} of {len(pictures)}':>15}{from_si(taken_s, 'us'):12.0f}"
+        )
     first = min(60, len(live) // 2)
     before, during = live[:first], live[first : first + 30]
     print(f"\n{'old pictures':44}{'FROZEN at frame':>16}")

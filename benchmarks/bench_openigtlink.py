@@ -75,7 +75,17 @@ NUMBERS = (
     2**64 - 1,
 )
 TYPES = (
-    *(b"IMAGE", b"STATUS", b"STRING", b"SENSOR", b"TRANSFORM", b"GET_STATUS", b"GET_IMAGE", b"GET_", b"STT_TRANS"),
+    *(
+        b"IMAGE",
+        b"STATUS",
+        b"STRING",
+        b"SENSOR",
+        b"TRANSFORM",
+        b"GET_STATUS",
+        b"GET_IMAGE",
+        b"GET_",
+        b"STT_TRANS",
+    ),
     *(b"POLYDATA", b"", b"\xff\xfe", b"image", b"IMAGE\0GARBAGE"),
 )
 Sent = list[bytes]
@@ -97,10 +107,18 @@ def messages() -> tuple[Sent, Sent]:
     draw = np.random.default_rng(3)
     counts = draw.integers(0, 120, (1, 12, 16))
     matrix = (0.005, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    images = [Image(counts.astype(dtype), matrix) for dtype in ("int8", "uint8", "int16", "uint16")]
+    images = [
+        Image(counts.astype(dtype), matrix)
+        for dtype in ("int8", "uint8", "int16", "uint16")
+    ]
     cuts = list(pairwise((0, 5, 9, 12)))
-    parts = [Image(images[3].pixels[:, a:b], matrix, (16, 12, 1), (0, a, 0)) for a, b in cuts]
-    others = [Image(counts.astype("uint8")[..., np.newaxis].repeat(3, 3)), Image(counts.astype("int16").repeat(2, 0))]
+    parts = [
+        Image(images[3].pixels[:, a:b], matrix, (16, 12, 1), (0, a, 0)) for a, b in cuts
+    ]
+    others = [
+        Image(counts.astype("uint8")[..., np.newaxis].repeat(3, 3)),
+        Image(counts.astype("int16").repeat(2, 0)),
+    ]
     said: list[Message] = [
         *images,
         *parts,
@@ -118,9 +136,16 @@ def messages() -> tuple[Sent, Sent]:
 
 
 def _encoded(said: list[Message]) -> Sent:
-    plain = [encode(message, "Scanner", version=version) for message in said for version in (1, 2, 3)]
+    plain = [
+        encode(message, "Scanner", version=version)
+        for message in said
+        for version in (1, 2, 3)
+    ]
     told = {"eye": "left", "µ": ""}
-    return plain + [encode(message, "Scanner", version=2, message_id=7, metadata=told) for message in said]
+    return plain + [
+        encode(message, "Scanner", version=2, message_id=7, metadata=told)
+        for message in said
+    ]
 
 
 def flip_bits(data: bytearray, draw: Random) -> None:
@@ -155,7 +180,14 @@ def double_piece(data: bytearray, draw: Random) -> None:
     data[place:place] = data[start : start + draw.randint(1, 100)]
 
 
-MUTATIONS: tuple[Mutation, ...] = (flip_bits, cut, change_number, change_number, change_type, double_piece)
+MUTATIONS: tuple[Mutation, ...] = (
+    flip_bits,
+    cut,
+    change_number,
+    change_number,
+    change_type,
+    double_piece,
+)
 
 
 def put_right(data: bytearray) -> None:
@@ -293,7 +325,9 @@ def image_ms() -> float:
 
 def main() -> int:
     """Print the figures; 1 if there was an exception other than ProtocolError."""
-    parser = argparse.ArgumentParser(description="Mutated OpenIGTLink messages through the decoder")
+    parser = argparse.ArgumentParser(
+        description="Mutated OpenIGTLink messages through the decoder"
+    )
     parser.add_argument("--messages", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
@@ -302,11 +336,15 @@ def main() -> int:
     before = resident_bytes()
     outcome = run(given.messages, given.seed)
     slow_ms = [
-        min(taken_ms, first.slow_ms[number]) for number, taken_ms in outcome.slow_ms.items() if number in first.slow_ms
+        min(taken_ms, first.slow_ms[number])
+        for number, taken_ms in outcome.slow_ms.items()
+        if number in first.slow_ms
     ]
     outcome.slow_ms.clear()  # ours, not the decoder's
     grown_bytes = resident_bytes() - before
-    print(f"{given.messages} messages twice, seed {given.seed}, {perf_counter() - start:.0f} s")
+    print(
+        f"{given.messages} messages twice, seed {given.seed}, {perf_counter() - start:.0f} s"
+    )
     print(f"exceptions other than ProtocolError: {len(outcome.unexpected)}")
     for text in outcome.unexpected[:3]:
         print(text)
@@ -314,7 +352,9 @@ def main() -> int:
         print(f"  {name:22} {number:9}")
     print(f"slowest of {outcome.feeds} feeds: {max(slow_ms, default=SLOW_MS):.2f} ms")
     print(f"memory grown in the second run: {grown_bytes / 1024:.0f} KiB")
-    print(f"an image of 512 x 512, 16 bit, copy into its place included: {image_ms():.3f} ms")
+    print(
+        f"an image of 512 x 512, 16 bit, copy into its place included: {image_ms():.3f} ms"
+    )
     return 1 if outcome.unexpected else 0
 
 

@@ -42,33 +42,58 @@ class Motion:
     pierced_s: float | None
 
 
-def wall_force(library: Library, trained: ReaderStudy, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def wall_force(
+    library: Library, trained: ReaderStudy, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
     """Draw a wall; return dents, m, and forces, N, up to 60 mN or more, (dent,)."""
     while True:
         drawn = (trained.thickness_m, trained.youngs_modulus_pa, trained.iop_pa)
         thickness_m, modulus_pa, iop_pa = (rng.uniform(*one.bounds) for one in drawn)
         tip_m = np.linspace(0.0, library.tip_m[-1], 400)
         alike = np.ones(len(tip_m))
-        force_n = modulus_pa * library.forces(thickness_m * alike, iop_pa / modulus_pa * alike, tip_m)
+        force_n = modulus_pa * library.forces(
+            thickness_m * alike, iop_pa / modulus_pa * alike, tip_m
+        )
         enough = int(np.argmax(force_n > 1.2 * FORCES_N[1]))
         if enough:
             return tip_m[: enough + 1], np.maximum.accumulate(force_n[: enough + 1])
 
 
-def needle(wall: tuple[Floats, Floats], pierces: bool, fastest_m_s: float, rng: np.random.Generator) -> Motion:
+def needle(
+    wall: tuple[Floats, Floats],
+    pierces: bool,
+    fastest_m_s: float,
+    rng: np.random.Generator,
+) -> Motion:
     """Draw a session on a wall."""
     tip_m, of_tip_n = wall
     top_m = float(np.interp(rng.uniform(*FORCES_N), of_tip_n, tip_m))
     on_m_s = rng.uniform(0.3e-3, 2e-3)
-    legs = [(0.0, 0.5, 0.0), (rng.uniform(0.6, 0.9) * top_m, None, on_m_s), (0.0, rng.uniform(0.2, 1.0), 0.0)]
-    legs += [(rng.uniform(0.3, 0.6) * top_m, None, rng.uniform(1e-3, fastest_m_s)), (top_m, None, on_m_s)]
+    legs = [
+        (0.0, 0.5, 0.0),
+        (rng.uniform(0.6, 0.9) * top_m, None, on_m_s),
+        (0.0, rng.uniform(0.2, 1.0), 0.0),
+    ]
+    legs += [
+        (rng.uniform(0.3, 0.6) * top_m, None, rng.uniform(1e-3, fastest_m_s)),
+        (top_m, None, on_m_s),
+    ]
     travel_m = np.zeros(1)
     for goal_m, held_s, speed_m_s in legs:
-        steps = round((held_s if held_s is not None else abs(goal_m - travel_m[-1]) / speed_m_s) / STEP_S)
+        steps = round(
+            (held_s if held_s is not None else abs(goal_m - travel_m[-1]) / speed_m_s)
+            / STEP_S
+        )
         end_m = travel_m[-1] if held_s is not None else goal_m
-        travel_m = np.concatenate([travel_m, np.linspace(travel_m[-1], end_m, steps + 1)[1:]])
+        travel_m = np.concatenate(
+            [travel_m, np.linspace(travel_m[-1], end_m, steps + 1)[1:]]
+        )
     reached = len(travel_m)
-    further_m = (on_m_s * STEP_S if pierces else -fastest_m_s * STEP_S * float(rng.random() < 0.5)) * np.arange(1, 4001)
+    further_m = (
+        on_m_s * STEP_S
+        if pierces
+        else -fastest_m_s * STEP_S * float(rng.random() < 0.5)
+    ) * np.arange(1, 4001)
     travel_m = np.concatenate([travel_m, travel_m[-1] + further_m])
     eye_m = wander(len(travel_m), EYE_M, EYE_M_S, rng)
     if not pierces and further_m[-1] == 0.0:  # the eye jumps from the needle
@@ -76,7 +101,11 @@ def needle(wall: tuple[Floats, Floats], pierces: bool, fastest_m_s: float, rng: 
     force_n = np.interp(travel_m + eye_m - eye_m[reached - 1], tip_m, of_tip_n)
     if pierces:
         fall = np.clip(np.arange(4000) * STEP_S / rng.uniform(1e-3, 5e-3), 0.0, 1.0)
-        friction = rng.uniform(0.1, 0.5) * force_n[reached - 1] * (1.0 + 0.2 * np.arange(4000) * STEP_S)
+        friction = (
+            rng.uniform(0.1, 0.5)
+            * force_n[reached - 1]
+            * (1.0 + 0.2 * np.arange(4000) * STEP_S)
+        )
         force_n[reached:] = (1.0 - fall) * force_n[reached - 1] + fall * friction
     return Motion(travel_m, force_n, reached * STEP_S if pierces else None)
 
@@ -84,37 +113,71 @@ def needle(wall: tuple[Floats, Floats], pierces: bool, fastest_m_s: float, rng: 
 def wander(count: int, width: float, per_s: float, rng: np.random.Generator) -> Floats:
     """Return a smooth wander of half a width either way that never changes faster than `per_s`."""
     rate_hz = per_s / (np.pi * width) * rng.uniform(0.3, 1.0)
-    moved: Floats = 0.5 * width * np.sin(2.0 * np.pi * rate_hz * STEP_S * np.arange(count) + rng.uniform(0.0, 6.3))
+    moved: Floats = (
+        0.5
+        * width
+        * np.sin(
+            2.0 * np.pi * rate_hz * STEP_S * np.arange(count) + rng.uniform(0.0, 6.3)
+        )
+    )
     return moved
 
 
 def frames(motion: Motion, tells: bool, rng: np.random.Generator) -> list[FrameRead]:
     """Return the frames of a session with readings; `at_s` is the time of their light, which the travel comes after."""
-    rate_hz, noise_n, late_s = rng.uniform(100.0, 400.0), rng.uniform(0.1e-3, 0.4e-3), rng.uniform(5e-3, 20e-3)
+    rate_hz, noise_n, late_s = (
+        rng.uniform(100.0, 400.0),
+        rng.uniform(0.1e-3, 0.4e-3),
+        rng.uniform(5e-3, 20e-3),
+    )
     robot_s, scale = 1.0 / rng.uniform(100.0, 1000.0), 1.0 + rng.normal(0.0, 0.03)
     read_n = scale * motion.force_n + wander(len(motion.force_n), 0.6e-3, 5e-3, rng)
     shown = []
     for number in range(1, int(len(read_n) * STEP_S * rate_hz)):
-        at_s = number / rate_hz + float(np.clip(rng.normal(0.0, 1e-3), -0.3 / rate_hz, 0.3 / rate_hz))
+        at_s = number / rate_hz + float(
+            np.clip(rng.normal(0.0, 1e-3), -0.3 / rate_hz, 0.3 / rate_hz)
+        )
         force_n = abs(read_n[int(at_s / STEP_S)] + rng.normal(0.0, noise_n))
         force_n = rng.uniform(0.0, 30e-3) if rng.random() < WILD else force_n
         sent_s = at_s + late_s - (at_s + late_s) % robot_s
-        travel_m = float(motion.travel_m[min(int(sent_s / STEP_S), len(motion.travel_m) - 1)])
+        travel_m = float(
+            motion.travel_m[min(int(sent_s / STEP_S), len(motion.travel_m) - 1)]
+        )
         if rng.random() >= LOST:
-            shown.append(frame_read(number, at_s, float(force_n), travel_m if tells else None, at_s + late_s - sent_s))
+            shown.append(
+                frame_read(
+                    number,
+                    at_s,
+                    float(force_n),
+                    travel_m if tells else None,
+                    at_s + late_s - sent_s,
+                )
+            )
     return shown
 
 
-def frame_read(number: int, at_s: float, force_n: float, travel_m: float | None, age_s: float) -> FrameRead:
+def frame_read(
+    number: int, at_s: float, force_n: float, travel_m: float | None, age_s: float
+) -> FrameRead:
     """Return a frame of a reading in the middle class, whose interval stays below the bound."""
     verdict = Verdict(
-        predicted=1, probabilities=(0.0, 1.0, 0.0), usable=True, reason=None, force_n=force_n,
+        predicted=1,
+        probabilities=(0.0, 1.0, 0.0),
+        usable=True,
+        reason=None,
+        force_n=force_n,
         interval_n=(force_n, force_n),
-    )  # fmt: skip
+    )
     return FrameRead(
-        at_s=at_s, frame_id=number, verdict=verdict, shown_back=0, size=(512, 512), scale_m=(1e-5, 1e-5),
-        travel_m=travel_m, travel_age_s=age_s,
-    )  # fmt: skip
+        at_s=at_s,
+        frame_id=number,
+        verdict=verdict,
+        shown_back=0,
+        size=(512, 512),
+        scale_m=(1e-5, 1e-5),
+        travel_m=travel_m,
+        travel_age_s=age_s,
+    )
 
 
 def pierced_at(shown: list[FrameRead], limits: MonitorLimits) -> list[float]:
@@ -131,18 +194,32 @@ def pierced_at(shown: list[FrameRead], limits: MonitorLimits) -> list[float]:
 def outcome(found_s: list[float], pierced_s: float | None) -> tuple[bool, int, float]:
     """Return whether the puncture was found in time, the number of false findings, and the delay, s (NaN: none)."""
     false = [at_s for at_s in found_s if pierced_s is None or at_s < pierced_s]
-    delays_s = [at_s - pierced_s for at_s in found_s if pierced_s is not None and at_s >= pierced_s]
-    return bool(delays_s and delays_s[0] <= FOUND_S), len(false), delays_s[0] if delays_s else np.nan
+    delays_s = [
+        at_s - pierced_s
+        for at_s in found_s
+        if pierced_s is not None and at_s >= pierced_s
+    ]
+    return (
+        bool(delays_s and delays_s[0] <= FOUND_S),
+        len(false),
+        delays_s[0] if delays_s else np.nan,
+    )
 
 
 def main() -> None:
     """Play the sessions and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--sessions", type=int, default=100, help="with a puncture, and as many without")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
+    parser.add_argument(
+        "--sessions", type=int, default=100, help="with a puncture, and as many without"
+    )
     parser.add_argument("--seed", type=int, default=20261130)
     given = parser.parse_args()
     reader = load_force_reader(Path("default"))
-    print("| largest speed, mm/s | travel | found in 50 ms | delay, ms: median, most | false, of sessions without |")
+    print(
+        "| largest speed, mm/s | travel | found in 50 ms | delay, ms: median, most | false, of sessions without |"
+    )
     print("|---|---|---|---|---|")
     for fastest_m_s, tells in ((5e-3, False), (5e-3, True), (20e-3, True)):
         results: dict[bool, list[tuple[bool, int, float]]] = {True: [], False: []}
@@ -151,15 +228,25 @@ def main() -> None:
                 rng = np.random.default_rng((given.seed, number, pierces))
                 wall = wall_force(reader.library, reader.study.reader, rng)
                 motion = needle(wall, pierces, fastest_m_s, rng)
-                shown, wall_n_m = frames(motion, tells, rng), 1.2 * float((np.diff(wall[1]) / np.diff(wall[0])).max())
-                limits = MonitorLimits(retraction_m_s=fastest_m_s, stiffness_n_m=wall_n_m)
-                results[pierces].append(outcome(pierced_at(shown, limits), motion.pierced_s))
+                shown, wall_n_m = (
+                    frames(motion, tells, rng),
+                    1.2 * float((np.diff(wall[1]) / np.diff(wall[0])).max()),
+                )
+                limits = MonitorLimits(
+                    retraction_m_s=fastest_m_s, stiffness_n_m=wall_n_m
+                )
+                results[pierces].append(
+                    outcome(pierced_at(shown, limits), motion.pierced_s)
+                )
         found, early, delays_s = zip(*results[True], strict=True)
         false = sum(count > 0 for _, count, _ in results[False])
         spread = f"{1e3 * np.nanmedian(delays_s):.0f}, {1e3 * np.nanmax(delays_s):.0f}"
         words = f"{false} ({sum(map(bool, early))} before a puncture)"
         told = "stated" if tells else ""
-        print(f"| {1e3 * fastest_m_s:g} | {told} | {sum(found)} of {len(found)} | {spread} | {words} |", flush=True)
+        print(
+            f"| {1e3 * fastest_m_s:g} | {told} | {sum(found)} of {len(found)} | {spread} | {words} |",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -22,7 +22,13 @@ import scleraforce as sf
 from bench_without_force import POPULATION
 from scleraforce.known import OPEN, Known, Modulus
 from scleraforce.laboratory.light import NeedleShaft
-from scleraforce.laboratory.phantom import in_planes, plan_phantom, plan_sections, render_frame, write_phantom
+from scleraforce.laboratory.phantom import (
+    in_planes,
+    plan_phantom,
+    plan_sections,
+    render_frame,
+    write_phantom,
+)
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.library.unknowns import GAP
 from scleraforce.reader.kinds import Reader
@@ -31,7 +37,11 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import MechanicsStudy, Range, Study, fixed
 
 SEED, EYES, MOMENTS = 20261201, 12, 8
-CALIBRATED_SEED, TAKEN, FORCES_N = 77431, 3, (2e-3, *(np.linspace(0.12, 1.0, 9) * 54e-3).tolist())
+CALIBRATED_SEED, TAKEN, FORCES_N = (
+    77431,
+    3,
+    (2e-3, *(np.linspace(0.12, 1.0, 9) * 54e-3).tolist()),
+)
 PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, radians(90.0)))
 
 
@@ -43,7 +53,9 @@ def drawn_study() -> Study:
         needle_angle_rad=Range(min=radians(-25.0), max=radians(25.0)),
         needle_lean_rad=Range(min=radians(-25.0), max=radians(25.0)),
     )
-    return replace(Study(), phantom=phantom, mechanics=MechanicsStudy(kind="finite-strain"))
+    return replace(
+        Study(), phantom=phantom, mechanics=MechanicsStudy(kind="finite-strain")
+    )
 
 
 def drawn_eye(number: int, rng: np.random.Generator) -> PhantomEye:
@@ -66,18 +78,31 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
     eye = drawn_eye(number, rng)
     if number % 3 == 2:  # a third shows the needle, in both planes
         eye = replace(eye, gap_m=0.05e-3)
-        seen = replace(study.phantom, needle_count=fixed(1), eye_shift_m=Range(min=-0.05e-3, max=0.05e-3))
+        seen = replace(
+            study.phantom,
+            needle_count=fixed(1),
+            eye_shift_m=Range(min=-0.05e-3, max=0.05e-3),
+        )
         study = replace(study, phantom=seen)
     forces_n = rng.uniform(2e-3, 55e-3, MOMENTS).tolist()
     plan = in_planes(plan_phantom(eye, forces_n, study, SEED + number), PLANES, study)
     sections, _ = plan_sections(plan, BentSections(eye, study))
     scale = PixelScale.of(study.oct)
     known = Known(
-        modulus=Modulus.stated(eye.youngs_modulus_pa), iop_pa=eye.iop_pa, thickness_m=eye.thickness_m, globe=OPEN,
-        polar_rad=eye.polar_rad, direction_rad=eye.direction_rad,
-    )  # fmt: skip
-    found, pairs = list[dict[str, float]](), list(zip(plan.frames, sections, plan.normal_n, strict=True))
-    for (first, first_section, force_n), (second, second_section, _) in zip(pairs[::2], pairs[1::2], strict=True):
+        modulus=Modulus.stated(eye.youngs_modulus_pa),
+        iop_pa=eye.iop_pa,
+        thickness_m=eye.thickness_m,
+        globe=OPEN,
+        polar_rad=eye.polar_rad,
+        direction_rad=eye.direction_rad,
+    )
+    found, pairs = (
+        list[dict[str, float]](),
+        list(zip(plan.frames, sections, plan.normal_n, strict=True)),
+    )
+    for (first, first_section, force_n), (second, second_section, _) in zip(
+        pairs[::2], pairs[1::2], strict=True
+    ):
         frames = [
             render_frame(frame, section, study).frame
             for frame, section in ((first, first_section), (second, second_section))
@@ -88,14 +113,25 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
         with_gap = reader.read(frames[0], scale, replace(known, gap_m=abs(gap_m)))
         alone = reader.read_together(frames[:1], scale, known, PLANES[:1])[0]
         row = {"force_n": force_n}
-        for name, answer in (("cross", both), ("gap given", with_gap), ("alone", alone)):
+        for name, answer in (
+            ("cross", both),
+            ("gap given", with_gap),
+            ("alone", alone),
+        ):
             if answer.force_n is not None and answer.interval_n is not None:
                 low_n, high_n = answer.interval_n
-                row |= {f"{name}: force": answer.force_n - force_n, f"{name}: holds": float(low_n <= force_n <= high_n)}
+                row |= {
+                    f"{name}: force": answer.force_n - force_n,
+                    f"{name}: holds": float(low_n <= force_n <= high_n),
+                }
                 row |= {f"{name}: width": high_n - low_n}
         if both.usable and both.place is not None and both.fit is not None:
             place, true = both.place, np.array([first.pose.lateral_m, -gap_m])
-            row |= {"contact": float(np.hypot(*(np.array(place.contact_m[:2]) - true)) / np.sqrt(2.0))}
+            row |= {
+                "contact": float(
+                    np.hypot(*(np.array(place.contact_m[:2]) - true)) / np.sqrt(2.0)
+                )
+            }
             row |= {"gap": float(both.fit.unknown[GAP]) - gap_m}
             row |= {"tilt": float(np.hypot(*(np.array(place.tilt_rad) - tilts)))}
             if first.optics.needle is not None and place.lean_rad is not None:
@@ -106,34 +142,61 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
 
 def true_lean(needle: NeedleShaft) -> float:
     """The angle between a shaft and the wall's normal."""
-    up = np.array([tan(needle.angle_rad), -tan(needle.lean_rad) / cos(needle.angle_rad)])
+    up = np.array(
+        [tan(needle.angle_rad), -tan(needle.lean_rad) / cos(needle.angle_rad)]
+    )
     return atan(float(np.hypot(*up)))
 
 
 def first_plane(recording: Recording, gap_m: float) -> Recording:
     """The frames of the first plane as a recording of a single one, of a given gap."""
     info, first = recording.info, recording.info.oct.plane[0].name
-    info = replace(info, oct=replace(info.oct, plane=()), needle=replace(info.needle, slice_gap_m=gap_m))
-    shown = (replace(frame, plane=None) for frame in recording.frames if frame.plane == first)
+    info = replace(
+        info,
+        oct=replace(info.oct, plane=()),
+        needle=replace(info.needle, slice_gap_m=gap_m),
+    )
+    shown = (
+        replace(frame, plane=None) for frame in recording.frames if frame.plane == first
+    )
     return replace(recording, info=info, frames=tuple(shown))
 
 
 def calibrate_eye(number: int, folder: Path) -> dict[str, tuple[float, float]]:
     """Errors of ln E and its standard deviation, by the way of calibrating."""
     rng, study = np.random.default_rng([CALIBRATED_SEED, number]), drawn_study()
-    phantom = replace(study.phantom, needle_angle_rad=fixed(0.0), needle_lean_rad=fixed(0.0))
+    phantom = replace(
+        study.phantom, needle_angle_rad=fixed(0.0), needle_lean_rad=fixed(0.0)
+    )
     study = replace(study, phantom=phantom)
     eye, forces_n = drawn_eye(number, rng), list(FORCES_N)
     rng.shuffle(forces_n)
-    plan = in_planes(plan_phantom(eye, forces_n, study, CALIBRATED_SEED + number), PLANES, study)
+    plan = in_planes(
+        plan_phantom(eye, forces_n, study, CALIBRATED_SEED + number), PLANES, study
+    )
     write_phantom(folder, plan, BentSections(eye, study), study)
     recording, found = read_recording(folder), dict[str, tuple[float, float]]()
-    gap_m = float(np.median([abs(frame.cut.gap_m) for frame in plan.frames[:: len(PLANES)] if frame.cut]))
-    alone = {"median gap": first_plane(recording, gap_m), "0.35 mm": first_plane(recording, 0.35e-3)}
+    gap_m = float(
+        np.median(
+            [abs(frame.cut.gap_m) for frame in plan.frames[:: len(PLANES)] if frame.cut]
+        )
+    )
+    alone = {
+        "median gap": first_plane(recording, gap_m),
+        "0.35 mm": first_plane(recording, 0.35e-3),
+    }
     for name, shown in {"cross": recording, **alone}.items():
-        for way, given in (("by force", {"frames": TAKEN}), ("by shape", {"without_force": True})):
-            one = sf.calibrate(shown, **given, calibration=POPULATION if way == "by shape" else None).eyes[eye.id]
-            found[f"{name}, {way}"] = float(np.log(one.mean_pa / eye.youngs_modulus_pa)), one.sd_pa / one.mean_pa
+        for way, given in (
+            ("by force", {"frames": TAKEN}),
+            ("by shape", {"without_force": True}),
+        ):
+            one = sf.calibrate(
+                shown, **given, calibration=POPULATION if way == "by shape" else None
+            ).eyes[eye.id]
+            found[f"{name}, {way}"] = (
+                float(np.log(one.mean_pa / eye.youngs_modulus_pa)),
+                one.sd_pa / one.mean_pa,
+            )
     return found
 
 
@@ -146,8 +209,14 @@ def main_calibrate(count: int) -> None:
             print(number, rows[-1], file=sys.stderr)
     for name in rows[0]:
         off, sd = np.array([row[name] for row in rows]).T
-        within, rms, sure = int((np.abs(off) < 2.0 * sd).sum()), 100 * np.sqrt((off**2).mean()), 100 * sd.mean()
-        print(f"{name:22s} rms {rms:5.1f} %, sd {sure:5.1f} %, {within} of {count} within two")
+        within, rms, sure = (
+            int((np.abs(off) < 2.0 * sd).sum()),
+            100 * np.sqrt((off**2).mean()),
+            100 * sd.mean(),
+        )
+        print(
+            f"{name:22s} rms {rms:5.1f} %, sd {sure:5.1f} %, {within} of {count} within two"
+        )
 
 
 def main() -> None:
@@ -156,12 +225,26 @@ def main() -> None:
         main_calibrate(int([*sys.argv, "10"][2]))
         return
     reader = sf.load_model("default")
-    rows = [row for number in range(int([*sys.argv, str(EYES)][1])) for row in read_eye(number, reader)]
+    rows = [
+        row
+        for number in range(int([*sys.argv, str(EYES)][1]))
+        for row in read_eye(number, reader)
+    ]
     for name in sorted({key for row in rows for key in row} - {"force_n"}):
         values = np.array([row[name] for row in rows if name in row])
-        clear = np.array([row[name] for row in rows if name in row and row["force_n"] > 5e-3])
-        summary = f"mean {values.mean():.3f}" if name.endswith("holds") else f"rms {np.sqrt((values**2).mean()):.3e}"
-        more = "" if name.endswith("holds") else f", above 5 mN {np.sqrt((clear**2).mean()):.3e}"
+        clear = np.array(
+            [row[name] for row in rows if name in row and row["force_n"] > 5e-3]
+        )
+        summary = (
+            f"mean {values.mean():.3f}"
+            if name.endswith("holds")
+            else f"rms {np.sqrt((values**2).mean()):.3e}"
+        )
+        more = (
+            ""
+            if name.endswith("holds")
+            else f", above 5 mN {np.sqrt((clear**2).mean()):.3e}"
+        )
         print(f"{name:20s} {summary}{more}, {len(values)} of {len(rows)}")
 
 

@@ -13,8 +13,12 @@ from real_tissue.tables import TABLES
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("table", nargs="*", default=list(TABLES), help=f"some of {', '.join(TABLES)}")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
+    parser.add_argument(
+        "table", nargs="*", default=list(TABLES), help=f"some of {', '.join(TABLES)}"
+    )
     parser.add_argument("--rows", type=int, help="only the first N of each table")
     given = parser.parse_args()
     print(new_stamp("python benchmarks/bench_real_tissue.py"))

@@ -18,7 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from elastic_sections import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M, ElasticSections, surfaces
+from elastic_sections import (
+    CONTACT,
+    NEEDLE_RADIUS_M,
+    NU,
+    RADIUS_M,
+    THICKNESS_M,
+    ElasticSections,
+    surfaces,
+)
 from scleraforce.mechanics.continuation import pressurise
 from scleraforce.mechanics.elements import factored
 from scleraforce.mechanics.equilibrium import Dent, Solve, solve_balance
@@ -32,8 +40,15 @@ from scleraforce.units import to_si
 Floats = NDArray[np.float64]
 
 EYES = ((0.4, 2.0), (0.4, 10.0), (1.2, 18.0))  # MPa at once, mmHg
-TISSUES = {"27 %": PronySeries((0.12, 0.15), (1.2, 12.0)), "pork": PronySeries((0.27, 0.33), (0.4, 4.3))}
-FORCES_N = (20e-3, 10e-3, 30e-3)  # elastic ones at the dents that are held; a calibration sees the first
+TISSUES = {
+    "27 %": PronySeries((0.12, 0.15), (1.2, 12.0)),
+    "pork": PronySeries((0.27, 0.33), (0.4, 4.3)),
+}
+FORCES_N = (
+    20e-3,
+    10e-3,
+    30e-3,
+)  # elastic ones at the dents that are held; a calibration sees the first
 RAMP_S, RAMP_STEPS = 0.3, 6
 SHOWN_S = (1.0, 10.0, 100.0)  # of a hold
 TIMES_S = (0.1, 1.0, 10.0, 100.0)  # of the shares that are found
@@ -43,11 +58,16 @@ ONE = 1.0 - 1e-12  # a share, below 1
 class RelaxingWall(WallEquilibrium):
     """A wall whose stress relaxes, for `continuation`, at E = 1 Pa. Se is taken as straight between two samples."""
 
-    def __init__(self, wall: FiniteWall, needle: Needle, modulus_pa: float, tissue: PronySeries) -> None:
+    def __init__(
+        self, wall: FiniteWall, needle: Needle, modulus_pa: float, tissue: PronySeries
+    ) -> None:
         """Prepare a wall whose stress has relaxed, for `pressurise`."""
         super().__init__(wall, needle, modulus_pa, 0.0)
         self._finite, self._tissue, self._shares = wall, tissue, np.array(tissue.shares)
-        self._left, self._lost = 1.0 - sum(tissue.shares), np.zeros((*wall.solid.points.volumes_ep.shape, 3, 3))
+        self._left, self._lost = (
+            1.0 - sum(tissue.shares),
+            np.zeros((*wall.solid.points.volumes_ep.shape, 3, 3)),
+        )
 
     def settle(self, u: Floats) -> None:
         """Start from a state that has lasted: M_i = Se."""
@@ -58,7 +78,10 @@ class RelaxingWall(WallEquilibrium):
         """Prepare the state after a step: S = left Se - lost, where `lost` is what the state before determines."""
         old, kept, self._new = line_weights(np.array([step_s]), self._tissue.times_s)[0]
         self._come = self._elastic[..., None] * old + kept * self._memory
-        self._left, self._lost = 1.0 - float(self._shares @ self._new), self._come @ self._shares
+        self._left, self._lost = (
+            1.0 - float(self._shares @ self._new),
+            self._come @ self._shares,
+        )
 
     def arrive(self, u: Floats) -> None:
         """Take u as the state after the step."""
@@ -69,18 +92,30 @@ class RelaxingWall(WallEquilibrium):
         """Return the forces out of balance without the needle."""
         displaced_nc = self._finite.full_nc(u)
         points = self._finite.solid.points
-        stress = (np.eye(3) + self._gradient(u)) @ self._lost * points.volumes_ep[..., None, None]
-        lost_enc = np.einsum("epij,epnj->eni", stress, points.gradients_epnc, optimize=True)
+        stress = (
+            (np.eye(3) + self._gradient(u))
+            @ self._lost
+            * points.volumes_ep[..., None, None]
+        )
+        lost_enc = np.einsum(
+            "epij,epnj->eni", stress, points.gradients_epnc, optimize=True
+        )
         internal_nc = self._left * self._finite.solid.forces(displaced_nc)
         internal_nc -= sum_at(self._finite.mesh.cells_en, lost_enc, len(displaced_nc))
-        return (internal_nc - pressure * self._finite.inner.forces(displaced_nc)).ravel()[self._finite.free]
+        return (
+            internal_nc - pressure * self._finite.inner.forces(displaced_nc)
+        ).ravel()[self._finite.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
         """Factor the tangent."""
         displaced_nc, points = self._finite.full_nc(u), self._finite.solid.points
         elements = self._left * self._finite.solid.tangents(displaced_nc)
-        weighted = points.gradients_epnc @ (self._lost * points.volumes_ep[..., None, None])
-        lost_enn = np.einsum("epnj,epmj->enm", weighted, points.gradients_epnc, optimize=True)
+        weighted = points.gradients_epnc @ (
+            self._lost * points.volumes_ep[..., None, None]
+        )
+        lost_enn = np.einsum(
+            "epnj,epmj->enm", weighted, points.gradients_epnc, optimize=True
+        )
         for i in range(3):
             elements[:, i, :, i] -= lost_enn
         self._finite.inner.add_tangent(elements, displaced_nc, -pressure)
@@ -91,7 +126,10 @@ class RelaxingWall(WallEquilibrium):
             self._finite.full_nc(u)[self._finite.mesh.cells_en],
             self._finite.solid.points.gradients_epnc,
         )
-        return np.asarray(np.einsum("eni,epnj->epij", local_enc, gradients_epnc, optimize=True), dtype=np.float64)
+        return np.asarray(
+            np.einsum("eni,epnj->epij", local_enc, gradients_epnc, optimize=True),
+            dtype=np.float64,
+        )
 
     def _stress(self, u: Floats) -> Floats:
         """Second Piola-Kirchhoff stress mu (I - C^-1) + lambda ln J C^-1, (element, point, 3, 3)."""
@@ -99,7 +137,9 @@ class RelaxingWall(WallEquilibrium):
         F = np.eye(3) + self._gradient(u)
         inverse = np.linalg.inv(F.swapaxes(-1, -2) @ F)
         log_ratio = np.log(np.linalg.det(F))[..., None, None]
-        return np.asarray(mu * np.eye(3) + (lame_lambda * log_ratio - mu) * inverse, dtype=np.float64)
+        return np.asarray(
+            mu * np.eye(3) + (lame_lambda * log_ratio - mu) * inverse, dtype=np.float64
+        )
 
 
 @dataclass(frozen=True)
@@ -112,7 +152,9 @@ class Hold:
 
     def felt_by(self, series: PronySeries) -> Floats:
         """Return the felt force by the model of `mechanics.material`, from the forces that are read, N."""
-        return series.felt_along(self.time_s.tolist(), self.read_n.tolist(), self.time_s)
+        return series.felt_along(
+            self.time_s.tolist(), self.read_n.tolist(), self.time_s
+        )
 
     def shown(self, forces_n: Floats, how: str = ".1f") -> str:
         """Return forces after the shown holds, in mN."""
@@ -120,7 +162,9 @@ class Hold:
         return ", ".join(format(1e3 * force_n, how) for force_n in forces_n[at])
 
 
-def pushed(problem: RelaxingWall, pressure: float, tip_m: float, time_s: Floats) -> Floats:
+def pushed(
+    problem: RelaxingWall, pressure: float, tip_m: float, time_s: Floats
+) -> Floats:
     """Push to a dent in `RAMP_S` and hold it; return displacement and F/E at samples, (sample, unknown + 1).
 
     The pressure is over the instantaneous modulus; the first sample is 0 s.
@@ -140,16 +184,28 @@ def pushed(problem: RelaxingWall, pressure: float, tip_m: float, time_s: Floats)
 
 def found(hold: Hold) -> PronySeries:
     """Return the shares that turn the forces read in a hold into those felt, by least squares."""
-    lags_n = [hold.read_n - hold.felt_by(PronySeries((ONE,), (time_s,))) for time_s in TIMES_S]
+    lags_n = [
+        hold.read_n - hold.felt_by(PronySeries((ONE,), (time_s,))) for time_s in TIMES_S
+    ]
     shares = nnls(np.transpose(lags_n), hold.read_n - hold.felt_n)[0]
     return PronySeries(tuple(shares.tolist()), TIMES_S)
 
 
-def print_rows(wall: FiniteWall, needle: Needle, eye: tuple[float, float], rows: int | None, samples: int) -> None:
+def print_rows(
+    wall: FiniteWall,
+    needle: Needle,
+    eye: tuple[float, float],
+    rows: int | None,
+    samples: int,
+) -> None:
     """Print an eye's holds in each tissue."""
     modulus_pa, iop_pa = 1e6 * eye[0], to_si(eye[1], "mmhg")
     path = wall.load_path(
-        needle, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, density_kg_m3=0.0, max_force_n=1.3 * max(FORCES_N)
+        needle,
+        youngs_modulus_pa=modulus_pa,
+        iop_pa=iop_pa,
+        density_kg_m3=0.0,
+        max_force_n=1.3 * max(FORCES_N),
     )
     elastic = ElasticSections(wall.mesh, path)
     holds_s = RAMP_S + np.union1d(np.geomspace(0.1, max(SHOWN_S), samples), SHOWN_S)
@@ -159,7 +215,9 @@ def print_rows(wall: FiniteWall, needle: Needle, eye: tuple[float, float], rows:
         for force_n in FORCES_N[:rows]:
             problem = RelaxingWall(wall, needle, modulus_pa, tissue)
             states = pushed(problem, iop_pa / modulus_pa, path.tip_m(force_n), time_s)
-            read_n, off_m = elastic.read_n(surfaces(wall.mesh, np.stack([wall.full_nc(u) for u in states[:, :-1]])))
+            read_n, off_m = elastic.read_n(
+                surfaces(wall.mesh, np.stack([wall.full_nc(u) for u in states[:, :-1]]))
+            )
             read_n[0] = 0.0  # before the contact
             hold = Hold(time_s, modulus_pa * states[:, -1], read_n)
             fitted = fitted or found(hold)
@@ -172,16 +230,26 @@ def print_rows(wall: FiniteWall, needle: Needle, eye: tuple[float, float], rows:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--rows", type=int, help="only the first N eyes, tissues and forces")
-    parser.add_argument("--core", type=int, default=4, help="quads along the side of the mesh's core")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
+    parser.add_argument(
+        "--rows", type=int, help="only the first N eyes, tissues and forces"
+    )
+    parser.add_argument(
+        "--core", type=int, default=4, help="quads along the side of the mesh's core"
+    )
     parser.add_argument("--rings", type=int, default=8, help="around the core")
     parser.add_argument("--samples", type=int, default=12, help="of a hold")
     given = parser.parse_args()
     mesh = graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, given.core, given.rings)
     wall, needle = FiniteWall(mesh, NU), needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
-    print("Forces in mN after holds of 1, 10 and 100 s; held: elastic force of the dent; misfit of the section in um")
-    print("| E, IOP | lost | held | felt | Fe read | misfit | error by the tissue's g | by g found at 20 mN |")
+    print(
+        "Forces in mN after holds of 1, 10 and 100 s; held: elastic force of the dent; misfit of the section in um"
+    )
+    print(
+        "| E, IOP | lost | held | felt | Fe read | misfit | error by the tissue's g | by g found at 20 mN |"
+    )
     print("|---|---|---|---|---|---|---|---|")
     for eye in EYES[: given.rows]:
         print_rows(wall, needle, eye, given.rows, given.samples)

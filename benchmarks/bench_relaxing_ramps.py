@@ -27,7 +27,13 @@ from scleraforce.decision.limits import MonitorLimits
 from scleraforce.decision.state import MonitorState
 from scleraforce.known import NINETY_PERCENT, Known
 from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.laboratory.pushes import NeedlePath, path_of_pushes, plan_pushes, sample_sensor, sense
+from scleraforce.laboratory.pushes import (
+    NeedlePath,
+    path_of_pushes,
+    plan_pushes,
+    sample_sensor,
+    sense,
+)
 from scleraforce.mechanics.material import PronySeries
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
@@ -39,8 +45,14 @@ RATES_N_S = (5e-3, 10e-3, 20e-3, 50e-3, 100e-3, 150e-3)
 FORCES_N = (0.026, 0.003, 0.048, 0.014, 0.034, 0.008, 0.040, 0.020)
 FRAME_S, OPINION_EVERY, OPINION_AFTER_S, TOP_N = 0.01, 3, 0.025, 60e-3
 BIAS_N, NOISE_N, SD_N, MODULUS_SD = 0.4e-3, 0.3e-3, 0.5e-3, 0.015
-LIMITS, CLASSES_N, FRAME = MonitorLimits(expects_opinion=True), (5e-3, 30e-3), ((512, 512), (1e-5, 5e-6))
-Corners = tuple[list[float], list[float], float]  # times, elastic forces, start of the monitor
+LIMITS, CLASSES_N, FRAME = (
+    MonitorLimits(expects_opinion=True),
+    (5e-3, 30e-3),
+    ((512, 512), (1e-5, 5e-6)),
+)
+Corners = tuple[
+    list[float], list[float], float
+]  # times, elastic forces, start of the monitor
 Floats = NDArray[np.float64]
 
 
@@ -67,26 +79,48 @@ class Played:
 def draw_eye(rng: np.random.Generator) -> Eye:
     """Draw an eye and calibrate its relaxation."""
     times_s = np.exp(rng.uniform(np.log([0.5, 5.0]), np.log([3.0, 30.0])))
-    tissue = PronySeries((rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.25)), tuple(times_s.tolist()))
+    tissue = PronySeries(
+        (rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.25)), tuple(times_s.tolist())
+    )
     pushes = plan_pushes(FORCES_N, PhantomStudy(), rng)
-    path, frame_s = path_of_pushes(pushes, tissue), np.array([push.frame_s for push in pushes])
-    table = sense(path, sample_sensor(PhantomStudy(), rng), 2, -1, path.times_s[-1] + 1.5, rng)
+    path, frame_s = (
+        path_of_pushes(pushes, tissue),
+        np.array([push.frame_s for push in pushes]),
+    )
+    table = sense(
+        path, sample_sensor(PhantomStudy(), rng), 2, -1, path.times_s[-1] + 1.5, rng
+    )
     log = ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:])
-    recording: Any = SimpleNamespace(forces=log, info=SimpleNamespace(force=ForceInfo("fz", -1, 2.0)))
+    recording: Any = SimpleNamespace(
+        forces=log, info=SimpleNamespace(force=ForceInfo("fz", -1, 2.0))
+    )
     labels = FrameForces(path.felt_n(frame_s), frame_s, np.zeros(2), ZERO_PRIOR)
     found, known, _ = with_elastic_forces(recording, labels, None)
     true_n = path.elastic_n(frame_s)
-    return Eye(tissue, known, float(found.force_n @ true_n / (true_n @ true_n)) * (1.0 + rng.normal(0.0, MODULUS_SD)))
+    return Eye(
+        tissue,
+        known,
+        float(found.force_n @ true_n / (true_n @ true_n))
+        * (1.0 + rng.normal(0.0, MODULUS_SD)),
+    )
 
 
 def dent_read(elastic_n: float) -> Answer:
     """Return a reader's answer to a dent."""
     elastic_n = max(elastic_n, 0.0)
-    interval_n = max(elastic_n - NINETY_PERCENT * SD_N, 0.0), elastic_n + NINETY_PERCENT * SD_N
+    interval_n = (
+        max(elastic_n - NINETY_PERCENT * SD_N, 0.0),
+        elastic_n + NINETY_PERCENT * SD_N,
+    )
     predicted = int(np.searchsorted(CLASSES_N, elastic_n))
     shares = tuple(float(number == predicted) for number in range(3))
     return Answer(
-        predicted=predicted, probabilities=shares, usable=True, reason=None, force_n=elastic_n, interval_n=interval_n
+        predicted=predicted,
+        probabilities=shares,
+        usable=True,
+        reason=None,
+        force_n=elastic_n,
+        interval_n=interval_n,
     )
 
 
@@ -94,20 +128,38 @@ def play(eye: Eye, corners: Corners, rng: np.random.Generator) -> Played:
     """Show the frames of a needle to a monitor until it withdraws."""
     path = NeedlePath(tuple(corners[0]), tuple(corners[1]), eye.tissue)
     time_s = np.arange(corners[2] + FRAME_S, corners[0][-1], FRAME_S)
-    elastic_n, felt_n, bias_n = path.elastic_n(time_s), path.felt_n(time_s), rng.normal(0.0, BIAS_N, 2)
+    elastic_n, felt_n, bias_n = (
+        path.elastic_n(time_s),
+        path.felt_n(time_s),
+        rng.normal(0.0, BIAS_N, 2),
+    )
     network = opinion = History.monitored(Known(relaxation=eye.known), TOP_N)
-    state, waiting, read, cause = MonitorState(), list[SecondOpinion](), list[Answer](), None
+    state, waiting, read, cause = (
+        MonitorState(),
+        list[SecondOpinion](),
+        list[Answer](),
+        None,
+    )
     for number, at_s in enumerate(time_s.tolist()):
-        off_n = min(elastic_n[number] / CLASSES_N[0], 1.0) * bias_n + rng.normal(0.0, NOISE_N, 2)
-        first, second = (dent_read(eye.scale * elastic_n[number] + one_n) for one_n in off_n)
+        off_n = min(elastic_n[number] / CLASSES_N[0], 1.0) * bias_n + rng.normal(
+            0.0, NOISE_N, 2
+        )
+        first, second = (
+            dent_read(eye.scale * elastic_n[number] + one_n) for one_n in off_n
+        )
         answer, network = network.read(first, CLASSES_N, at_s)
         read.append(answer)
         due = [replace(one, at_s=at_s) for one in waiting if one.at_s <= at_s]
         waiting = [one for one in waiting if one.at_s > at_s]
         size, scale_m = FRAME
         seen = FrameRead(
-            at_s=at_s, frame_id=number, verdict=answer.verdict, shown_back=0, size=size, scale_m=scale_m
-        )  # fmt: skip
+            at_s=at_s,
+            frame_id=number,
+            verdict=answer.verdict,
+            shown_back=0,
+            size=size,
+            scale_m=scale_m,
+        )
         events: list[MonitorEvent] = [*due, seen]
         for event in events:
             state, decision = decide(state, event, LIMITS)
@@ -116,14 +168,22 @@ def play(eye: Eye, corners: Corners, rng: np.random.Generator) -> Played:
             break
         if number % OPINION_EVERY == 0:
             answer, opinion = opinion.read(second, CLASSES_N, at_s)
-            waiting.append(SecondOpinion(at_s=at_s + OPINION_AFTER_S, frame_id=number, verdict=answer.verdict))
+            waiting.append(
+                SecondOpinion(
+                    at_s=at_s + OPINION_AFTER_S, frame_id=number, verdict=answer.verdict
+                )
+            )
     shown = len(read)
     return Played(time_s[:shown], elastic_n[:shown], felt_n[:shown], read, cause)
 
 
 def at_rest(rate_n_s: float, _: np.random.Generator) -> Corners:
     """Return a ramp from rest."""
-    return [0.0, 1.0, 1.0 + TOP_N / rate_n_s, 2.0 + TOP_N / rate_n_s], [0.0, 0.0, TOP_N, TOP_N], 0.0
+    return (
+        [0.0, 1.0, 1.0 + TOP_N / rate_n_s, 2.0 + TOP_N / rate_n_s],
+        [0.0, 0.0, TOP_N, TOP_N],
+        0.0,
+    )
 
 
 def after_pushes(rate_n_s: float, rng: np.random.Generator) -> Corners:
@@ -131,7 +191,12 @@ def after_pushes(rate_n_s: float, rng: np.random.Generator) -> Corners:
     times_s, forces_n = [0.0, 1.0], [0.0, 0.0]
     for _ in range(3):
         top_n = rng.uniform(8e-3, 22e-3)
-        steps_s = [top_n / rng.uniform(10e-3, 50e-3), rng.uniform(2.0, 6.0), 0.3, rng.uniform(1.0, 3.0)]
+        steps_s = [
+            top_n / rng.uniform(10e-3, 50e-3),
+            rng.uniform(2.0, 6.0),
+            0.3,
+            rng.uniform(1.0, 3.0),
+        ]
         times_s += (times_s[-1] + np.cumsum(steps_s)).tolist()
         forces_n += [top_n, top_n, 0.0, 0.0]
     reached_s = times_s[-1] + TOP_N / rate_n_s
@@ -142,18 +207,27 @@ def from_a_hold(rate_n_s: float, rng: np.random.Generator) -> Corners:
     """Return a ramp from a hold; the monitor starts a second before the ramp."""
     held_n, left_s = rng.uniform(10e-3, 20e-3), rng.uniform(2.5, 20.5)
     reached_s = left_s + (TOP_N - held_n) / rate_n_s
-    return [0.0, 0.5, left_s, reached_s, reached_s + 1.0], [0.0, held_n, held_n, TOP_N, TOP_N], left_s - 1.0
+    return (
+        [0.0, 0.5, left_s, reached_s, reached_s + 1.0],
+        [0.0, held_n, held_n, TOP_N, TOP_N],
+        left_s - 1.0,
+    )
 
 
 BEGINNINGS: dict[str, Callable[[float, np.random.Generator], Corners]] = {
-    "at rest": at_rest, "after three pushes": after_pushes, "from a hold": from_a_hold
-}  # fmt: skip
+    "at rest": at_rest,
+    "after three pushes": after_pushes,
+    "from a hold": from_a_hold,
+}
 
 
 def row(name: str, sessions: list[Played]) -> str:
     """Return a line of the table; readings count from 1 mN on."""
     stops_mn = [1e3 * session.felt_n[-1] for session in sessions]
-    in_time = sum(session.cause is not None and session.felt_n[-1] < LIMITS.bound_n for session in sessions)
+    in_time = sum(
+        session.cause is not None and session.felt_n[-1] < LIMITS.bound_n
+        for session in sessions
+    )
     pairs = [
         (answer.force_n or 0.0, answer.interval_n or (0.0, 0.0), true_n)
         for session in sessions
@@ -162,7 +236,10 @@ def row(name: str, sessions: list[Played]) -> str:
     ]
     error_mn = 1e3 * np.mean([abs(read_n - true_n) for read_n, _, true_n in pairs])
     held = np.mean([low_n <= true_n <= high_n for _, (low_n, high_n), true_n in pairs])
-    causes = ", ".join(f"{count} {cause}" for cause, count in Counter(one.cause for one in sessions).most_common())
+    causes = ", ".join(
+        f"{count} {cause}"
+        for cause, count in Counter(one.cause for one in sessions).most_common()
+    )
     spread = ", ".join(f"{of(stops_mn):.1f}" for of in (np.min, np.median, np.max))
     return f"| {name} | {in_time} of {len(sessions)} | {spread} | {error_mn:.2f} | {held:.0%} | {causes} |"
 
@@ -175,8 +252,12 @@ def draw_figure(path: Path, session: Played) -> None:
     axes = figure.subplots()
     read_mn = 1e3 * np.array([answer.force_n for answer in session.read])
     low_mn, high_mn = 1e3 * np.array([answer.interval_n for answer in session.read]).T
-    axes.fill_between(session.time_s, low_mn, high_mn, alpha=0.25, label="90 % interval")
-    axes.plot(session.time_s, 1e3 * session.elastic_n, label="elastic force of the dent, Fe")
+    axes.fill_between(
+        session.time_s, low_mn, high_mn, alpha=0.25, label="90 % interval"
+    )
+    axes.plot(
+        session.time_s, 1e3 * session.elastic_n, label="elastic force of the dent, Fe"
+    )
     axes.plot(session.time_s, 1e3 * session.felt_n, label="force on the needle, F")
     axes.plot(session.time_s, read_mn, linewidth=0.8, label="read")
     axes.axhline(1e3 * LIMITS.bound_n, color="0.5", linestyle=":")
@@ -187,19 +268,30 @@ def draw_figure(path: Path, session: Played) -> None:
 
 def main() -> None:
     """Play the ramps and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parser.add_argument("--eyes", type=int, default=100)
     parser.add_argument("--seed", type=int, default=7)
-    parser.add_argument("--figure", type=Path, help="of the first eye after three pushes")
+    parser.add_argument(
+        "--figure", type=Path, help="of the first eye after three pushes"
+    )
     given = parser.parse_args()
-    eyes = [draw_eye(np.random.default_rng((given.seed, number))) for number in range(given.eyes)]
-    print("| ramp | stopped below 30 mN | at a force of, mN | read off by, mN | 90 % intervals hold | causes |")
+    eyes = [
+        draw_eye(np.random.default_rng((given.seed, number)))
+        for number in range(given.eyes)
+    ]
+    print(
+        "| ramp | stopped below 30 mN | at a force of, mN | read off by, mN | 90 % intervals hold | causes |"
+    )
     print("|---|---|---|---|---|---|")
     for name, corners in BEGINNINGS.items():
         sessions = list[Played]()
         for number, eye in enumerate(eyes):
             rng = np.random.default_rng((given.seed, number, 1))
-            sessions.append(play(eye, corners(RATES_N_S[number % len(RATES_N_S)], rng), rng))
+            sessions.append(
+                play(eye, corners(RATES_N_S[number % len(RATES_N_S)], rng), rng)
+            )
         print(row(name, sessions), flush=True)
         if given.figure is not None and corners is after_pushes:
             draw_figure(given.figure, sessions[0])

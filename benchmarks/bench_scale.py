@@ -23,7 +23,12 @@ from time import perf_counter
 
 import numpy as np
 
-from scleraforce.learning.dataset import create_dataset, generate_dataset, plan_dataset, unit_samples
+from scleraforce.learning.dataset import (
+    create_dataset,
+    generate_dataset,
+    plan_dataset,
+    unit_samples,
+)
 from scleraforce.processes import available_cores, cluster_workers, work_units
 from scleraforce.study import DatasetGroup, Study, format_study, parse_study, read_study
 
@@ -32,7 +37,9 @@ IMAGES_OF_A_CONTACT = 20
 MB = 2**20
 UNITS = 100  # that the costs of a unit are measured on
 CORES, SLICES = 1_000, 100_000_000  # of the cluster that is computed
-LARGEST_SET = 1_500_000  # images of the largest data set that can be read (8 GiB of values)
+LARGEST_SET = (
+    1_500_000  # images of the largest data set that can be read (8 GiB of values)
+)
 
 
 @dataclass(frozen=True)
@@ -49,19 +56,33 @@ class Run:
 def sized(study: Study, images: int) -> Study:
     """Return the study with a number of images, spread evenly over its groups, 20 a contact."""
     groups = study.dataset.group
-    spread = [images // len(groups) + (number < images % len(groups)) for number in range(len(groups))]
+    spread = [
+        images // len(groups) + (number < images % len(groups))
+        for number in range(len(groups))
+    ]
     group: tuple[DatasetGroup, ...] = tuple(
         replace(each, images=count) for each, count in zip(groups, spread, strict=True)
     )
     contacts = max(2, images // len(groups) // IMAGES_OF_A_CONTACT)
-    return parse_study(format_study(replace(study, dataset=replace(study.dataset, group=group, contacts=contacts))))
+    return parse_study(
+        format_study(
+            replace(
+                study, dataset=replace(study.dataset, group=group, contacts=contacts)
+            )
+        )
+    )
 
 
 def run_here(images: int, processes: int, study: Study) -> Run:
     """Make a data set in a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
-        seconds = generate_dataset(sized(study, images), Path(folder) / "dataset", workers=processes).seconds
-    peaks = (1024 * resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+        seconds = generate_dataset(
+            sized(study, images), Path(folder) / "dataset", workers=processes
+        ).seconds
+    peaks = (
+        1024 * resource.getrusage(who).ru_maxrss
+        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
     return Run(images, processes, seconds, *peaks)
 
 
@@ -75,19 +96,29 @@ def run_apart(images: int, processes: int, study: Path | None) -> Run:
         str(processes),
         *(["--study", str(study)] if study else []),
     ]
-    return Run(**json.loads(subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True).stdout))
+    return Run(
+        **json.loads(
+            subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True).stdout
+        )
+    )
 
 
-def print_rows(sizes: Sequence[int], processes: Sequence[int], limit_s: float, study: Path | None) -> float:
+def print_rows(
+    sizes: Sequence[int], processes: Sequence[int], limit_s: float, study: Path | None
+) -> float:
     """Print a row for each size and number of processes; return the seconds of a core for one more image."""
-    print(f"{'images':>9}{'processes':>11}{'s':>10}{'images/s':>10}{'writer, MB':>12}{'worker, MB':>12}")
+    print(
+        f"{'images':>9}{'processes':>11}{'s':>10}{'images/s':>10}{'writer, MB':>12}{'worker, MB':>12}"
+    )
     of_an_image_s = []
     for count in processes:
         done: list[Run] = []
         for images in sizes:
             expected_s = _extrapolated(done, images)
             if expected_s > limit_s:
-                print(f"{images:9d}{count:11d}{expected_s:10.0f}{images / expected_s:10.0f}  extrapolated, not run")
+                print(
+                    f"{images:9d}{count:11d}{expected_s:10.0f}{images / expected_s:10.0f}  extrapolated, not run"
+                )
                 continue
             done.append(run_apart(images, count, study))
             last = done[-1]
@@ -141,7 +172,9 @@ def scheduling_s() -> float | None:
         with _cluster() as address:
             workers = cluster_workers(address)
             list(work_units(does_nothing, range(UNITS), workers))
-            return _seconds(lambda: list(work_units(does_nothing, range(20 * UNITS), workers))) / (20 * UNITS)
+            return _seconds(
+                lambda: list(work_units(does_nothing, range(20 * UNITS), workers))
+            ) / (20 * UNITS)
     except ImportError:
         return None
 
@@ -171,31 +204,55 @@ def print_cluster(of_an_image_s: float, study: Study) -> None:
     unit = unit_samples(sized(study, 20_000))[0].stop
     writes_s, completes_s = writing_s(study)
     scheduled_s = scheduling_s()
-    print(f"\na unit of {unit} images: simulated in {1e3 * unit * of_an_image_s:.0f} ms of a core, written in "
-          f"{1e3 * writes_s:.1f} ms, read again and hashed in {1e3 * completes_s:.1f} ms; ", end="")  # fmt: skip
-    print("no Dask here" if scheduled_s is None else f"scheduled and sent back in {1e3 * scheduled_s:.1f} ms")
+    print(
+        f"\na unit of {unit} images: simulated in {1e3 * unit * of_an_image_s:.0f} ms of a core, written in "
+        f"{1e3 * writes_s:.1f} ms, read again and hashed in {1e3 * completes_s:.1f} ms; ",
+        end="",
+    )
+    print(
+        "no Dask here"
+        if scheduled_s is None
+        else f"scheduled and sent back in {1e3 * scheduled_s:.1f} ms"
+    )
     units, sets = SLICES / unit, -(-SLICES // LARGEST_SET)
     rows = {
         f"simulating, on {CORES:,} cores": units * unit * of_an_image_s / CORES,
         "writing and completing, by one process": units * (writes_s + completes_s),
-        f"the same, by {sets} processes with a data set each": units * (writes_s + completes_s) / sets,
+        f"the same, by {sets} processes with a data set each": units
+        * (writes_s + completes_s)
+        / sets,
     }
     if scheduled_s is not None:
         rows["scheduling, by one scheduler"] = units * scheduled_s
         rows[f"the same, by {sets} schedulers"] = units * scheduled_s / sets
-    print(f"\n{SLICES:,} slices, {units:,.0f} units: computed from the figures above, not run")
+    print(
+        f"\n{SLICES:,} slices, {units:,.0f} units: computed from the figures above, not run"
+    )
     for name, seconds in rows.items():
         print(f"{name:52}{seconds:10.0f} s")
 
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=300.0, help="a size that takes longer is not run (300)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=300.0,
+        help="a size that takes longer is not run (300)",
+    )
     parser.add_argument("--images", type=int, nargs="+", default=SIZES)
     parser.add_argument("--processes", type=int, nargs="+", default=(1, 2, 3, 4))
     parser.add_argument("--study", type=Path, help="the paper's where none is given")
-    parser.add_argument("--one", type=int, nargs=2, metavar=("IMAGES", "PROCESSES"), help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--one",
+        type=int,
+        nargs=2,
+        metavar=("IMAGES", "PROCESSES"),
+        help=argparse.SUPPRESS,
+    )
     options = parser.parse_args()
     study = read_study(options.study) if options.study else Study()
     if options.one:
@@ -204,7 +261,12 @@ def main() -> None:
         return
     if len(options.images) < 2:
         parser.error("--images: give at least two sizes")
-    print_cluster(print_rows(sorted(options.images), options.processes, options.seconds, options.study), study)
+    print_cluster(
+        print_rows(
+            sorted(options.images), options.processes, options.seconds, options.study
+        ),
+        study,
+    )
 
 
 if __name__ == "__main__":

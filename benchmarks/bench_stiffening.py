@@ -38,11 +38,19 @@ FINE = 1201  # forces among which a section is looked for
 class Wall:
     """The path of an eye as functions of dent and force."""
 
-    def __init__(self, modulus_mpa: float, iop_mmhg: float, rigidity: float, b: float) -> None:
+    def __init__(
+        self, modulus_mpa: float, iop_mmhg: float, rigidity: float, b: float
+    ) -> None:
         """Follow the path to 60 mN."""
         modulus_pa = 1e6 * modulus_mpa
         path = axisymmetric_path(
-            *(RADIUS_M, THICKNESS_M, NU, NEEDLE_RADIUS_M, to_si(iop_mmhg, "mmhg") / modulus_pa),
+            *(
+                RADIUS_M,
+                THICKNESS_M,
+                NU,
+                NEEDLE_RADIUS_M,
+                to_si(iop_mmhg, "mmhg") / modulus_pa,
+            ),
             tips_m=TIPS_M,
             max_force_ratio_m2=END_N / modulus_pa,
             globe=sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa),
@@ -50,13 +58,22 @@ class Wall:
         )
         self.force_n = PchipInterpolator(path.tip_m, modulus_pa * path.force_ratio_m2)
         self.tip_m = PchipInterpolator(modulus_pa * path.force_ratio_m2, path.tip_m)
-        depths_sn = np.array([np.interp(SEEN_M, *curve.T) for curve in path.curves_sbnc[:, 0]])
-        self._surface = PchipInterpolator(path.tip_m, depths_sn - depths_sn.mean(axis=1, keepdims=True))
-        self.deepest_m, self.strongest_n = path.tip_m[-1], modulus_pa * path.force_ratio_m2[-1]
+        depths_sn = np.array(
+            [np.interp(SEEN_M, *curve.T) for curve in path.curves_sbnc[:, 0]]
+        )
+        self._surface = PchipInterpolator(
+            path.tip_m, depths_sn - depths_sn.mean(axis=1, keepdims=True)
+        )
+        self.deepest_m, self.strongest_n = (
+            path.tip_m[-1],
+            modulus_pa * path.force_ratio_m2[-1],
+        )
 
     def surface_m(self, force_n: Floats) -> Floats:
         """Return the outer surface under forces, (force, place) in m."""
-        surface_m: Floats = self._surface(self.tip_m(np.minimum(force_n, self.strongest_n)))
+        surface_m: Floats = self._surface(
+            self.tip_m(np.minimum(force_n, self.strongest_n))
+        )
         return surface_m
 
     def read_n(self, surfaces_m: Floats) -> Floats:
@@ -67,7 +84,9 @@ class Wall:
         return nearest_n
 
 
-def fitted(eye: tuple[float, float, float], wall: Wall, free: int, *, by_section: bool) -> tuple[Wall, str]:
+def fitted(
+    eye: tuple[float, float, float], wall: Wall, free: int, *, by_section: bool
+) -> tuple[Wall, str]:
     """Return the wall without stiffening that is nearest, and its E over the true one and k; `free` 1: E alone."""
     modulus_mpa, iop_mmhg, rigidity = eye
     tips_m, seen_m = wall.tip_m(FORCES_N), wall.surface_m(CALIBRATED_N)
@@ -76,15 +95,27 @@ def fitted(eye: tuple[float, float, float], wall: Wall, free: int, *, by_section
         """In mN, or in 10 um."""
         size = seen_m.size if by_section else len(tips_m)
         try:
-            other = Wall(modulus_mpa * x[0], iop_mmhg, x[1] if free == 2 else rigidity, 0.0)
+            other = Wall(
+                modulus_mpa * x[0], iop_mmhg, x[1] if free == 2 else rigidity, 0.0
+            )
         except SolverError:  # no equilibrium, or the pressure runs away
             return np.full(size, 1e3)
         if by_section:
             return 1e5 * (other.surface_m(CALIBRATED_N) - seen_m).ravel()
         return 1e3 * (other.force_n(np.minimum(tips_m, other.deepest_m)) - FORCES_N)
 
-    start, low, high = [1.05, max(rigidity, 0.003)][:free], [0.3, 0.0][:free], [6.0, 0.2][:free]
-    x = least_squares(error, start, bounds=(low, high), x_scale=[1.0, 0.02][:free], diff_step=[1e-3] * free).x
+    start, low, high = (
+        [1.05, max(rigidity, 0.003)][:free],
+        [0.3, 0.0][:free],
+        [6.0, 0.2][:free],
+    )
+    x = least_squares(
+        error,
+        start,
+        bounds=(low, high),
+        x_scale=[1.0, 0.02][:free],
+        diff_step=[1e-3] * free,
+    ).x
     k = x[1] if free == 2 else rigidity
     return Wall(modulus_mpa * x[0], iop_mmhg, k, 0.0), f"{x[0]:.2f} {k:.3f}"
 
@@ -93,14 +124,25 @@ def print_row(eye: tuple[float, float, float], b: float) -> None:
     """Print forces at dents, and what each fit leaves: root mean square and largest error of the force in mN."""
     wall = Wall(*eye, b)
     shown_m = SHOWN_M[wall.tip_m(FORCES_N[-1]) >= SHOWN_M]
-    print(f"  {eye[0]} {eye[1]:g} {eye[2]} {b:g}  {(1e3 * wall.force_n(shown_m)).round(1)}", end="")
+    print(
+        f"  {eye[0]} {eye[1]:g} {eye[2]} {b:g}  {(1e3 * wall.force_n(shown_m)).round(1)}",
+        end="",
+    )
     tips_m, seen_m = wall.tip_m(FORCES_N), wall.surface_m(FORCES_N)
     for by_section in (False, True):
         for free in (1, 2):
             other, said = fitted(eye, wall, free, by_section=by_section)
-            read_n = other.read_n(seen_m) if by_section else other.force_n(np.minimum(tips_m, other.deepest_m))
+            read_n = (
+                other.read_n(seen_m)
+                if by_section
+                else other.force_n(np.minimum(tips_m, other.deepest_m))
+            )
             left_mn = 1e3 * (read_n - FORCES_N)
-            print(f"  {said} {np.sqrt(np.mean(left_mn**2)):.2f} {np.abs(left_mn).max():.2f}", end="", flush=True)
+            print(
+                f"  {said} {np.sqrt(np.mean(left_mn**2)):.2f} {np.abs(left_mn).max():.2f}",
+                end="",
+                flush=True,
+            )
     print()
 
 
@@ -109,8 +151,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rows", type=int)
     rows = parser.parse_args().rows
-    print("E MPa, IOP mmHg, k, b; mN at dents of 0.3, 1, 1.5, 2 mm below 40 mN; then for each fit of a wall with b = 0")
-    print("(by force E, E and k; by section E, E and k): E over its own, k, error of the force in mN, its largest")
+    print(
+        "E MPa, IOP mmHg, k, b; mN at dents of 0.3, 1, 1.5, 2 mm below 40 mN; then for each fit of a wall with b = 0"
+    )
+    print(
+        "(by force E, E and k; by section E, E and k): E over its own, k, error of the force in mN, its largest"
+    )
     for eye in EYES[:rows]:
         for b in STIFFENINGS[:rows]:
             print_row(eye, b)

@@ -25,7 +25,13 @@ from monitor_sessions.forces import FRAME_S, ramp_forces, trajectory
 from monitor_sessions.frames import largest_force_n, stream
 from scleraforce.decision.limits import MonitorLimits, upper_end
 from scleraforce.decision.state import NOISE_WINDOWS
-from scleraforce.decision.trend import HORIZON_S, LEAST_SHARE, Rise, rise_of, time_to_bound
+from scleraforce.decision.trend import (
+    HORIZON_S,
+    LEAST_SHARE,
+    Rise,
+    rise_of,
+    time_to_bound,
+)
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.pixels import PixelScale
@@ -48,36 +54,51 @@ class Said(NamedTuple):
 
 def main() -> None:
     """Play the ramps and print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("model", type=Path)
     parser.add_argument("--eyes", type=int, default=6)
-    parser.add_argument("--rates-mn-s", type=float, nargs="+", default=[5.0, 10.0, 20.0, 50.0, 100.0])
+    parser.add_argument(
+        "--rates-mn-s", type=float, nargs="+", default=[5.0, 10.0, 20.0, 50.0, 100.0]
+    )
     parser.add_argument("--seed", type=int, default=43)
     parser.add_argument("--plot", type=Path)
     given = parser.parse_args()
     reader, going, stopping = load_force_reader(given.model), list[Said](), list[Said]()
     for number in range(given.eyes):
-        for rate_mn_s, readings_tn in ramps(reader, number, given.rates_mn_s, given.seed):
+        for rate_mn_s, readings_tn in ramps(
+            reader, number, given.rates_mn_s, given.seed
+        ):
             rng = np.random.default_rng((given.seed, number, int(rate_mn_s)))
             for rate_hz, every in EVERY.items():
                 going += predictions(readings_tn[::every], rate_hz)
                 stopping += predictions(held(readings_tn[::every], rng), rate_hz)
-            print(f"eye {number}, {rate_mn_s:g} mN/s: {len(readings_tn)} frames", flush=True)
+            print(
+                f"eye {number}, {rate_mn_s:g} mN/s: {len(readings_tn)} frames",
+                flush=True,
+            )
     for name, said in (("continue", going), ("stop somewhere", stopping)):
         print(f"\nRamps that {name}:\n{table(said)}")
     if given.plot is not None:
         draw(given.plot, going, stopping)
 
 
-def ramps(reader: ForceReader, number: int, rates_mn_s: list[float], seed: int) -> Iterator[tuple[float, Floats]]:
+def ramps(
+    reader: ForceReader, number: int, rates_mn_s: list[float], seed: int
+) -> Iterator[tuple[float, Floats]]:
     """Yield the rate of each ramp of an eye with its usable readings (frame, 3): time, force, upper end."""
     rng, scale = np.random.default_rng((seed, number)), PixelScale.of(reader.study.oct)
     drawn = draw_eye(("open", "sealed")[number % 2], number, reader.study, seed)
     known = declarations(drawn, reader, seed, rng)["declared"]
     for rate_mn_s in rates_mn_s:
-        forces = ramp_forces(to_si(rate_mn_s, "mn_per_s"), min(LARGEST_N, largest_force_n(drawn)), rng)
+        forces = ramp_forces(
+            to_si(rate_mn_s, "mn_per_s"), min(LARGEST_N, largest_force_n(drawn)), rng
+        )
         rows, over = [], 0
-        for place, frame in enumerate(stream(drawn, trajectory(*forces, reader.study, rng), rng, seed)):
+        for place, frame in enumerate(
+            stream(drawn, trajectory(*forces, reader.study, rng), rng, seed)
+        ):
             verdict = reader.read_live(frame, scale, known).verdict
             upper_n = upper_end(verdict)
             if verdict.usable and verdict.force_n is not None and upper_n is not None:
@@ -93,7 +114,9 @@ def held(readings_tn: Floats, rng: np.random.Generator) -> Floats:
     last = int(rng.integers(len(readings_tn) // 3, len(readings_tn)))
     around = rng.integers(max(last - SMOOTH, 0), last + 1, int(1.0 / FRAME_S))
     after = readings_tn[around]
-    after[:, 0] = readings_tn[last, 0] + np.median(np.diff(readings_tn[:, 0])) * np.arange(1, len(after) + 1)
+    after[:, 0] = readings_tn[last, 0] + np.median(
+        np.diff(readings_tn[:, 0])
+    ) * np.arange(1, len(after) + 1)
     return np.concatenate([readings_tn[: last + 1], after])
 
 
@@ -101,16 +124,28 @@ def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
     """Yield the prediction of each frame before the bound, as the monitor makes it, beside what came."""
     if len(readings_tn) < SMOOTH:
         return
-    smooth_n = np.median(np.lib.stride_tricks.sliding_window_view(readings_tn[:, 2], SMOOTH), axis=1)
+    smooth_n = np.median(
+        np.lib.stride_tricks.sliding_window_view(readings_tn[:, 2], SMOOTH), axis=1
+    )
     reached = np.flatnonzero(smooth_n >= LIMITS.bound_n)
     at_s = float(readings_tn[reached[0] + SMOOTH // 2, 0]) if len(reached) else np.inf
     history = [(float(time_s), float(force_n)) for time_s, force_n, _ in readings_tn]
     for place, (now_s, force_n, upper_n) in enumerate(readings_tn):
-        rise = rise_of(history[max(place + 1 - NOISE_WINDOWS * LIMITS.rate_frames, 0) : place + 1], LIMITS.rate_frames)
-        if rise is None or now_s >= at_s or upper_n >= LIMITS.bound_n or rise.points[0][1] < LIMITS.contact_n:
+        rise = rise_of(
+            history[max(place + 1 - NOISE_WINDOWS * LIMITS.rate_frames, 0) : place + 1],
+            LIMITS.rate_frames,
+        )
+        if (
+            rise is None
+            or now_s >= at_s
+            or upper_n >= LIMITS.bound_n
+            or rise.points[0][1] < LIMITS.contact_n
+        ):
             continue
         found = time_to_bound(rise, force_n, upper_n, LIMITS.bound_n)
-        early_s, late_s = (HORIZON_S, None) if found is None else (found.early_s, found.late_s)
+        early_s, late_s = (
+            (HORIZON_S, None) if found is None else (found.early_s, found.late_s)
+        )
         left_s = at_s - now_s
         inside = early_s <= left_s and (late_s is None or left_s <= late_s)
         yield Said(rate_hz, chance(rise, force_n / upper_n), left_s <= WITHIN_S, inside)
@@ -119,28 +154,59 @@ def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
 def chance(rise: Rise, share: float) -> float:
     """Return the probability that the line, a share of its upper end, comes to the bound within 200 ms."""
     a, b = rise.variances
-    over_n = rise.now_n + rise.slope * WITHIN_S - LIMITS.bound_n * max(share, LEAST_SHARE)
-    return 0.5 * (1.0 + erf(over_n / max(sqrt(2.0 * (a + b * (WITHIN_S - rise.middle_s) ** 2)), 1e-12)))
+    over_n = (
+        rise.now_n + rise.slope * WITHIN_S - LIMITS.bound_n * max(share, LEAST_SHARE)
+    )
+    return 0.5 * (
+        1.0
+        + erf(
+            over_n / max(sqrt(2.0 * (a + b * (WITHIN_S - rise.middle_s) ** 2)), 1e-12)
+        )
+    )
 
 
 def table(said: list[Said]) -> str:
     """Return predicted beside observed shares, and how many intervals held, as Markdown."""
-    lines = ["| chance of the bound within 200 ms | frames | predicted | it came |", "|---|---|---|---|"]
+    lines = [
+        "| chance of the bound within 200 ms | frames | predicted | it came |",
+        "|---|---|---|---|",
+    ]
     for low, high, predicted, came, count in reliability(said):
-        lines.append(f"| {low:.0%} to {high:.0%} | {count} | {predicted:.0%} | {came:.0%} |")
+        lines.append(
+            f"| {low:.0%} to {high:.0%} | {count} | {predicted:.0%} | {came:.0%} |"
+        )
     open_ended = [one for one in said if 0.01 < one.chance < 0.99]
-    held_by = {rate: [one.inside for one in open_ended if one.rate_hz == rate] for rate in EVERY}
-    shares = [f"{rate} Hz {np.mean(inside):.0%}" for rate, inside in held_by.items() if inside]
-    return "\n".join([*lines, f"90 % intervals that held, of chances between 1 % and 99 %: {', '.join(shares)}"])
+    held_by = {
+        rate: [one.inside for one in open_ended if one.rate_hz == rate]
+        for rate in EVERY
+    }
+    shares = [
+        f"{rate} Hz {np.mean(inside):.0%}" for rate, inside in held_by.items() if inside
+    ]
+    return "\n".join(
+        [
+            *lines,
+            f"90 % intervals that held, of chances between 1 % and 99 %: {', '.join(shares)}",
+        ]
+    )
 
 
 def reliability(said: list[Said]) -> Iterator[tuple[float, float, float, float, int]]:
     """Yield the ends of each bin of chances, the mean chance, the share that came, and the number of frames."""
-    chances, came = np.array([one.chance for one in said]), np.array([one.came for one in said])
+    chances, came = (
+        np.array([one.chance for one in said]),
+        np.array([one.came for one in said]),
+    )
     for low, high in pairwise(BINS):
         inside = (chances >= low) & ((chances < high) | (high == 1.0))
         if inside.any():
-            yield low, high, float(chances[inside].mean()), float(came[inside].mean()), int(inside.sum())
+            yield (
+                low,
+                high,
+                float(chances[inside].mean()),
+                float(came[inside].mean()),
+                int(inside.sum()),
+            )
 
 
 def draw(path: Path, going: list[Said], stopping: list[Said]) -> None:
@@ -150,11 +216,17 @@ def draw(path: Path, going: list[Said], stopping: list[Said]) -> None:
     figure = Figure(figsize=(4.6, 4.2), layout="constrained")
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="0.6", linewidth=1)
-    for said, name, mark in ((going, "ramps that continue", "o-"), (stopping, "ramps that stop", "s--")):
+    for said, name, mark in (
+        (going, "ramps that continue", "o-"),
+        (stopping, "ramps that stop", "s--"),
+    ):
         rows = list(reliability(said))
         axes.plot([row[2] for row in rows], [row[3] for row in rows], mark, label=name)
     axes.set(
-        xlabel="predicted: bound within 200 ms", ylabel="share of frames for which it came", xlim=(0, 1), ylim=(0, 1)
+        xlabel="predicted: bound within 200 ms",
+        ylabel="share of frames for which it came",
+        xlim=(0, 1),
+        ylim=(0, 1),
     )
     axes.legend(frameon=False)
     figure.savefig(path, dpi=150)

@@ -29,7 +29,12 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import Range, Study, fixed
 from scleraforce.units import HumanUnit, from_si
 
-KNOWN_ERRORS = {"modulus": 0.02, "iop": 0.03, "thickness_m": 10e-6, "gap_m": 20e-6}  # E and IOP: relative
+KNOWN_ERRORS = {
+    "modulus": 0.02,
+    "iop": 0.03,
+    "thickness_m": 10e-6,
+    "gap_m": 20e-6,
+}  # E and IOP: relative
 NAMES = ("contact_m", "contact_depth_m", "dent_m", "gap_m", "lean_rad")
 
 
@@ -43,7 +48,9 @@ class Seen:
 
 def main() -> None:
     """Read the frames of each group and print its table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--groups", nargs="+", default=["plain", "harder", "sealed"])
     parser.add_argument("--eyes", type=int, default=6)
     parser.add_argument("--frames", type=int, default=10)
@@ -53,7 +60,9 @@ def main() -> None:
     for group in given.groups:
         found = defaultdict[tuple[str, str], list[Seen]](list)
         for eye in draw_eyes(group, given.eyes, Study(), given.seed):
-            for name, gap, seen in readings(reader, eye, given.frames, given.seed, given.needles):
+            for name, gap, seen in readings(
+                reader, eye, given.frames, given.seed, given.needles
+            ):
                 found[name, gap].append(seen)
             print(f"{eye.name}: done", flush=True)
         print(f"\n{group}\n{table(found)}\n", flush=True)
@@ -71,17 +80,30 @@ def readings(
     forces_n = (computed.largest_n * np.sqrt(rng.uniform(0.0, 1.0, frames))).tolist()
     plan = plan_phantom(drawn.eye, tuple(forces_n), drawn.study, seed)
     sections, _ = plan_sections(plan, computed.sections_at)
-    down, across = (tip_at(mesh, plane.contact, axis) for axis in (plane.depth, plane.lateral))
+    down, across = (
+        tip_at(mesh, plane.contact, axis) for axis in (plane.depth, plane.lateral)
+    )
     scale, known = PixelScale.of(drawn.study.oct), stated(drawn, rng)
-    for frame, section, force_n in zip(plan.frames, sections, plan.normal_n, strict=True):
+    for frame, section, force_n in zip(
+        plan.frames, sections, plan.normal_n, strict=True
+    ):
         moved_nc = path.displacement_nc(force_n)
-        contact_m = np.array([[float((across * moved_nc).sum()), float((down * moved_nc).sum())]])
+        contact_m = np.array(
+            [[float((across * moved_nc).sum()), float((down * moved_nc).sum())]]
+        )
         at_m = frame.pose.place_points(contact_m)[0]
         shaft = frame.optics.needle
-        true = (*at_m.tolist(), path.tip_m(force_n), drawn.eye.gap_m, shaft.angle_rad if shaft else np.nan)
+        true = (
+            *at_m.tolist(),
+            path.tip_m(force_n),
+            drawn.eye.gap_m,
+            shaft.angle_rad if shaft else np.nan,
+        )
         pixels = render_frame(frame, section, drawn.study).frame
         for gap in ("given", "not given"):
-            answer = reader.read(pixels, scale, known if gap == "given" else replace(known, gap_m=None))
+            answer = reader.read(
+                pixels, scale, known if gap == "given" else replace(known, gap_m=None)
+            )
             if answer.usable:
                 for name, value in zip(NAMES, true, strict=True):
                     yield name, gap, Seen(value, getattr(answer.places, name))
@@ -90,11 +112,17 @@ def readings(
 def with_needle(drawn: FigureEye, rng: np.random.Generator) -> FigureEye:
     """Return an eye whose needle is in the picture and leans in it."""
     phantom = replace(
-        drawn.study.phantom, needle_count=fixed(1), needle_angle_rad=Range(min=radians(-35.0), max=radians(35.0)),
+        drawn.study.phantom,
+        needle_count=fixed(1),
+        needle_angle_rad=Range(min=radians(-35.0), max=radians(35.0)),
         needle_lean_rad=fixed(0.0),
-    )  # fmt: skip
+    )
     gap_m = rng.uniform(0.0, 0.8) * drawn.study.needle.outer_diameter_m / 2
-    return replace(drawn, eye=replace(drawn.eye, gap_m=gap_m), study=replace(drawn.study, phantom=phantom))
+    return replace(
+        drawn,
+        eye=replace(drawn.eye, gap_m=gap_m),
+        study=replace(drawn.study, phantom=phantom),
+    )
 
 
 def stated(drawn: FigureEye, rng: np.random.Generator) -> Known:
@@ -103,7 +131,11 @@ def stated(drawn: FigureEye, rng: np.random.Generator) -> Known:
     off = {name: rng.normal(0.0, sd) for name, sd in KNOWN_ERRORS.items()}
     modulus_pa = eye.youngs_modulus_pa * (1.0 + off["modulus"])
     return Known(
-        modulus=Modulus(mean_pa=modulus_pa, sd_pa=KNOWN_ERRORS["modulus"] * modulus_pa, source="option"),
+        modulus=Modulus(
+            mean_pa=modulus_pa,
+            sd_pa=KNOWN_ERRORS["modulus"] * modulus_pa,
+            source="option",
+        ),
         iop_pa=eye.iop_pa * (1.0 + off["iop"]),
         thickness_m=eye.thickness_m + off["thickness_m"],
         gap_m=max(eye.gap_m + off["gap_m"], 0.0),
@@ -120,14 +152,28 @@ def table(found: dict[tuple[str, str], list[Seen]]) -> str:
         "|---|---|---|---|---|---|",
     ]
     for (name, gap), all_seen in sorted(found.items()):
-        known = [(seen.true, seen.place) for seen in all_seen if seen.place is not None and np.isfinite(seen.true)]
+        known = [
+            (seen.true, seen.place)
+            for seen in all_seen
+            if seen.place is not None and np.isfinite(seen.true)
+        ]
         if not known:
             continue
         unit: HumanUnit = "deg" if name.endswith("rad") else "mm"
-        off = from_si(1.0, unit) * np.array([place.value - true for true, place in known])
-        half = from_si(1.0, unit) * np.median([place.high - place.low for _, place in known]) / 2.0
+        off = from_si(1.0, unit) * np.array(
+            [place.value - true for true, place in known]
+        )
+        half = (
+            from_si(1.0, unit)
+            * np.median([place.high - place.low for _, place in known])
+            / 2.0
+        )
         held = np.mean([place.low <= true <= place.high for true, place in known])
-        share, rms, most = len(known) / len(all_seen), np.sqrt((off**2).mean()), np.quantile(np.abs(off), 0.9)
+        share, rms, most = (
+            len(known) / len(all_seen),
+            np.sqrt((off**2).mean()),
+            np.quantile(np.abs(off), 0.9),
+        )
         lines.append(
             f"| {name} | {gap} | {share:.0%} | {rms:.3f}, {most:.3f} {unit} | {half:.3f} {unit} | {held:.0%} |"
         )

@@ -22,12 +22,22 @@ from scleraforce.study import Study
 from scleraforce.units import from_si
 
 SEED = 4343  # of this benchmark alone
-STIFFNESS_N_PER_M, SHIFT_M, TRAVEL_SD_M = (30.0, 150.0), 0.5e-3, 5e-6  # of the beds, the travels and their noise
+STIFFNESS_N_PER_M, SHIFT_M, TRAVEL_SD_M = (
+    (30.0, 150.0),
+    0.5e-3,
+    5e-6,
+)  # of the beds, the travels and their noise
 POPULATION = CalibrationSummary(
-    eyes={"others": EyeSummary(mean_pa=0.35e6, sd_pa=5e3, frames=(), thickness_m=0.65e-3)},
-    population_mean_pa=0.35e6, population_sd_pa=0.087e6, population_stiffening=0.0,
-    mechanics="finite-strain", path="a population", sha256="",
-)  # fmt: skip
+    eyes={
+        "others": EyeSummary(mean_pa=0.35e6, sd_pa=5e3, frames=(), thickness_m=0.65e-3)
+    },
+    population_mean_pa=0.35e6,
+    population_sd_pa=0.087e6,
+    population_stiffening=0.0,
+    mechanics="finite-strain",
+    path="a population",
+    sha256="",
+)
 
 
 @dataclass(frozen=True)
@@ -41,13 +51,28 @@ class Score:
     held: tuple[bool, ...]
 
 
-def with_travel(recording: Recording, folder: FiguresFolder, eye: FigureEye) -> Recording:
+def with_travel(
+    recording: Recording, folder: FiguresFolder, eye: FigureEye
+) -> Recording:
     """Return the recording with the needle's travel: the dent, the give of a bed, a shift, and noise."""
     made, rng = read_made(folder, eye), np.random.default_rng((SEED, eye.seed))
-    stiffness, shift_m = np.exp(rng.uniform(*np.log(STIFFNESS_N_PER_M))), rng.uniform(-SHIFT_M, SHIFT_M)
-    gone_m = made.tips_m + made.forces_n / stiffness + shift_m + TRAVEL_SD_M * rng.standard_normal(len(made.tips_m))
+    stiffness, shift_m = (
+        np.exp(rng.uniform(*np.log(STIFFNESS_N_PER_M))),
+        rng.uniform(-SHIFT_M, SHIFT_M),
+    )
+    gone_m = (
+        made.tips_m
+        + made.forces_n / stiffness
+        + shift_m
+        + TRAVEL_SD_M * rng.standard_normal(len(made.tips_m))
+    )
     by_file = dict(zip(made.files, gone_m.tolist(), strict=True))
-    return replace(recording, frames=tuple(replace(one, travel_m=by_file[one.file]) for one in recording.frames))
+    return replace(
+        recording,
+        frames=tuple(
+            replace(one, travel_m=by_file[one.file]) for one in recording.frames
+        ),
+    )
 
 
 def score(folder: FiguresFolder, eye: FigureEye, travel: bool) -> Score:
@@ -58,13 +83,29 @@ def score(folder: FiguresFolder, eye: FigureEye, travel: bool) -> Score:
     one = found.eyes[eye.eye.id]
     evaluation = sf.evaluate(sf.load_model("default"), recording, found)
     trials = [frame for frame in evaluation.frames if frame.scored]
-    truth = dict(zip(read_made(folder, eye).files, read_made(folder, eye).forces_n.tolist(), strict=True))
-    read = [(frame.answer, truth[frame.file]) for frame in trials if frame.answer.force_n is not None]
-    held = (answer.interval_n is not None and answer.interval_n[0] <= n <= answer.interval_n[1] for answer, n in read)
+    truth = dict(
+        zip(
+            read_made(folder, eye).files,
+            read_made(folder, eye).forces_n.tolist(),
+            strict=True,
+        )
+    )
+    read = [
+        (frame.answer, truth[frame.file])
+        for frame in trials
+        if frame.answer.force_n is not None
+    ]
+    held = (
+        answer.interval_n is not None
+        and answer.interval_n[0] <= n <= answer.interval_n[1]
+        for answer, n in read
+    )
     return Score(
         off=float(np.log(one.mean_pa / eye.eye.youngs_modulus_pa)),
         sd=one.sd_pa / one.mean_pa,
-        errors_n=tuple(answer.force_n - n for answer, n in read if answer.force_n is not None),
+        errors_n=tuple(
+            answer.force_n - n for answer, n in read if answer.force_n is not None
+        ),
         right=tuple(not frame.misread for frame in trials),
         held=tuple(held),
     )
@@ -72,11 +113,23 @@ def score(folder: FiguresFolder, eye: FigureEye, travel: bool) -> Score:
 
 def line(name: str, scores: list[Score]) -> str:
     """Return the row of a group."""
-    off, sd = np.array([one.off for one in scores]), np.array([one.sd for one in scores])
+    off, sd = (
+        np.array([one.off for one in scores]),
+        np.array([one.sd for one in scores]),
+    )
     errors = np.concatenate([one.errors_n for one in scores])
-    right, held = (np.concatenate([getattr(one, part) for one in scores]) for part in ("right", "held"))
-    rms, bias, sure = (from_si(float(value), "percent") for value in (np.sqrt((off**2).mean()), off.mean(), sd.mean()))
-    within, force_mn = int((np.abs(off) < 2.0 * sd).sum()), from_si(float(np.abs(errors).mean()), "mn")
+    right, held = (
+        np.concatenate([getattr(one, part) for one in scores])
+        for part in ("right", "held")
+    )
+    rms, bias, sure = (
+        from_si(float(value), "percent")
+        for value in (np.sqrt((off**2).mean()), off.mean(), sd.mean())
+    )
+    within, force_mn = (
+        int((np.abs(off) < 2.0 * sd).sum()),
+        from_si(float(np.abs(errors).mean()), "mn"),
+    )
     numbers = f"{rms:7.1f} {bias:+7.1f} {sure:7.1f} {within:5d} of {len(scores)}"
     return f"{name:24}{numbers} {force_mn:8.2f} {100 * right.mean():8.1f} {100 * held.mean():8.1f}"
 
@@ -92,10 +145,16 @@ def main(count: int, folder: FiguresFolder) -> None:
             for eye in eyes:
                 if eye.eye.id not in failed:
                     scores.append(score(folder, eye, travel))
-                    print(f"  {eye.eye.id}: {scores[-1].off:+.3f} ± {scores[-1].sd:.3f}", file=sys.stderr)
+                    print(
+                        f"  {eye.eye.id}: {scores[-1].off:+.3f} ± {scores[-1].sd:.3f}",
+                        file=sys.stderr,
+                    )
             print(line(f"{group}{', with travel' * travel}", scores), flush=True)
 
 
 if __name__ == "__main__":
     given = sys.argv[1:]
-    main(int(given[0]) if given else 10, FiguresFolder(Path(given[1] if len(given) > 1 else "without-force")))
+    main(
+        int(given[0]) if given else 10,
+        FiguresFolder(Path(given[1] if len(given) > 1 else "without-force")),
+    )

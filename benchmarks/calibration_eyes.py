@@ -7,7 +7,11 @@ from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.study import Study
 
 
-def drawn_eye(number: int, rng: np.random.Generator, polar_rad: tuple[float, float] = (0.436, 0.785)) -> PhantomEye:
+def drawn_eye(
+    number: int,
+    rng: np.random.Generator,
+    polar_rad: tuple[float, float] = (0.436, 0.785),
+) -> PhantomEye:
     """Return one of many eyes: three thicknesses in turn, all else drawn; `polar_rad`: between which angles."""
     return PhantomEye(
         id=f"eye-{number}",

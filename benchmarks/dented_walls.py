@@ -7,7 +7,10 @@ from scleraforce.mechanics.contact import Section
 
 
 def dented_wall(
-    thickness_m: float | NDArray[np.float64], dent_m: float, width_m: float = 1.6e-3, points: int = 1500
+    thickness_m: float | NDArray[np.float64],
+    dent_m: float,
+    width_m: float = 1.6e-3,
+    points: int = 1500,
 ) -> Section:
     """Return a wall of 12 mm radius, its thickness along the normal.
 
@@ -18,8 +21,16 @@ def dented_wall(
         points: of each curve.
     """
     lateral = np.linspace(-8.5e-3, 8.5e-3, points)
-    depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * width_m**2))
+    depth = (
+        12e-3
+        - np.sqrt(12e-3**2 - lateral**2)
+        + dent_m * np.exp(-(lateral**2) / (2 * width_m**2))
+    )
     tangent = np.stack([np.gradient(lateral), np.gradient(depth)], axis=1)
-    inward = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) / np.linalg.norm(tangent, axis=1, keepdims=True)
+    inward = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) / np.linalg.norm(
+        tangent, axis=1, keepdims=True
+    )
     outer = np.stack([lateral, depth], axis=1)
-    return Section(outer, outer + np.broadcast_to(thickness_m, lateral.shape)[:, None] * inward)
+    return Section(
+        outer, outer + np.broadcast_to(thickness_m, lateral.shape)[:, None] * inward
+    )

@@ -20,10 +20,16 @@ FINE_N = 1e-5
 
 def surfaces(mesh: HexMesh, displacement_snc: Floats) -> Floats:
     """Return the outer surface of states in the slice, moved in depth to a mean of 0, (state, place) in m."""
-    cut = cut_sections(mesh, [PLANE], displacement_snc, np.eye(len(displacement_snc))[None])[0]
+    cut = cut_sections(
+        mesh, [PLANE], displacement_snc, np.eye(len(displacement_snc))[None]
+    )[0]
     near = [section.outer[section.outer[:, 1] < 0.5 * RADIUS_M] for section in cut]
-    depths_sn = np.array([np.interp(SEEN_M, *curve[np.argsort(curve[:, 0])].T) for curve in near])
-    return np.asarray(depths_sn - depths_sn.mean(axis=1, keepdims=True), dtype=np.float64)
+    depths_sn = np.array(
+        [np.interp(SEEN_M, *curve[np.argsort(curve[:, 0])].T) for curve in near]
+    )
+    return np.asarray(
+        depths_sn - depths_sn.mean(axis=1, keepdims=True), dtype=np.float64
+    )
 
 
 class ElasticSections:
@@ -39,4 +45,6 @@ class ElasticSections:
         """Return the forces whose surfaces are nearest, (state,) in N, and their root mean square distances, m."""
         apart = [np.square(self._surface - seen).mean(axis=1) for seen in seen_sn]
         nearest = [int(one.argmin()) for one in apart]
-        return self._forces_n[nearest], np.sqrt([one[at] for one, at in zip(apart, nearest, strict=True)])
+        return self._forces_n[nearest], np.sqrt(
+            [one[at] for one, at in zip(apart, nearest, strict=True)]
+        )

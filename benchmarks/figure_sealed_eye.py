@@ -27,7 +27,16 @@ from scleraforce.reader.answer import Answer
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.report.files import AMBER, BLACK, BLUE, GREY, RED, inches, styled, write_figure
+from scleraforce.report.files import (
+    AMBER,
+    BLACK,
+    BLUE,
+    GREY,
+    RED,
+    inches,
+    styled,
+    write_figure,
+)
 from scleraforce.study import GlobeStudy, Study, draw
 from scleraforce.units import from_si, to_si
 
@@ -70,7 +79,11 @@ class Seen:
 
 def computed(study: Study, globe: GlobeStudy) -> ComputedEye:
     """Return the wall bent in three dimensions, in a globe."""
-    study = replace(study, globe=globe, needle=replace(study.needle, max_force_n=to_si(LARGEST_MN, "mn")))
+    study = replace(
+        study,
+        globe=globe,
+        needle=replace(study.needle, max_force_n=to_si(LARGEST_MN, "mn")),
+    )
     return compute_eye(FigureEye("sealed eye", EYE, study, shares=(), seed=SEED))
 
 
@@ -79,7 +92,10 @@ def frame_of(eye: ComputedEye, force_n: float, number: int) -> Frame:
     rng = np.random.default_rng((SEED, number))
     phantom = eye.study.phantom
     optics = sample_optics(phantom, eye.study.oct, rng)
-    pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=draw(phantom.surface_depth_m, rng))
+    pose = Pose(
+        lateral_m=draw(phantom.eye_shift_m, rng),
+        depth_m=draw(phantom.surface_depth_m, rng),
+    )
     (section,) = eye.sections_at([force_n])
     return render_bscan(pose.place(section), eye.study.oct, optics, rng).frame
 
@@ -112,9 +128,13 @@ def read_frames(sealed: ComputedEye, reader: ForceReader, count: int) -> list[Se
     forces_n = np.linspace(2e-3, sealed.largest_n - 2e-3, count).tolist()
     scale, known = PixelScale.of(reader.study.oct), tellings(sealed, reader)
     seen = []
-    for number, (force_n, dent_m) in enumerate(zip(forces_n, sealed.tips_m(forces_n), strict=True)):
+    for number, (force_n, dent_m) in enumerate(
+        zip(forces_n, sealed.tips_m(forces_n), strict=True)
+    ):
         frame = frame_of(sealed, force_n, 100 + number)
-        answers = {name: reader.read(frame, scale, told) for name, told in known.items()}
+        answers = {
+            name: reader.read(frame, scale, told) for name, told in known.items()
+        }
         seen.append(Seen(force_n, dent_m, answers))
     return seen
 
@@ -126,7 +146,11 @@ def draw_eye(opened: ComputedEye, sealed: ComputedEye, seen: list[Seen]) -> Figu
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, names, title in (
         (left, [DECLARED], "Declared sealed"),
-        (right, [UNDECLARED, AS_OPEN], "The same frames, not declared or declared open"),
+        (
+            right,
+            [UNDECLARED, AS_OPEN],
+            "The same frames, not declared or declared open",
+        ),
     ):
         draw_curves(axes, opened, sealed)
         for name in names:
@@ -134,7 +158,13 @@ def draw_eye(opened: ComputedEye, sealed: ComputedEye, seen: list[Seen]) -> Figu
         axes.set_title(title)
         axes.set_xlabel("dent [mm]")
     dents_mm = [from_si(dent_m, "mm") for dent_m in sealed.tips_m(CALIBRATION_N)]
-    left.plot(dents_mm, [from_si(force_n, "mn") for force_n in CALIBRATION_N], "D", zorder=5, **OF_KNOWN_FORCE)
+    left.plot(
+        dents_mm,
+        [from_si(force_n, "mn") for force_n in CALIBRATION_N],
+        "D",
+        zorder=5,
+        **OF_KNOWN_FORCE,
+    )
     for axes in (left, right):
         axes.legend(loc="upper left", fontsize=6.5)
     left.set_ylabel("force [mN]")
@@ -147,44 +177,89 @@ def draw_curves(axes: Axes, opened: ComputedEye, sealed: ComputedEye) -> None:
     """Draw the true force against the dent, open and sealed, and the bounds of the classes."""
     for bound_n in sealed.study.classes.bounds_n:
         bound_mn = from_si(bound_n, "mn")
-        axes.axhline(bound_mn, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), zorder=0)
-        axes.annotate(f"{bound_mn:g} mN", (DEEPEST_MM, bound_mn), (0, -9), color=GREY, ha="right", **TEXT)
+        axes.axhline(
+            bound_mn, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), zorder=0
+        )
+        axes.annotate(
+            f"{bound_mn:g} mN",
+            (DEEPEST_MM, bound_mn),
+            (0, -9),
+            color=GREY,
+            ha="right",
+            **TEXT,
+        )
     for eye, dashes, label in ((opened, "--", "open"), (sealed, "-", "  sealed")):
         forces_n = np.linspace(0.0, eye.largest_n, 120).tolist()
         dents_mm = np.array([from_si(dent_m, "mm") for dent_m in eye.tips_m(forces_n)])
         forces_mn = np.array([from_si(force_n, "mn") for force_n in forces_n])
         shown = dents_mm <= DEEPEST_MM
-        axes.plot(dents_mm[shown], forces_mn[shown], color=BLACK, linestyle=dashes, linewidth=0.9, zorder=1)
+        axes.plot(
+            dents_mm[shown],
+            forces_mn[shown],
+            color=BLACK,
+            linestyle=dashes,
+            linewidth=0.9,
+            zorder=1,
+        )
         end = (float(dents_mm[shown][-1]), float(forces_mn[shown][-1]))
-        side: Literal["left", "right"] = "left" if end[0] < 0.9 * DEEPEST_MM else "right"
-        axes.annotate(label, end, (0, 4 if side == "right" else -3), color=BLACK, ha=side, **TEXT)
+        side: Literal["left", "right"] = (
+            "left" if end[0] < 0.9 * DEEPEST_MM else "right"
+        )
+        axes.annotate(
+            label, end, (0, 4 if side == "right" else -3), color=BLACK, ha=side, **TEXT
+        )
 
 
 def draw_readings(axes: Axes, seen: list[Seen], name: str) -> None:
     """Draw what is read of the frames, with its interval, at their true dents."""
     colour, marker = LOOKS[name]
-    read = [(one.dent_m, one.answers[name]) for one in seen if one.answers[name].interval_n is not None]
+    read = [
+        (one.dent_m, one.answers[name])
+        for one in seen
+        if one.answers[name].interval_n is not None
+    ]
     dents_mm = [from_si(dent_m, "mm") for dent_m, _ in read]
     forces_mn = np.array([from_si(answer.force_n or 0.0, "mn") for _, answer in read])
-    ends_mn = np.array([[from_si(end_n, "mn") for end_n in answer.interval_n or ()] for _, answer in read])
+    ends_mn = np.array(
+        [
+            [from_si(end_n, "mn") for end_n in answer.interval_n or ()]
+            for _, answer in read
+        ]
+    )
     reach_mn = np.abs(ends_mn - forces_mn[:, None]).T
-    axes.errorbar(dents_mm, forces_mn, reach_mn, fmt=marker, color=colour, markersize=3.2, elinewidth=1.0, label=name)
+    axes.errorbar(
+        dents_mm,
+        forces_mn,
+        reach_mn,
+        fmt=marker,
+        color=colour,
+        markersize=3.2,
+        elinewidth=1.0,
+        label=name,
+    )
 
 
 def main() -> None:
     """Compute, read, print and draw."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parser.add_argument("model", type=Path, help="a reader")
     parser.add_argument("--out", type=Path, default=IMAGE, help="the picture")
     parser.add_argument("--frames", type=int, default=15, help="that are read")
     given = parser.parse_args()
     reader = load_force_reader(given.model)
-    opened, sealed = computed(reader.study, GlobeStudy("open")), computed(reader.study, GlobeStudy("sealed", RIGIDITY))
+    opened, sealed = (
+        computed(reader.study, GlobeStudy("open")),
+        computed(reader.study, GlobeStudy("sealed", RIGIDITY)),
+    )
     seen = read_frames(sealed, reader, given.frames)
     print("force, dent; what is read with its 90 % interval, mN: " + "; ".join(LOOKS))
     for one in seen:
-        print(f"{from_si(one.force_n, 'mn'):5.1f} mN {from_si(one.dent_m, 'mm'):.2f} mm"
-              + "".join(f"  {words(one.answers[name])}" for name in LOOKS))  # fmt: skip
+        print(
+            f"{from_si(one.force_n, 'mn'):5.1f} mN {from_si(one.dent_m, 'mm'):.2f} mm"
+            + "".join(f"  {words(one.answers[name])}" for name in LOOKS)
+        )
     write_figure(draw_eye(opened, sealed, seen), given.out)
 
 

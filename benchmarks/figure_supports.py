@@ -23,7 +23,12 @@ Floats = NDArray[np.float64]
 IMAGE = Path(__file__).parent.parent / "docs" / "images" / "supports.png"
 FORCES_MN = (0.0, 10.0, 20.0, 40.0)
 THICKNESS_M, MODULUS_PA = 0.6e-3, 0.3e6
-KINDS = {"clamped": (GREY, "-"), "straps": (RED, "--"), "bed": (BLUE, "-"), "bed-and-straps": ("#009E73", "--")}
+KINDS = {
+    "clamped": (GREY, "-"),
+    "straps": (RED, "--"),
+    "bed": (BLUE, "-"),
+    "bed-and-straps": ("#009E73", "--"),
+}
 LATERAL_MM = np.linspace(-6.5, 6.5, 261)
 
 
@@ -65,7 +70,14 @@ def draw(found: dict[str, list[Section]]) -> Figure:
         for kind, (colour, dashes) in KINDS.items():
             draw_section(above, found[kind][column], colour, dashes)
             below_um = 1e3 * (depths_mm(found[kind][column]) - reference_mm)
-            below.plot(LATERAL_MM, below_um, color=colour, linestyle=dashes, linewidth=1.0, label=kind)
+            below.plot(
+                LATERAL_MM,
+                below_um,
+                color=colour,
+                linestyle=dashes,
+                linewidth=1.0,
+                label=kind,
+            )
         above.set_title(f"{force:g} mN")
         above.set_xlim(-6.5, 6.5)
         below.set_xlabel("lateral [mm]")
@@ -73,7 +85,12 @@ def draw(found: dict[str, list[Section]]) -> Figure:
     grid[0, 0].set_ylabel("depth [mm]")
     grid[1, 0].set_ylabel("deeper than clamped [µm]")
     grid[1, 0].invert_yaxis()
-    figure.legend(*grid[1, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False)
+    figure.legend(
+        *grid[1, 0].get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=4,
+        frameon=False,
+    )
     figure.set_layout_engine("constrained")
     return figure
 
@@ -86,7 +103,9 @@ def draw_section(axes: Axes, section: Section, colour: str, dashes: str) -> None
 
 def main() -> None:
     """Compute, print the tips and draw."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
     parser.add_argument("--out", type=Path, default=IMAGE, help="the picture")
     parser.add_argument("--study", type=Path, help="the paper's where none is given")
     given = parser.parse_args()
@@ -97,10 +116,17 @@ def main() -> None:
     )
     for kind in KINDS:
         found[kind], tips_mm = sections(study, kind)
-        shifts = [1e3 * np.mean(depths_mm(own) - depths_mm(reference))
-                  for own, reference in zip(found[kind], found["clamped"], strict=True)]  # fmt: skip
-        print(f"{kind:16s}" + "".join(f"{tip:8.3f}" for tip in tips_mm) + "   "
-              + "".join(f"{shift:8.1f}" for shift in shifts), flush=True)  # fmt: skip
+        shifts = [
+            1e3 * np.mean(depths_mm(own) - depths_mm(reference))
+            for own, reference in zip(found[kind], found["clamped"], strict=True)
+        ]
+        print(
+            f"{kind:16s}"
+            + "".join(f"{tip:8.3f}" for tip in tips_mm)
+            + "   "
+            + "".join(f"{shift:8.1f}" for shift in shifts),
+            flush=True,
+        )
     given.out.parent.mkdir(exist_ok=True)
     draw(found).savefig(given.out, dpi=150)
 

@@ -22,12 +22,19 @@ from scleraforce.units import STANDARD_GRAVITY_M_S2
 Array = NDArray[np.float64]
 
 
-def virtual_sections(wall: LinearWall, eye: PhantomEye, forces_n: Sequence[float], study: Study) -> list[Section]:
+def virtual_sections(
+    wall: LinearWall, eye: PhantomEye, forces_n: Sequence[float], study: Study
+) -> list[Section]:
     """Return the sections of a virtual eye under needle forces, from a wall that may serve several eyes."""
-    needle_nc = wall.needle_cnc([eye.plane.contact], study.needle.outer_diameter_m / 2)[0]
+    needle_nc = wall.needle_cnc([eye.plane.contact], study.needle.outer_diameter_m / 2)[
+        0
+    ]
     modes = np.stack([wall.pressure_nc, wall.gravity_nc, needle_nc])
     weight = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
-    loads = np.array([[eye.iop_pa, weight, force] for force in forces_n]) / eye.youngs_modulus_pa
+    loads = (
+        np.array([[eye.iop_pa, weight, force] for force in forces_n])
+        / eye.youngs_modulus_pa
+    )
     return cut_sections(wall.mesh, [eye.plane], modes, loads[None])[0]
 
 
@@ -56,13 +63,23 @@ def ideal_boundaries(
     lateral_m = (np.arange(oct_study.columns) + 0.5 - oct_study.columns / 2) * step_m
     depths: list[Array] = []
     for curve, smoothing in ((placed.outer, smoothing_m), (placed.inner, 0.0)):
-        ahead = np.concatenate([[True], curve[1:, 0] > np.maximum.accumulate(curve[:, 0])[:-1]])
-        depth = np.interp(lateral_m, curve[ahead, 0], curve[ahead, 1], left=np.nan, right=np.nan)
+        ahead = np.concatenate(
+            [[True], curve[1:, 0] > np.maximum.accumulate(curve[:, 0])[:-1]]
+        )
+        depth = np.interp(
+            lateral_m, curve[ahead, 0], curve[ahead, 1], left=np.nan, right=np.nan
+        )
         if smoothing > 0:
             known = np.isfinite(depth)
             depth[known] = gaussian_filter1d(depth[known], smoothing / step_m)
         noise = gaussian_filter1d(rng.standard_normal(len(depth)), correlation_columns)
-        depth = depth + noise_m * noise / noise.std() * np.sqrt(1 + np.gradient(depth, step_m) ** 2)
+        depth = depth + noise_m * noise / noise.std() * np.sqrt(
+            1 + np.gradient(depth, step_m) ** 2
+        )
         seen = (depth > 0) & (depth < oct_study.depth_m)
         depths.append(np.where(seen, depth, np.nan).astype(np.float64))
-    return Boundaries(lateral_m.astype(np.float64), np.stack(depths), oct_study.depth_m / oct_study.rows)
+    return Boundaries(
+        lateral_m.astype(np.float64),
+        np.stack(depths),
+        oct_study.depth_m / oct_study.rows,
+    )

@@ -32,7 +32,9 @@ class Walls:
 
 def force_n(walls: Walls, unknown_su: Array) -> Array:
     """Return the needle's force for each set of unknowns (sample, unknown), (sample,) in N."""
-    return np.array([_predicted(walls, unknown, np.zeros(1), 1, 0.0)[2] for unknown in unknown_su])
+    return np.array(
+        [_predicted(walls, unknown, np.zeros(1), 1, 0.0)[2] for unknown in unknown_su]
+    )
 
 
 def formed_wall(walls: Walls, unknown: Array) -> Array:
@@ -42,14 +44,33 @@ def formed_wall(walls: Walls, unknown: Array) -> Array:
 
 def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     """Predict the depths and slopes at places for unknowns in the order of `NAMES`, with their derivatives."""
-    shown = _predicted(walls, unknown, places.lateral_m, places.outer, float(places.smoothing_m))[0]
+    shown = _predicted(
+        walls, unknown, places.lateral_m, places.outer, float(places.smoothing_m)
+    )[0]
     return Placed(shown.depth_m, shown.slope, shown.jacobian, shown.seen)
 
 
-def _predicted(walls: Walls, unknown: Array, *places: Any) -> tuple[Depths, Array, float]:
-    count, section = len(places[0]), np.empty((2, 2 * len(walls.library.node_angles()), 2))
-    lines, jacobian = [np.empty(count) for _ in range(4)], np.empty((count, len(at.NAMES)))
-    shown = Depths(lines[0], lines[1], lines[2], lines[3], np.empty(count, dtype=np.bool_), jacobian)
+def _predicted(
+    walls: Walls, unknown: Array, *places: Any
+) -> tuple[Depths, Array, float]:
+    count, section = (
+        len(places[0]),
+        np.empty((2, 2 * len(walls.library.node_angles()), 2)),
+    )
+    lines, jacobian = (
+        [np.empty(count) for _ in range(4)],
+        np.empty((count, len(at.NAMES))),
+    )
+    shown = Depths(
+        lines[0],
+        lines[1],
+        lines[2],
+        lines[3],
+        np.empty(count, dtype=np.bool_),
+        jacobian,
+    )
     tables, law = walls.library.tables, law_of(walls.globe)
-    borne_n = predict(tables, law, places, walls.gap_m, walls.thickness_m, unknown, shown, section)
+    borne_n = predict(
+        tables, law, places, walls.gap_m, walls.thickness_m, unknown, shown, section
+    )
     return shown, section, borne_n

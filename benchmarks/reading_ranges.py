@@ -15,7 +15,9 @@ BEGIN, END = "<!-- ranges: `make ranges` -->\n", "<!-- end of ranges -->\n"
 
 def box() -> str:
     """Return the box, with its marks."""
-    rows = "".join(f"| {name} | {words} |\n" for name, words in reading_ranges(Path("default")))
+    rows = "".join(
+        f"| {name} | {words} |\n" for name, words in reading_ranges(Path("default"))
+    )
     return f"{BEGIN}| | `default` reads |\n|---|---|\n{rows}{END}"
 
 
@@ -28,7 +30,9 @@ def boxed(text: str) -> str:
     before, _, rest = text.partition(BEGIN)
     _, found, after = rest.partition(END)
     if not found:
-        raise ValueError(f"{README}: the marks {BEGIN.strip()} and {END.strip()} are not there")
+        raise ValueError(
+            f"{README}: the marks {BEGIN.strip()} and {END.strip()} are not there"
+        )
     return before + box() + after
 
 

@@ -17,7 +17,9 @@ CONTACT = Contact(polar_rad=np.radians(35.0))
 CONVERGED_MM = {0.5e-3: 2.168, 0.8e-3: 0.9084}
 
 
-def gaussian_load(mesh: HexMesh, contact: Contact, spread_m: float) -> NDArray[np.float64]:
+def gaussian_load(
+    mesh: HexMesh, contact: Contact, spread_m: float
+) -> NDArray[np.float64]:
     """Return a load of 1 N, (node, 3), integrated over the outer surface."""
     values_pn, areas_qpc = surface_points(mesh, mesh.outer_qn, 8)
     positions_qpc = values_pn @ mesh.points_nc[mesh.outer_qn]

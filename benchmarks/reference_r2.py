@@ -19,20 +19,68 @@ RADIUS_M, NU, IOP_PA, NEEDLE_RADIUS_M = 12e-3, 0.45, 266.0, 0.35e-3
 FORCES_MN = (5, 10, 15, 20, 25, 30, 40, 50, 60)
 # Tips at these forces, by thickness in m, Young's modulus in Pa and polar angle of the contact in degrees.
 TIPS_MM = {
-    (0.8e-3, 0.27e6, 35.0): (0.144, 0.309, 0.505, 0.750, 1.073, 1.502, 2.541, 3.503, 4.379),
-    (0.8e-3, 0.38e6, 35.0): (0.102, 0.215, 0.342, 0.488, 0.660, 0.872, 1.484, 2.319, 3.125),
+    (0.8e-3, 0.27e6, 35.0): (
+        0.144,
+        0.309,
+        0.505,
+        0.750,
+        1.073,
+        1.502,
+        2.541,
+        3.503,
+        4.379,
+    ),
+    (0.8e-3, 0.38e6, 35.0): (
+        0.102,
+        0.215,
+        0.342,
+        0.488,
+        0.660,
+        0.872,
+        1.484,
+        2.319,
+        3.125,
+    ),
     (0.5e-3, 0.22e6, 35.0): (0.422, 1.141, 1.941, 2.663, 3.343, 4.001, 5.289, 6.562),
-    (0.8e-3, 0.38e6, 0.0): (0.106, 0.222, 0.353, 0.503, 0.680, 0.897, 1.528, 2.393, 3.233),
-    (0.8e-3, 0.38e6, 50.0): (0.102, 0.215, 0.342, 0.487, 0.657, 0.865, 1.456, 2.265, 3.057),
+    (0.8e-3, 0.38e6, 0.0): (
+        0.106,
+        0.222,
+        0.353,
+        0.503,
+        0.680,
+        0.897,
+        1.528,
+        2.393,
+        3.233,
+    ),
+    (0.8e-3, 0.38e6, 50.0): (
+        0.102,
+        0.215,
+        0.342,
+        0.487,
+        0.657,
+        0.865,
+        1.456,
+        2.265,
+        3.057,
+    ),
 }
 
 
-def reference_path(mesh: HexMesh, youngs_modulus_pa: float, contact: Contact, max_force_n: float) -> LoadPath:
+def reference_path(
+    mesh: HexMesh, youngs_modulus_pa: float, contact: Contact, max_force_n: float
+) -> LoadPath:
     """Return R2's load path."""
     wall = FiniteWall(mesh, NU, dead_pressure_nc=_voronoi_pressure(mesh))
-    needle = Needle(_nodal_gaussian(mesh, contact), tip_at(mesh, contact, -contact.normal))
+    needle = Needle(
+        _nodal_gaussian(mesh, contact), tip_at(mesh, contact, -contact.normal)
+    )
     return wall.load_path(
-        needle, youngs_modulus_pa=youngs_modulus_pa, iop_pa=IOP_PA, density_kg_m3=0.0, max_force_n=max_force_n
+        needle,
+        youngs_modulus_pa=youngs_modulus_pa,
+        iop_pa=IOP_PA,
+        density_kg_m3=0.0,
+        max_force_n=max_force_n,
     )
 
 
@@ -41,7 +89,9 @@ def _voronoi_pressure(mesh: HexMesh) -> Floats:
     inner, radius = np.unique(mesh.inner_qn), RADIUS_M - mesh.thickness_m
     directions = mesh.points_nc[inner] / radius
     load = np.zeros_like(mesh.points_nc)
-    load[inner] = SphericalVoronoi(directions).calculate_areas()[:, None] * radius**2 * directions
+    load[inner] = (
+        SphericalVoronoi(directions).calculate_areas()[:, None] * radius**2 * directions
+    )
     return load
 
 

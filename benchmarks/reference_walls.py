@@ -29,7 +29,9 @@ from scleraforce.mechanics.section import cut_sections
 Floats = NDArray[np.float64]
 
 
-def wall_mesh(radius_m: float, thickness_m: float, *, twenty_nodes: bool = False, **kind: Any) -> HexMesh:
+def wall_mesh(
+    radius_m: float, thickness_m: float, *, twenty_nodes: bool = False, **kind: Any
+) -> HexMesh:
     """Return a mesh of `build_mesh`, of 20-node elements if asked."""
     mesh = build_mesh(radius_m, thickness_m, **kind)
     return _twenty_node_mesh(mesh) if twenty_nodes else mesh
@@ -54,10 +56,17 @@ def _twenty_node_mesh(mesh: HexMesh) -> HexMesh:
 def stiffness_matrix(mesh: HexMesh, element_eiajb: NDArray[np.floating[Any]]) -> Any:
     """Sum element matrices (element, 3, node, 3, node) to a sparse one; unknown 3 n + c is node n, component c."""
     size = element_eiajb.shape[1] * element_eiajb.shape[2]
-    unknown_eN = (3 * mesh.cells_en[:, None, :] + np.arange(3)[:, None]).reshape(-1, size)
-    places = np.repeat(unknown_eN, size, axis=1).ravel(), np.tile(unknown_eN, (1, size)).ravel()
+    unknown_eN = (3 * mesh.cells_en[:, None, :] + np.arange(3)[:, None]).reshape(
+        -1, size
+    )
+    places = (
+        np.repeat(unknown_eN, size, axis=1).ravel(),
+        np.tile(unknown_eN, (1, size)).ravel(),
+    )
     entries = element_eiajb.astype(np.float64).ravel()
-    return coo_array((entries, places), shape=(mesh.points_nc.size, mesh.points_nc.size)).tocsr()
+    return coo_array(
+        (entries, places), shape=(mesh.points_nc.size, mesh.points_nc.size)
+    ).tocsr()
 
 
 def symmetric_base(mesh: HexMesh) -> NDArray[np.bool_]:
@@ -74,10 +83,14 @@ def symmetric_base(mesh: HexMesh) -> NDArray[np.bool_]:
     return held
 
 
-def rest_nc(wall: FiniteWall, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float) -> Floats:
+def rest_nc(
+    wall: FiniteWall, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float
+) -> Floats:
     """Return the displacement of a wall under pressure and weight without a needle, (node, 3) in m."""
     nothing = np.zeros_like(wall.mesh.points_nc)
-    problem = WallEquilibrium(wall, Needle(nothing, nothing), youngs_modulus_pa, density_kg_m3)
+    problem = WallEquilibrium(
+        wall, Needle(nothing, nothing), youngs_modulus_pa, density_kg_m3
+    )
     return wall.full_nc(pressurise(problem, iop_pa / youngs_modulus_pa))
 
 
@@ -87,7 +100,10 @@ def cut_section(mesh: HexMesh, plane: ScanPlane, displacement_nc: Floats) -> Sec
 
 
 def polar_path(
-    sizes: tuple[float, float, float, float, float], polar_rad: float, tips_m: Floats, size: MeridianSize | None = None
+    sizes: tuple[float, float, float, float, float],
+    polar_rad: float,
+    tips_m: Floats,
+    size: MeridianSize | None = None,
 ) -> AxisymmetricPath:
     """Return the path of `axisymmetric_path` with the forces of a needle at a polar angle.
 
@@ -95,19 +111,28 @@ def polar_path(
     """
 
     def path_to(support_rad: float) -> AxisymmetricPath:
-        return axisymmetric_path(*sizes, tips_m=tips_m, support_rad=support_rad, size=size)
+        return axisymmetric_path(
+            *sizes, tips_m=tips_m, support_rad=support_rad, size=size
+        )
 
     even = path_to(0.5 * np.pi)
     if polar_rad == 0.0:
         return even
     around = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
-    forces = [path_to(float(angle)).force_ratio_m2 for angle in base_angle(polar_rad, around)]
+    forces = [
+        path_to(float(angle)).force_ratio_m2 for angle in base_angle(polar_rad, around)
+    ]
     stiffer = SHARE * (np.mean(forces, axis=0) - even.force_ratio_m2)
     return replace(even, force_ratio_m2=even.force_ratio_m2 + stiffer)
 
 
 def shift_in_plane(
-    shift: BaseShift, iop_ratio: float, force_ratio_m2: float, lateral_bn: Floats, gap_m: float, direction_rad: float
+    shift: BaseShift,
+    iop_ratio: float,
+    force_ratio_m2: float,
+    lateral_bn: Floats,
+    gap_m: float,
+    direction_rad: float,
 ) -> Floats:
     """Return the motion of the points of a section, (boundary, node, [lateral, depth]) in m.
 
@@ -123,9 +148,14 @@ def shift_in_plane(
     inside_bn = np.arctan2(gap_m, lateral_bn)  # from the lateral axis
     phase_mbn = np.arange(len(field_mbnc))[:, None, None] * (inside_bn + direction_rad)
     cosine, sine = np.cos(phase_mbn), np.sin(phase_mbn)
-    away, depth = np.sum(field_mbnc[..., 0] * cosine, axis=0), np.sum(field_mbnc[..., 2] * cosine, axis=0)
+    away, depth = (
+        np.sum(field_mbnc[..., 0] * cosine, axis=0),
+        np.sum(field_mbnc[..., 2] * cosine, axis=0),
+    )
     around = np.sum(field_mbnc[..., 1] * sine, axis=0)
-    return np.stack([away * np.cos(inside_bn) - around * np.sin(inside_bn), depth], axis=-1)
+    return np.stack(
+        [away * np.cos(inside_bn) - around * np.sin(inside_bn), depth], axis=-1
+    )
 
 
 SPREAD_POINTS = 6
@@ -134,13 +164,19 @@ SPREAD_POINTS = 6
 def spread_needle(wall: AxisymmetricWall, spread: Callable[[Floats], Floats]) -> None:
     """Spread the needle's force over the outer surface: by area, times a function of the distance from the contact."""
     mesh = wall.mesh
-    nodes_en, values_pn, slopes_pn, weights_p = boundary_shapes(mesh.outer_n, SPREAD_POINTS)
+    nodes_en, values_pn, slopes_pn, weights_p = boundary_shapes(
+        mesh.outer_n, SPREAD_POINTS
+    )
     points_enc = mesh.points_nc[nodes_en]
     positions_epc = np.einsum("pn,enc->epc", values_pn, points_enc)
     length_ep = np.linalg.norm(np.einsum("pn,enc->epc", slopes_pn, points_enc), axis=-1)
     weight_ep = positions_epc[..., 0] * length_ep * weights_p
-    weight_ep *= spread(np.linalg.norm(positions_epc - mesh.points_nc[mesh.outer_n[0]], axis=-1))
-    wall.needle = inward(mesh, nodes_en, (weight_ep / weight_ep.sum()) @ values_pn)[wall.free]
+    weight_ep *= spread(
+        np.linalg.norm(positions_epc - mesh.points_nc[mesh.outer_n[0]], axis=-1)
+    )
+    wall.needle = inward(mesh, nodes_en, (weight_ep / weight_ep.sum()) @ values_pn)[
+        wall.free
+    ]
 
 
 class DeadPressureWall:

@@ -34,7 +34,9 @@ def trace_page(stated: Path = STATED) -> str:
         if not requirement["tests"]:
             raise ValueError(f"{requirement['id']}: no test")
         lines = [f"- {_line(name)}" for name in requirement["tests"]]
-        parts.append("\n".join([f"## {requirement['id']}", requirement["text"], "", *lines, ""]))
+        parts.append(
+            "\n".join([f"## {requirement['id']}", requirement["text"], "", *lines, ""])
+        )
     return "\n".join(parts)
 
 
@@ -43,7 +45,9 @@ def _line(name: str) -> str:
     file, _, function = name.partition("::")
     found = _tests(file)
     if function not in found:
-        raise ValueError(f"{name}: there is no such test; it was renamed or removed: mend docs/requirements.toml")
+        raise ValueError(
+            f"{name}: there is no such test; it was renamed or removed: mend docs/requirements.toml"
+        )
     return f"`{name}`{' *(slow)*' if found[function] else ''}"
 
 
@@ -56,7 +60,11 @@ def _tests(file: str) -> dict[str, bool]:
     whole = [ast.unparse(node) for node in body if isinstance(node, ast.Assign)]
     slow = any(line.startswith("pytestmark") and "slow" in line for line in whole)
     return {
-        node.name: slow or any(ast.unparse(mark).endswith(("mark.slow", "mark.long")) for mark in node.decorator_list)
+        node.name: slow
+        or any(
+            ast.unparse(mark).endswith(("mark.slow", "mark.long"))
+            for mark in node.decorator_list
+        )
         for node in body
         if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
     }

@@ -12,23 +12,43 @@ author = "the scleraforce authors"
 version = release = installed_version("scleraforce")
 project_copyright = author
 try:  # every page says which commit it describes
-    git = ["git", "log", "-1", "--abbrev=8", f"--format=%cs (scleraforce {version}, commit %h)"]
-    html_last_updated_fmt = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()
+    git = [
+        "git",
+        "log",
+        "-1",
+        "--abbrev=8",
+        f"--format=%cs (scleraforce {version}, commit %h)",
+    ]
+    html_last_updated_fmt = subprocess.run(
+        git, check=True, capture_output=True, text=True
+    ).stdout.strip()
 except (OSError, subprocess.CalledProcessError):  # not a clone
     html_last_updated_fmt = f"%Y-%m-%d (scleraforce {version})"
 
 extensions = [
     *("myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"),
-    *("commands", "excerpts", "mathml", "references", "state_table"),  # of the folder `extensions`
+    *(
+        "commands",
+        "excerpts",
+        "mathml",
+        "references",
+        "state_table",
+    ),  # of the folder `extensions`
 ]
 exclude_patterns = ["extensions"]
 default_role = "code"  # `name` in a docstring
 nitpicky = True  # an unresolved reference is an error
 # Types of other packages (their inventories would have to be fetched), and private types of ours.
 nitpick_ignore_regex = [
-    ("py:class", r"(numpy|dataclasses|pathlib|collections|contextlib|msgspec|os)\..*|PathLike|[\d.]+"),
+    (
+        "py:class",
+        r"(numpy|dataclasses|pathlib|collections|contextlib|msgspec|os)\..*|PathLike|[\d.]+",
+    ),
     ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),
-    ("py:class", r"scleraforce\.(decision\.events\.Verdict|segmentation\.wall_finder\.WallFinder)"),
+    (
+        "py:class",
+        r"scleraforce\.(decision\.events\.Verdict|segmentation\.wall_finder\.WallFinder)",
+    ),
     (
         "py:class",
         r"scleraforce\.(decision\.trend\.TimeToBound|mechanics\.globe\.Globe|reader\.where\.Places)|GivenCalibration|Mask",
@@ -59,6 +79,12 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_theme_options = {
     "announcement": "Research use only: not a medical device.",
-    "light_css_variables": {"color-brand-primary": "#0072B2", "color-brand-content": "#0072B2"},
-    "dark_css_variables": {"color-brand-primary": "#56B4E9", "color-brand-content": "#56B4E9"},
+    "light_css_variables": {
+        "color-brand-primary": "#0072B2",
+        "color-brand-content": "#0072B2",
+    },
+    "dark_css_variables": {
+        "color-brand-primary": "#56B4E9",
+        "color-brand-content": "#56B4E9",
+    },
 }

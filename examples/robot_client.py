@@ -12,11 +12,15 @@ import sys
 import time
 from collections.abc import Callable
 
-HEADER = struct.Struct(">H12s20sQQQ")  # version, type, device, time, bytes of the body, CRC-64 of the body
+HEADER = struct.Struct(
+    ">H12s20sQQQ"
+)  # version, type, device, time, bytes of the body, CRC-64 of the body
 STATUS = struct.Struct(">Hq20s")  # code, sub-code, name; the message follows
 OK = 1
 SILENCE_S = 0.150
-OLD_S = 0.100  # an OK delayed by more than this, compared with the quickest STATUS, is old
+OLD_S = (
+    0.100  # an OK delayed by more than this, compared with the quickest STATUS, is old
+)
 DRIFT = 1e-4  # of this clock and the monitor's, which need not agree
 UNREAD_BYTES = 8192  # in this machine's buffer: the monitor closes the connection of a robot that leaves more unread
 MAX_BODY_BYTES = 64 * 1024  # the monitor's messages are far smaller
@@ -71,7 +75,9 @@ def receive(link: socket.socket, count: int, until_s: float) -> bytes:
 def next_status(link: socket.socket, until_s: float) -> tuple[int, int, str, float]:
     """Return code, sub-code, message and time (s) of the next STATUS; others are checked and passed over."""
     while True:
-        version, kind, device, time_s32, size, crc = HEADER.unpack(receive(link, HEADER.size, until_s))
+        version, kind, device, time_s32, size, crc = HEADER.unpack(
+            receive(link, HEADER.size, until_s)
+        )
         if version != 1:  # a client that has sent nothing is spoken to in version 1
             raise DoubtError(f"a header of version {version}")
         if size > MAX_BODY_BYTES:
@@ -84,7 +90,12 @@ def next_status(link: socket.socket, until_s: float) -> tuple[int, int, str, flo
         if size < STATUS.size:
             raise DoubtError(f"a STATUS of {size} bytes")
         code, sub_code, _ = STATUS.unpack_from(body)
-        return code, sub_code, body[STATUS.size :].split(b"\0")[0].decode("utf-8", "replace"), time_s32 / 2**32
+        return (
+            code,
+            sub_code,
+            body[STATUS.size :].split(b"\0")[0].decode("utf-8", "replace"),
+            time_s32 / 2**32,
+        )
 
 
 def watch(host: str, port: int, tell: Callable[[bool, str], None]) -> None:

@@ -12,12 +12,17 @@ import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: 
 
 # A shell without job control starts background jobs with SIGINT and SIGQUIT ignored, and children inherit that: tests
 # that send these to a child would wait for ever where CI runs that way.
-for ignored, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUIT, signal.SIG_DFL)):
+for ignored, handler in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGQUIT, signal.SIG_DFL),
+):
     if signal.getsignal(ignored) is signal.SIG_IGN:
         signal.signal(ignored, handler)
 
 # No timed assertions: a machine with other work may draw slowly.
-settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("untimed")
 
 # What collection makes - thousands of tests, the modules that they import - stays to the end: the collector of cycles
@@ -40,6 +45,8 @@ def browser() -> Iterator[Any]:
     from chromium import CHROMIUM, sync_playwright  # for the tests that need them alone
 
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        started = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox"]
+        )
         yield started
         started.close()

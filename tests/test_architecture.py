@@ -29,38 +29,149 @@ from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
-    "arrays", "units", "errors", "plain_json", "plain_text", "pictures", "processes", "whole_files", "compiled",
-    "checked_store", "study", "models", "decision", "openigtlink", "mechanics", "recording",
-    "known", "segmentation", "library", "laboratory", "calibration",
-    "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "app", "cli",
-]  # fmt: skip
+    "arrays",
+    "units",
+    "errors",
+    "plain_json",
+    "plain_text",
+    "pictures",
+    "processes",
+    "whole_files",
+    "compiled",
+    "checked_store",
+    "study",
+    "models",
+    "decision",
+    "openigtlink",
+    "mechanics",
+    "recording",
+    "known",
+    "segmentation",
+    "library",
+    "laboratory",
+    "calibration",
+    "reader",
+    "learning",
+    "service",
+    "replay",
+    "report",
+    "reproduction",
+    "installation",
+    "notebook",
+    "app",
+    "cli",
+]
 PURE = [
-    "segmentation", "mechanics", "library.fit", "library.placement", "library.prior",
-    "library.unknowns", "laboratory.scanner", "calibration", "decision",
-]  # fmt: skip
-IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
+    "segmentation",
+    "mechanics",
+    "library.fit",
+    "library.placement",
+    "library.prior",
+    "library.unknowns",
+    "laboratory.scanner",
+    "calibration",
+    "decision",
+]
+IMPURE_MODULES = {
+    "socket",
+    "time",
+    "random",
+    "subprocess",
+    "requests",
+    "urllib",
+    "logging",
+    "asyncio",
+    "threading",
+}
 IMPURE_CALLS = {"print", "open", "input"}
 # Methods of paths, NumPy and OpenCV.
 FILE_CALLS = {
-    "read_text", "read_bytes", "write_text", "write_bytes", "open", "mkdir", "unlink", "touch", "iterdir", "glob",
-    "rglob", "exists", "is_file", "is_dir", "stat", "load", "save", "savez", "savez_compressed", "loadtxt", "savetxt",
-    "genfromtxt", "fromfile", "tofile", "memmap", "imread", "imwrite",
-}  # fmt: skip
-FILE_MODULES = {"scleraforce.whole_files", "scleraforce.checked_store", "os", "shutil", "tempfile", "tifffile", "zarr"}
-COPYLEFT = {"felupe", "sksparse", "pyFAI", "PyQt5", "PyQt6", "gmsh", "dolfin", "cholespy", "Sofa"}
+    "read_text",
+    "read_bytes",
+    "write_text",
+    "write_bytes",
+    "open",
+    "mkdir",
+    "unlink",
+    "touch",
+    "iterdir",
+    "glob",
+    "rglob",
+    "exists",
+    "is_file",
+    "is_dir",
+    "stat",
+    "load",
+    "save",
+    "savez",
+    "savez_compressed",
+    "loadtxt",
+    "savetxt",
+    "genfromtxt",
+    "fromfile",
+    "tofile",
+    "memmap",
+    "imread",
+    "imwrite",
+}
+FILE_MODULES = {
+    "scleraforce.whole_files",
+    "scleraforce.checked_store",
+    "os",
+    "shutil",
+    "tempfile",
+    "tifffile",
+    "zarr",
+}
+COPYLEFT = {
+    "felupe",
+    "sksparse",
+    "pyFAI",
+    "PyQt5",
+    "PyQt6",
+    "gmsh",
+    "dolfin",
+    "cholespy",
+    "Sofa",
+}
 BIG = {
-    "nibabel", "nrrd", "metaimageio", "rosbags", "mcap", "scipy", "skfem", "torch", "zarr", "matplotlib", "pydicom",
-    "tifffile", "tqdm", "onnx", "pandas",
-}  # fmt: skip
+    "nibabel",
+    "nrrd",
+    "metaimageio",
+    "rosbags",
+    "mcap",
+    "scipy",
+    "skfem",
+    "torch",
+    "zarr",
+    "matplotlib",
+    "pydicom",
+    "tifffile",
+    "tqdm",
+    "onnx",
+    "pandas",
+}
 # Modules of the control loop: they need NumPy, OpenCV and ONNX Runtime alone.
 RUNTIME = [
-    "segmentation.wall", "library", "known.calibration_file", "reader.model", "reader.answer",
-    "service.monitor_service", "service.second_opinion", "service.black_box", "service.reset", "replay.player",
-]  # fmt: skip
+    "segmentation.wall",
+    "library",
+    "known.calibration_file",
+    "reader.model",
+    "reader.answer",
+    "service.monitor_service",
+    "service.second_opinion",
+    "service.black_box",
+    "service.reset",
+    "replay.player",
+]
 # Factors between units, other than powers of ten, and their inverses.
 FACTORS = {
     words: value
-    for name, factor in {"mmHg": SI_PER_UNIT["mmhg"][1], "degree": pi / 180, "gravity": STANDARD_GRAVITY_M_S2}.items()
+    for name, factor in {
+        "mmHg": SI_PER_UNIT["mmhg"][1],
+        "degree": pi / 180,
+        "gravity": STANDARD_GRAVITY_M_S2,
+    }.items()
     for words, value in ((name, factor), (f"1 / {name}", 1 / factor))
 }
 MODULES = sorted(path for path in ROOT.rglob("*.py"))
@@ -81,7 +192,9 @@ def imported(path: Path) -> frozenset[str]:
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import; write scleraforce..."
-            names |= {node.module or ""} | {f"{node.module}.{alias.name}" for alias in node.names}
+            names |= {node.module or ""} | {
+                f"{node.module}.{alias.name}" for alias in node.names
+            }
     return frozenset(names)
 
 
@@ -91,14 +204,22 @@ def test_imports_point_one_way_and_at_public_names() -> None:
         for name in imported(path):
             there = name.split(".")[1] if name.startswith("scleraforce.") else None
             upward = there in ORDER and ORDER.index(there) > here
-            assert not upward, f"{dotted(path)} imports {name}, of a package after its own"
-            private = name.startswith("scleraforce") and re.match(r"_(?!_)", name.split(".")[-1])
+            assert not upward, (
+                f"{dotted(path)} imports {name}, of a package after its own"
+            )
+            private = name.startswith("scleraforce") and re.match(
+                r"_(?!_)", name.split(".")[-1]
+            )
             assert not private, f"{dotted(path)} imports {name}, a private name"
 
 
 def test_only_learning_imports_torch_and_nothing_copyleft_is_imported() -> None:
     for path in MODULES:
-        forbidden = COPYLEFT if dotted(path).startswith("learning") else COPYLEFT | {"torch", "onnx"}
+        forbidden = (
+            COPYLEFT
+            if dotted(path).startswith("learning")
+            else COPYLEFT | {"torch", "onnx"}
+        )
         found = {name.split(".")[0] for name in imported(path)} & forbidden
         assert not found, f"{dotted(path)} imports {found}"
 
@@ -111,38 +232,62 @@ def test_pure_packages_touch_no_file_clock_socket_or_global_random_state() -> No
 
 def check_that_it_is_pure(path: Path) -> None:
     roots = {name.split(".")[0] for name in imported(path)}
-    assert not roots & IMPURE_MODULES, f"{dotted(path)} imports {roots & IMPURE_MODULES}"
+    assert not roots & IMPURE_MODULES, (
+        f"{dotted(path)} imports {roots & IMPURE_MODULES}"
+    )
     files = (roots | imported(path)) & FILE_MODULES
     assert not files, f"{dotted(path)} imports {files}"
     for node in syntax_nodes(path):
         if isinstance(node, ast.Call):
             called = ast.unparse(node.func)
-            assert called not in IMPURE_CALLS, f"{dotted(path)}:{node.lineno}: {called}()"
-            method = isinstance(node.func, ast.Attribute) and node.func.attr in FILE_CALLS
+            assert called not in IMPURE_CALLS, (
+                f"{dotted(path)}:{node.lineno}: {called}()"
+            )
+            method = (
+                isinstance(node.func, ast.Attribute) and node.func.attr in FILE_CALLS
+            )
             assert not method, f"{dotted(path)}:{node.lineno}: {called}()"
             drawn = re.match(r"(?:np|numpy)\.random\.(\w+)", called)
-            assert not drawn or drawn[1] in {"default_rng", "SeedSequence"}, f"{dotted(path)}:{node.lineno}: {called}"
+            assert not drawn or drawn[1] in {"default_rng", "SeedSequence"}, (
+                f"{dotted(path)}:{node.lineno}: {called}"
+            )
         if isinstance(node, ast.Attribute):
-            assert ast.unparse(node) not in {"os.environ", "os.getenv"}, f"{dotted(path)}:{node.lineno}: environment"
+            assert ast.unparse(node) not in {"os.environ", "os.getenv"}, (
+                f"{dotted(path)}:{node.lineno}: environment"
+            )
 
 
 def test_only_units_knows_the_factors_between_units() -> None:
     for path in MODULES:
         for node in syntax_nodes(path) if dotted(path) != "units" else ():
             if isinstance(node, ast.Constant) and isinstance(node.value, float):
-                near = [name for name, factor in FACTORS.items() if abs(node.value / factor - 1) < 4e-4]
-                assert not near, f"{dotted(path)}:{node.lineno}: {node.value}: take {near[0]} from units"
+                near = [
+                    name
+                    for name, factor in FACTORS.items()
+                    if abs(node.value / factor - 1) < 4e-4
+                ]
+                assert not near, (
+                    f"{dotted(path)}:{node.lineno}: {node.value}: take {near[0]} from units"
+                )
 
 
-def test_only_the_package_itself_lists_its_public_names_and_no_record_reaches_into_another() -> None:
+def test_only_the_package_itself_lists_its_public_names_and_no_record_reaches_into_another() -> (
+    None
+):
     texts = {dotted(path): path.read_text(encoding="utf-8") for path in MODULES}
-    assert [name for name, text in texts.items() if re.search(r"^__all__", text, re.M)] == [""]
-    assert [name for name, text in texts.items() if "__dict__" in text] == [], "use `dataclasses.replace`"
+    assert [
+        name for name, text in texts.items() if re.search(r"^__all__", text, re.M)
+    ] == [""]
+    assert [name for name, text in texts.items() if "__dict__" in text] == [], (
+        "use `dataclasses.replace`"
+    )
 
 
 def output_of(code: str) -> str:
     """Return what a fresh interpreter prints that runs some code without a fault."""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -162,21 +307,50 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
 
 
 def test_commands_import_only_packages_that_they_use(tmp_path: Path) -> None:
-    folder, frame = tmp_path / "study", write_one_frame(tmp_path / "session", recording_toml("mine"))
-    unused = {"scipy.linalg", "scipy.sparse", "scipy.special", "matplotlib", "zarr", "torch", "onnx", "pydicom",
-              "tifffile", "meshio", "pandas"}  # fmt: skip
+    folder, frame = (
+        tmp_path / "study",
+        write_one_frame(tmp_path / "session", recording_toml("mine")),
+    )
+    unused = {
+        "scipy.linalg",
+        "scipy.sparse",
+        "scipy.special",
+        "matplotlib",
+        "zarr",
+        "torch",
+        "onnx",
+        "pydicom",
+        "tifffile",
+        "meshio",
+        "pandas",
+    }
     for command, others in (
-        ("--help", {"numba", "numpy", "cv2", "torch", "matplotlib"}), (f"init {folder}", {"numba"}),
-        (f"show {folder / 'study.toml'}", {"numba"}), (f"classify default {frame}", unused),
-    ):  # fmt: skip
+        ("--help", {"numba", "numpy", "cv2", "torch", "matplotlib"}),
+        (f"init {folder}", {"numba"}),
+        (f"show {folder / 'study.toml'}", {"numba"}),
+        (f"classify default {frame}", unused),
+    ):
         script = f"import sys; from scleraforce.cli.main import run; assert run({command.split()!r}) == 0\n"
         output_of(f"{script}assert not {others!r} & set(sys.modules)")
 
 
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"
 PUBLIC = [name for name in scleraforce.__all__ if not name.startswith("__")]
-HEAVY = ["torch", "scipy", "cv2", "onnxruntime", "numpy", "pydicom", "zarr", "matplotlib", "click", "tqdm",
-         "scipy.linalg", "scipy.ndimage", "scipy.special"]  # fmt: skip
+HEAVY = [
+    "torch",
+    "scipy",
+    "cv2",
+    "onnxruntime",
+    "numpy",
+    "pydicom",
+    "zarr",
+    "matplotlib",
+    "click",
+    "tqdm",
+    "scipy.linalg",
+    "scipy.ndimage",
+    "scipy.special",
+]
 
 
 def loaded_after(code: str) -> set[str]:
@@ -187,30 +361,45 @@ def loaded_after(code: str) -> set[str]:
 
 def test_each_name_loads_only_its_own_imports() -> None:
     assert loaded_after("import scleraforce as sf; dir(sf)") == {"scleraforce"}
-    loaded = loaded_after("import scleraforce as sf; sf.Study; sf.InputError; sf.__version__")
+    loaded = loaded_after(
+        "import scleraforce as sf; sf.Study; sf.InputError; sf.__version__"
+    )
     assert "scleraforce.study" in loaded
     assert not loaded & {"torch", "scipy", "cv2", "onnxruntime", "zarr", "matplotlib"}
-    loaded = loaded_after("import scleraforce as sf; sf.segment; sf.load_model; sf.read; sf.read_recording")
+    loaded = loaded_after(
+        "import scleraforce as sf; sf.segment; sf.load_model; sf.read; sf.read_recording"
+    )
     assert {"cv2", "onnxruntime"} <= loaded
     assert not loaded & {"torch", "zarr", "matplotlib", "click", "tqdm"}
     loaded = loaded_after("import scleraforce as sf; sf.calibrate")
-    assert not loaded & {*HEAVY} - {"scipy", "cv2", "onnxruntime", "numpy"}  # Numba imports SciPy's name
+    assert not loaded & {*HEAVY} - {
+        "scipy",
+        "cv2",
+        "onnxruntime",
+        "numpy",
+    }  # Numba imports SciPy's name
 
 
 @pytest.mark.slow
 def test_nothing_public_loads_pytorch_before_it_trains() -> None:
-    assert "torch" not in loaded_after("import scleraforce as sf\nfor name in dir(sf): getattr(sf, name)")
+    assert "torch" not in loaded_after(
+        "import scleraforce as sf\nfor name in dir(sf): getattr(sf, name)"
+    )
 
 
 def test_the_page_type_checkers_python_and_dir_have_the_same_names() -> None:
-    rows = re.findall(r"^\| `sf\.(\w+)", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    rows = re.findall(
+        r"^\| `sf\.(\w+)", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
     assert sorted(rows) == sorted(PUBLIC)
     assert dir(scleraforce) == sorted(scleraforce.__all__)
     tree = ast.parse((ROOT / "__init__.py").read_text(encoding="utf-8"))
     typed = {
         alias.name: node.module
         for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("scleraforce.")
+        if isinstance(node, ast.ImportFrom)
+        and node.module
+        and node.module.startswith("scleraforce.")
         for alias in node.names
     }
     assert sorted(typed) == sorted(PUBLIC)
@@ -218,7 +407,9 @@ def test_the_page_type_checkers_python_and_dir_have_the_same_names() -> None:
         assert getattr(scleraforce, name) is getattr(import_module(module), name)
     assert (ROOT / "py.typed").exists()
     packages = {path.stem for path in ROOT.iterdir()}
-    assert not packages & set(PUBLIC), "an import of the package would replace the function"
+    assert not packages & set(PUBLIC), (
+        "an import of the package would replace the function"
+    )
 
 
 def test_an_unknown_name_is_an_attribute_error_that_says_where_to_look() -> None:
@@ -234,16 +425,26 @@ def test_every_public_name_has_an_example_and_takes_numbers_by_name() -> None:
         text = inspect.getdoc(function) or ""
         assert ">>> import scleraforce as sf" in text, name
         assert f"sf.{name}" in text, name
-        for argument in inspect.signature(function).parameters.values() if inspect.isfunction(function) else ():
-            assert argument.annotation is not inspect.Parameter.empty, f"{name}: {argument.name}"
+        for argument in (
+            inspect.signature(function).parameters.values()
+            if inspect.isfunction(function)
+            else ()
+        ):
+            assert argument.annotation is not inspect.Parameter.empty, (
+                f"{name}: {argument.name}"
+            )
             by_name = argument.kind is inspect.Parameter.KEYWORD_ONLY
-            assert by_name or "float" not in str(argument.annotation), f"{name}: {argument.name}"
+            assert by_name or "float" not in str(argument.annotation), (
+                f"{name}: {argument.name}"
+            )
 
 
 def test_a_key_that_a_call_does_not_use_is_refused_by_name(tmp_path: Path) -> None:
     """The commands call the other functions (tests/cli/test_recordings.py)."""
-    sealed, straps = (parse_study(f'[{name}]\nkind = "{kind}"') for name, kind in (("globe", "sealed"),
-                      ("supports", "straps")))  # fmt: skip
+    sealed, straps = (
+        parse_study(f'[{name}]\nkind = "{kind}"')
+        for name, kind in (("globe", "sealed"), ("supports", "straps"))
+    )
     for call in (
         lambda: scleraforce.library_of(straps),
         lambda: scleraforce.train(analytic_library(), tmp_path / "out", straps),
@@ -257,12 +458,23 @@ def test_a_key_that_a_call_does_not_use_is_refused_by_name(tmp_path: Path) -> No
 
 
 READERS = (
-    load_classifier, load_force_reader, load_library, load_model, open_calibration, open_dataset, open_library,
-    read_calibration, read_frame, read_recording, read_study,
-)  # fmt: skip
+    load_classifier,
+    load_force_reader,
+    load_library,
+    load_model,
+    open_calibration,
+    open_dataset,
+    open_library,
+    read_calibration,
+    read_frame,
+    read_recording,
+    read_study,
+)
 
 
-def test_a_path_that_is_a_string_and_does_not_exist_is_one_clear_line(tmp_path: Path) -> None:
+def test_a_path_that_is_a_string_and_does_not_exist_is_one_clear_line(
+    tmp_path: Path,
+) -> None:
     missing = str(tmp_path / "nothing")
     for read in READERS:
         faults = []

@@ -28,9 +28,18 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[1]
 
 
-def run(*command: object, cwd: Path = ROOT, env: Mapping[str, str] | None = None) -> str:
+def run(
+    *command: object, cwd: Path = ROOT, env: Mapping[str, str] | None = None
+) -> str:
     """Return what a command printed."""
-    done = subprocess.run(list(map(str, command)), cwd=cwd, env=env, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        list(map(str, command)),
+        cwd=cwd,
+        env=env,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
@@ -42,12 +51,24 @@ def built(source: Path, out: Path) -> Path:
     before = os.umask(0o022)
     try:
         left_out = shutil.ignore_patterns("__pycache__", "*.egg-info")
-        shutil.copytree(ROOT / "src", source / "src", copy_function=shutil.copyfile, ignore=left_out)
+        shutil.copytree(
+            ROOT / "src", source / "src", copy_function=shutil.copyfile, ignore=left_out
+        )
         for name in ("pyproject.toml", "README.md", "LICENSE"):
             shutil.copyfile(ROOT / name, source / name)
         environment = os.environ | {"SOURCE_DATE_EPOCH": "1700000000"}
-        words = ["-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(source)]
-        subprocess.run([sys.executable, *words], env=environment, check=True, capture_output=True)
+        words = [
+            "-m",
+            "build",
+            "--wheel",
+            "--no-isolation",
+            "--outdir",
+            str(out),
+            str(source),
+        ]
+        subprocess.run(
+            [sys.executable, *words], env=environment, check=True, capture_output=True
+        )
     finally:
         os.umask(before)
     (wheel,) = out.glob("*.whl")
@@ -61,10 +82,19 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_two_builds_are_the_same_bytes_of_every_file_of_the_package(wheel: Path, tmp_path: Path) -> None:
-    assert wheel.read_bytes() == built(tmp_path / "elsewhere", tmp_path / "dist").read_bytes()
+def test_two_builds_are_the_same_bytes_of_every_file_of_the_package(
+    wheel: Path, tmp_path: Path
+) -> None:
+    assert (
+        wheel.read_bytes()
+        == built(tmp_path / "elsewhere", tmp_path / "dist").read_bytes()
+    )
     package = ROOT / "src" / "scleraforce"
-    there = [path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    there = [
+        path
+        for path in package.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    ]
     files = {path.relative_to(ROOT / "src").as_posix() for path in there}
     held = {name for name in ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert held == files
@@ -72,20 +102,39 @@ def test_two_builds_are_the_same_bytes_of_every_file_of_the_package(wheel: Path,
 
 
 @pytest.mark.slow
-def test_two_commands_in_a_clean_environment_answer_a_first_frame(wheel: Path, tmp_path: Path) -> None:
+def test_two_commands_in_a_clean_environment_answer_a_first_frame(
+    wheel: Path, tmp_path: Path
+) -> None:
     """The wheel names all packages; they come from PyPI, in the versions of the lock."""
     clean, locked = tmp_path / "clean" / "bin", tmp_path / "constraints"
-    locked.write_text(re.sub(r"(?m)^setuptools.*\n", "", (ROOT / "requirements.lock").read_text()))
+    locked.write_text(
+        re.sub(r"(?m)^setuptools.*\n", "", (ROOT / "requirements.lock").read_text())
+    )
     run(sys.executable, "-m", "venv", "--without-pip", clean.parent)
-    run(sys.executable, "-m", "pip", "-q", "--python", clean / "python", "install", "-c", locked, wheel)
+    run(
+        sys.executable,
+        "-m",
+        "pip",
+        "-q",
+        "--python",
+        clean / "python",
+        "install",
+        "-c",
+        locked,
+        wheel,
+    )
     cv2.imwrite(str(tmp_path / "1.png"), image(wall_section(tip_of(0.020))))
     for line in ("read default 1.png --width-mm 15 --depth-mm 4", "init study"):
-        run(clean / "scleraforce", *line.split(), cwd=tmp_path, env=fresh_home(tmp_path))
+        run(
+            clean / "scleraforce", *line.split(), cwd=tmp_path, env=fresh_home(tmp_path)
+        )
     assert (tmp_path / "study" / "study.toml").exists()
     assert f"-{run(clean / 'scleraforce', '--version').split()[-1]}-" in wheel.name
 
 
-def test_the_version_is_that_of_the_last_tag_else_that_of_the_citation(tmp_path: Path) -> None:
+def test_the_version_is_that_of_the_last_tag_else_that_of_the_citation(
+    tmp_path: Path,
+) -> None:
     shutil.copyfile(ROOT / "pyproject.toml", tmp_path / "pyproject.toml")
 
     def version() -> str:
@@ -93,7 +142,16 @@ def test_the_version_is_that_of_the_last_tag_else_that_of_the_citation(tmp_path:
 
     def commit() -> None:
         author = ("-c", "user.name=A", "-c", "user.email=a@b.c")
-        run("git", *author, "commit", "-q", "--allow-empty", "-m", "A change", cwd=tmp_path)
+        run(
+            "git",
+            *author,
+            "commit",
+            "-q",
+            "--allow-empty",
+            "-m",
+            "A change",
+            cwd=tmp_path,
+        )
 
     stated = yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"]
     assert version() == stated
@@ -120,7 +178,10 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_files_of_a_commit_without_a_tag_name_it(clone: Path) -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     name = f"scleraforce-{citation['version']}+g{run('git', 'rev-parse', '--short=8', 'HEAD', cwd=clone)}"
-    assert {path.name for path in (clone / "dist").iterdir()} == {f"{name}.tar.gz", f"{name}-py3-none-any.whl"}
+    assert {path.name for path in (clone / "dist").iterdir()} == {
+        f"{name}.tar.gz",
+        f"{name}-py3-none-any.whl",
+    }
 
 
 RECIPE = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text())
@@ -134,7 +195,11 @@ def test_the_recipe_for_conda_has_the_dependencies_of_the_project() -> None:
     python = f"python {whole['project']['requires-python']}"
     assert sorted(RECIPE["requirements"]["run"]) == sorted([python, *names])
     build = [Requirement(line) for line in whole["build-system"]["requires"]]
-    assert RECIPE["requirements"]["host"] == [python, "pip", *(f"{one.name} {one.specifier}" for one in build)]
+    assert RECIPE["requirements"]["host"] == [
+        python,
+        "pip",
+        *(f"{one.name} {one.specifier}" for one in build),
+    ]
 
 
 def make_channel(channel: Path, folder: Path) -> None:
@@ -148,17 +213,25 @@ def make_channel(channel: Path, folder: Path) -> None:
         name, _, bound = line.partition(" >=")
         files = folder / ("python" if name == "python" else "empty")
         version = platform.python_version() if name == "python" else bound or "1"
-        rattler_build.assemble_package(name, version, "linux-64", "0", channel / "linux-64", files_dir=files)
+        rattler_build.assemble_package(
+            name, version, "linux-64", "0", channel / "linux-64", files_dir=files
+        )
 
 
 @pytest.mark.slow
-def test_the_recipe_for_conda_builds_the_sdist(clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_recipe_for_conda_builds_the_sdist(
+    clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (sdist,) = (clone / "dist").glob("*.tar.gz")
     version = sdist.name.removeprefix("scleraforce-").removesuffix(".tar.gz")
     monkeypatch.setenv("SCLERAFORCE_VERSION", version)
     make_channel(tmp_path / "channel", tmp_path)
-    (variant,) = rattler_build.Stage0Recipe.from_file(clone / "conda" / "recipe.yaml").render()
-    (built_file,) = variant.run_build(output_dir=tmp_path / "channel", channels=[]).packages
+    (variant,) = rattler_build.Stage0Recipe.from_file(
+        clone / "conda" / "recipe.yaml"
+    ).render()
+    (built_file,) = variant.run_build(
+        output_dir=tmp_path / "channel", channels=[]
+    ).packages
     package = rattler_build.Package.from_file(built_file)
     assert (package.name, package.version) == ("scleraforce", version)
     assert set(package.depends) == set(RECIPE["requirements"]["run"])
@@ -172,10 +245,14 @@ def test_the_scripts_of_the_package_can_be_run() -> None:
         subprocess.run(["bash", "-n", script], check=True)
 
 
-def test_the_page_on_installation_names_the_extras_and_the_citation_this_version() -> None:
+def test_the_page_on_installation_names_the_extras_and_the_citation_this_version() -> (
+    None
+):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     page = (ROOT / "docs" / "installation.md").read_text()
-    assert {name for name in project["optional-dependencies"] if f"| `{name}` |" not in page} <= {"dev", "docs"}
+    assert {
+        name for name in project["optional-dependencies"] if f"| `{name}` |" not in page
+    } <= {"dev", "docs"}
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     assert citation["cff-version"] == "1.2.0"
     assert citation["license"] == project["license"]
@@ -183,7 +260,9 @@ def test_the_page_on_installation_names_the_extras_and_the_citation_this_version
 
 
 def test_no_locked_package_wants_a_newer_python_than_ours() -> None:
-    wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
+    wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "requires-python"
+    ]
     oldest = wanted.removeprefix(">=") + ".0"
     judged = []
     for line in (ROOT / "requirements.lock").read_text().splitlines():
@@ -199,19 +278,44 @@ def test_no_locked_package_wants_a_newer_python_than_ours() -> None:
 
 
 PERMISSIVE = {
-    "0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "CC0-1.0", "HPND", "ISC", "LLVM-exception", "MIT",
-    "MIT-CMU", "MPL-2.0", "PSF-2.0", "Python-2.0", "Unlicense", "Zlib",
-}  # fmt: skip
+    "0BSD",
+    "Apache-2.0",
+    "BSD-2-Clause",
+    "BSD-3-Clause",
+    "BSL-1.0",
+    "CC0-1.0",
+    "HPND",
+    "ISC",
+    "LLVM-exception",
+    "MIT",
+    "MIT-CMU",
+    "MPL-2.0",
+    "PSF-2.0",
+    "Python-2.0",
+    "Unlicense",
+    "Zlib",
+}
 CLASSIFIERS = {
-    "Apache Software License", "BSD License", "ISC License (ISCL)", "MIT License",
-    "Mozilla Public License 2.0 (MPL 2.0)", "Python Software Foundation License",
-    "Historical Permission Notice and Disclaimer (HPND)", "The Unlicense (Unlicense)",
-}  # fmt: skip
+    "Apache Software License",
+    "BSD License",
+    "ISC License (ISCL)",
+    "MIT License",
+    "Mozilla Public License 2.0 (MPL 2.0)",
+    "Python Software Foundation License",
+    "Historical Permission Notice and Disclaimer (HPND)",
+    "The Unlicense (Unlicense)",
+}
 # The free field of older packages; the LICENSE of APSW ("any-OSI") is zlib's.
-IN_WORDS = {"Apache 2.0": "Apache-2.0", "BSD": "BSD-3-Clause", "3-Clause BSD License": "BSD-3-Clause",
-            "any-OSI": "Zlib"}  # fmt: skip
+IN_WORDS = {
+    "Apache 2.0": "Apache-2.0",
+    "BSD": "BSD-3-Clause",
+    "3-Clause BSD License": "BSD-3-Clause",
+    "any-OSI": "Zlib",
+}
 FOR_DEVELOPERS = {"dev", "docs"}
-NVIDIA = re.compile(r"nvidia-|cuda-|triton$")  # PyTorch's wheels for a GPU, which nothing of ours uses
+NVIDIA = re.compile(
+    r"nvidia-|cuda-|triton$"
+)  # PyTorch's wheels for a GPU, which nothing of ours uses
 
 
 def licence_of(found: Distribution) -> str:
@@ -219,9 +323,15 @@ def licence_of(found: Distribution) -> str:
     stated = found.metadata
     if expression := stated.get("License-Expression"):
         return expression
-    classifiers = [line.split(" :: ")[-1] for line in stated.get_all("Classifier") or () if line.startswith("License")]
+    classifiers = [
+        line.split(" :: ")[-1]
+        for line in stated.get_all("Classifier") or ()
+        if line.startswith("License")
+    ]
     named = [name for name in classifiers if name != "OSI Approved"]
-    return " AND ".join(named) or IN_WORDS.get(stated.get("License", ""), stated.get("License", ""))
+    return " AND ".join(named) or IN_WORDS.get(
+        stated.get("License", ""), stated.get("License", "")
+    )
 
 
 def is_permissive(licence: str) -> bool:
@@ -236,7 +346,10 @@ def is_permissive(licence: str) -> bool:
 def brought_along() -> dict[str, Distribution]:
     """Return installed packages that `pip install 'scleraforce[every extra of users]'` needs on this system."""
     found: dict[str, Distribution] = {}
-    extras = set(distribution("scleraforce").metadata.get_all("Provides-Extra") or ()) - FOR_DEVELOPERS
+    extras = (
+        set(distribution("scleraforce").metadata.get_all("Provides-Extra") or ())
+        - FOR_DEVELOPERS
+    )
     waiting = [("scleraforce", frozenset(extras))]
     seen = set(waiting)
     while waiting:
@@ -248,7 +361,9 @@ def brought_along() -> dict[str, Distribution]:
         found[canonicalize_name(name)] = one
         for line in one.requires or ():
             needed = Requirement(line)
-            if needed.marker and not any(needed.marker.evaluate({"extra": extra}) for extra in {"", *wanted}):
+            if needed.marker and not any(
+                needed.marker.evaluate({"extra": extra}) for extra in {"", *wanted}
+            ):
                 continue
             entry = (canonicalize_name(needed.name), frozenset(needed.extras))
             if entry not in seen and not NVIDIA.match(entry[0]):
@@ -258,10 +373,22 @@ def brought_along() -> dict[str, Distribution]:
 
 
 def test_every_package_that_is_brought_along_is_under_a_permissive_licence() -> None:
-    assert {"scleraforce", "numpy", "scipy", "onnxruntime", "protobuf", "zarr", "numcodecs"} <= set(brought_along())
+    assert {
+        "scleraforce",
+        "numpy",
+        "scipy",
+        "onnxruntime",
+        "protobuf",
+        "zarr",
+        "numcodecs",
+    } <= set(brought_along())
     assert "pytest" not in brought_along()  # a tool for developers
     stated = {name: licence_of(one) for name, one in brought_along().items()}
-    others = {name: licence[:80] for name, licence in stated.items() if not is_permissive(licence)}
+    others = {
+        name: licence[:80]
+        for name, licence in stated.items()
+        if not is_permissive(licence)
+    }
     assert not others, "not in the list; read their LICENSE files"
 
 
@@ -279,31 +406,48 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 def shrunk(path: Path) -> np.ndarray:
-    return cv2.resize(cv2.imread(str(path)), SHRUNK, interpolation=cv2.INTER_AREA).astype(float)
+    return cv2.resize(
+        cv2.imread(str(path)), SHRUNK, interpolation=cv2.INTER_AREA
+    ).astype(float)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_a_script_draws_the_picture_of_the_page(script: Path, tmp_path: Path, cache: dict[str, str]) -> None:
+def test_a_script_draws_the_picture_of_the_page(
+    script: Path, tmp_path: Path, cache: dict[str, str]
+) -> None:
     environment = os.environ | cache
     picture = tmp_path / "picture.png"
-    subprocess.run([sys.executable, script, picture], cwd=tmp_path, env=environment, check=True)
+    subprocess.run(
+        [sys.executable, script, picture], cwd=tmp_path, env=environment, check=True
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["picture.png"]
-    difference = np.abs(shrunk(picture) - shrunk(PICTURES / f"{script.stem}.png")).mean()
-    assert difference < ALIKE, f"docs/images/gallery/{script.stem}.png is another picture; `make gallery` makes it anew"
+    difference = np.abs(
+        shrunk(picture) - shrunk(PICTURES / f"{script.stem}.png")
+    ).mean()
+    assert difference < ALIKE, (
+        f"docs/images/gallery/{script.stem}.png is another picture; `make gallery` makes it anew"
+    )
 
 
 def test_different_pictures_are_not_alike() -> None:
     pictures = [shrunk(path) for path in sorted(PICTURES.glob("*.png"))]
-    assert min(np.abs(a - b).mean() for n, a in enumerate(pictures) for b in pictures[:n]) > 2 * ALIKE
+    assert (
+        min(np.abs(a - b).mean() for n, a in enumerate(pictures) for b in pictures[:n])
+        > 2 * ALIKE
+    )
 
 
 def test_the_page_has_each_script_with_its_own_words_and_picture() -> None:
     page = " ".join(PAGE.read_text(encoding="utf-8").split())
-    assert [path.stem for path in sorted(PICTURES.iterdir())] == [script.stem for script in SCRIPTS]
+    assert [path.stem for path in sorted(PICTURES.iterdir())] == [
+        script.stem for script in SCRIPTS
+    ]
     assert len(SCRIPTS) == 10
     for script in SCRIPTS:
-        title, _, words = (ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or "").partition("\n")
+        title, _, words = (
+            ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
+        ).partition("\n")
         assert f"## {title.rstrip('.')} {' '.join(words.split())}" in page, script.name
         assert f"](images/gallery/{script.stem}.png)" in page
         assert f"](../examples/gallery/{script.name})" in page

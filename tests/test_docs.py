@@ -26,16 +26,44 @@ from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
-LONG_COMMANDS = {"demo", "doctor", "simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
+LONG_COMMANDS = {
+    "demo",
+    "doctor",
+    "simulate",
+    "reproduce",
+    "library",
+    "generate",
+    "train",
+    "phantom",
+    "calibrate",
+}
 SLOW_COMMANDS = {*LONG_COMMANDS, "import"}
 SLOW_CALLS = re.compile(r"\b(sf\.train|sf\.calibrate|LinearSections|FiniteWall)\(")
 # Modules whose examples train and solve.
-SLOW_MODULES = {f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")}
-LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", "{eval-rst}", ""}
+SLOW_MODULES = {
+    f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")
+}
+LANGUAGES = {
+    "console",
+    "python",
+    "toml",
+    "json",
+    "text",
+    "csv",
+    "mermaid",
+    "{eval-rst}",
+    "",
+}
 FENCE = re.compile(r"^```([\w{}-]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 PACKAGE = Path(scleraforce.__file__).parent
-SOURCES = [path.relative_to(PACKAGE) for path in PACKAGE.rglob("*.py") if path.name != "__init__.py"]
-MODULES = sorted(".".join(["scleraforce", *path.with_suffix("").parts]) for path in SOURCES)
+SOURCES = [
+    path.relative_to(PACKAGE)
+    for path in PACKAGE.rglob("*.py")
+    if path.name != "__init__.py"
+]
+MODULES = sorted(
+    ".".join(["scleraforce", *path.with_suffix("").parts]) for path in SOURCES
+)
 
 PUBLIC = [name for name in scleraforce.__all__ if not name.startswith("__")]
 PUBLIC_MODULES = sorted({getattr(scleraforce, name).__module__ for name in PUBLIC})
@@ -46,13 +74,19 @@ def name_of(page: Path) -> str:
 
 
 def blocks(page: Path, language: str) -> list[str]:
-    return [body for name, body in FENCE.findall(page.read_text(encoding="utf-8")) if name == language]
+    return [
+        body
+        for name, body in FENCE.findall(page.read_text(encoding="utf-8"))
+        if name == language
+    ]
 
 
 def examples(page: Path) -> Iterator[tuple[str, str]]:
     """Yield the commands of a page's console blocks with their output; a backslash at the end continues a line."""
     for body in blocks(page, "console"):
-        assert body.startswith("$ "), f"{page.name}: a console block starts with `$ command`:\n{body}"
+        assert body.startswith("$ "), (
+            f"{page.name}: a console block starts with `$ command`:\n{body}"
+        )
         for part in re.split(r"^\$ ", body, flags=re.MULTILINE)[1:]:
             lines = part.splitlines()
             ends = next(n for n, line in enumerate(lines) if not line.endswith("\\"))
@@ -63,22 +97,39 @@ def pages_with_commands() -> list[object]:
     """Return the pages with commands; slow if these take long."""
     found = []
     for page in PAGES:
-        shown = [command for command, _ in examples(page) if not command.startswith("make ")]
-        used = {name for command in shown for name in COMMANDS if f"scleraforce {name}" in command}
+        shown = [
+            command for command, _ in examples(page) if not command.startswith("make ")
+        ]
+        used = {
+            name
+            for command in shown
+            for name in COMMANDS
+            if f"scleraforce {name}" in command
+        }
         if shown:
             long = pytest.mark.first if page.name == "README.md" else pytest.mark.long
-            marks = [*[pytest.mark.slow] * bool(used & SLOW_COMMANDS), *[long] * bool(used & LONG_COMMANDS)]
+            marks = [
+                *[pytest.mark.slow] * bool(used & SLOW_COMMANDS),
+                *[long] * bool(used & LONG_COMMANDS),
+            ]
             found.append(pytest.param(page, id=name_of(page), marks=marks))
     return found
 
 
 def ignored(name: str) -> bool:
     """Return True if git ignores a file of this name in the project's folder."""
-    return subprocess.run(["git", "check-ignore", "-q", name], cwd=ROOT, check=False).returncode == 0
+    return (
+        subprocess.run(
+            ["git", "check-ignore", "-q", name], cwd=ROOT, check=False
+        ).returncode
+        == 0
+    )
 
 
 @pytest.mark.parametrize("page", pages_with_commands())
-def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path, tmp_path: Path, monkeypatch) -> None:
+def test_the_commands_of_a_page_run_and_print_what_it_shows(
+    page: Path, tmp_path: Path, monkeypatch
+) -> None:
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     environment = os.environ | {"PATH": path, "COLUMNS": "80"}
     (tmp_path / "docs").symlink_to(ROOT / "docs")
@@ -87,8 +138,16 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path, tmp_path
         if command.startswith("make "):
             continue
         given = {"cwd": tmp_path, "env": environment, "timeout": 600.0}
-        done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False, **given)
-        assert done.returncode == 0, f"{page.name}: $ {command}\n{done.stdout}{done.stderr}"
+        done = subprocess.run(
+            ["bash", "-c", command],
+            capture_output=True,
+            text=True,
+            check=False,
+            **given,
+        )
+        assert done.returncode == 0, (
+            f"{page.name}: $ {command}\n{done.stdout}{done.stderr}"
+        )
         if output:
             flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
             assert checker.check_output(output + "\n", done.stdout, flags), (
@@ -99,18 +158,32 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path, tmp_path
     monkeypatch.chdir(tmp_path)
     run_python(page)
     if (ROOT / ".git").exists():
-        assert [path.name for path in tmp_path.iterdir() if path.name != "docs" and not ignored(path.name)] == []
+        assert [
+            path.name
+            for path in tmp_path.iterdir()
+            if path.name != "docs" and not ignored(path.name)
+        ] == []
 
 
 def test_every_make_target_link_language_and_toml_of_a_page_exists() -> None:
-    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
+    targets = set(
+        re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+    )
     for page in (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"):
         text = page.read_text(encoding="utf-8")
         links = re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text)
-        missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]
+        missing = [
+            link
+            for link in links
+            if "://" not in link and not (page.parent / link).exists()
+        ]
         assert not missing, f"{page.name} links to {missing}, which do not exist"
         if page in PAGES:
-            called = {command.split()[1] for command, _ in examples(page) if command.startswith("make ")}
+            called = {
+                command.split()[1]
+                for command, _ in examples(page)
+                if command.startswith("make ")
+            }
             assert called <= targets, page
             unknown = {name for name, _ in FENCE.findall(text)} - LANGUAGES
             assert not unknown, f"{page}: blocks in {unknown}"
@@ -130,16 +203,26 @@ def run_python(page: Path) -> None:
 
 def pages_with_python() -> list[object]:
     """Pages whose Python trains or solves are slow; that of the README runs after its commands, on what they write."""
-    found = [(page, "\n".join(blocks(page, "python"))) for page in PAGES if page.name != "README.md"]
+    found = [
+        (page, "\n".join(blocks(page, "python")))
+        for page in PAGES
+        if page.name != "README.md"
+    ]
     return [
-        pytest.param(page, id=name_of(page), marks=[pytest.mark.slow] if SLOW_CALLS.search(python) else [])
+        pytest.param(
+            page,
+            id=name_of(page),
+            marks=[pytest.mark.slow] if SLOW_CALLS.search(python) else [],
+        )
         for page, python in found
         if python
     ]
 
 
 @pytest.mark.parametrize("page", pages_with_python())
-def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_python_of_a_page_runs(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
@@ -157,24 +240,44 @@ def notebook_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_examples_in_docstrings_are_true() -> None:
     for name in MODULES:
-        if name not in PUBLIC_MODULES and ">>>" in Path(str(find_spec(name).origin)).read_text(encoding="utf-8"):
-            assert doctest.testmod(import_module(name), optionflags=doctest.ELLIPSIS).failed == 0, name
+        if name not in PUBLIC_MODULES and ">>>" in Path(
+            str(find_spec(name).origin)
+        ).read_text(encoding="utf-8"):
+            assert (
+                doctest.testmod(
+                    import_module(name), optionflags=doctest.ELLIPSIS
+                ).failed
+                == 0
+            ), name
 
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW_MODULES else [], id=name) for name in PUBLIC_MODULES],
+    [
+        pytest.param(
+            name, marks=[pytest.mark.slow] if name in SLOW_MODULES else [], id=name
+        )
+        for name in PUBLIC_MODULES
+    ],
 )
-def test_the_examples_of_the_public_functions_are_true(name: str, notebook_folder: Path, monkeypatch) -> None:
+def test_the_examples_of_the_public_functions_are_true(
+    name: str, notebook_folder: Path, monkeypatch
+) -> None:
     monkeypatch.chdir(notebook_folder)
     monkeypatch.setenv("XDG_CACHE_HOME", str(notebook_folder / "cache"))
-    assert doctest.testmod(import_module(name), optionflags=doctest.ELLIPSIS).failed == 0
+    assert (
+        doctest.testmod(import_module(name), optionflags=doctest.ELLIPSIS).failed == 0
+    )
 
 
 def test_make_help_lists_every_target_that_is_a_task() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    tasks = set(re.search(r"^\.PHONY: (.*)$", makefile, flags=re.MULTILINE).group(1).split())
-    listed = subprocess.run(["make", "-s", "help"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    tasks = set(
+        re.search(r"^\.PHONY: (.*)$", makefile, flags=re.MULTILINE).group(1).split()
+    )
+    listed = subprocess.run(
+        ["make", "-s", "help"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
     assert {line.split()[1] for line in listed.splitlines()} == tasks
     assert "$" not in listed
 
@@ -182,14 +285,23 @@ def test_make_help_lists_every_target_that_is_a_task() -> None:
 def test_the_readme_shows_every_command() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     for name in COMMANDS:
-        assert f"scleraforce {name}" in readme, f"README.md does not show `scleraforce {name}`"
+        assert f"scleraforce {name}" in readme, (
+            f"README.md does not show `scleraforce {name}`"
+        )
 
 
 TEXTS = [
-    ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted(PACKAGE.rglob("*.py")),
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted(PACKAGE.rglob("*.py")),
     *sorted((ROOT / "benchmarks").rglob("*.py")),
-]  # fmt: skip
-FOLDERS = (ROOT, PACKAGE, PACKAGE.parent, ROOT / "benchmarks")  # in which `package/module.py` may be
+]
+FOLDERS = (
+    ROOT,
+    PACKAGE,
+    PACKAGE.parent,
+    ROOT / "benchmarks",
+)  # in which `package/module.py` may be
 FILE = re.compile(r"(?<![\w./])(\w+(?:/\w+)+\.py)\b")
 
 
@@ -197,12 +309,19 @@ def test_every_module_that_a_text_names_exists() -> None:
     missing: dict[str, list[str]] = {}
     for path in TEXTS:
         text = path.read_text(encoding="utf-8")
-        if found := [name for name in FILE.findall(text) if not any((folder / name).is_file() for folder in FOLDERS)]:
+        if found := [
+            name
+            for name in FILE.findall(text)
+            if not any((folder / name).is_file() for folder in FOLDERS)
+        ]:
             missing[str(path.relative_to(ROOT))] = found
     assert not missing, f"named, but missing: {missing}"
 
 
-FIT, PAPERS = "The reader's fit (default), the eye's E", "The paper's: linear, E of the population"
+FIT, PAPERS = (
+    "The reader's fit (default), the eye's E",
+    "The paper's: linear, E of the population",
+)
 QUOTED = ("right class, %", "force error, mN", "intervals hold, %", "class 2 read as 0")
 
 
@@ -221,7 +340,13 @@ def figures() -> dict[str, dict[str, dict[str, str]]]:
             rows, head = {}, []
         elif line.startswith("| ") and not line.startswith("| ---"):
             head = head or cells(line)
-            rows[cells(line)[0]] = dict(zip(head, (re.sub(r" \(.*", "", cell) for cell in cells(line)), strict=False))
+            rows[cells(line)[0]] = dict(
+                zip(
+                    head,
+                    (re.sub(r" \(.*", "", cell) for cell in cells(line)),
+                    strict=False,
+                )
+            )
     return found
 
 
@@ -229,11 +354,18 @@ def test_the_readme_quotes_the_figures_of_the_page() -> None:
     fit, paper = figures()[FIT], figures()[PAPERS]
     readme = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     quoted = {
-        row[0].split(":")[0]: row[1:] for row in map(cells, readme) if len(row) == 6 and row[0].split(":")[0] in fit
+        row[0].split(":")[0]: row[1:]
+        for row in map(cells, readme)
+        if len(row) == 6 and row[0].split(":")[0] in fit
     }
     assert len(quoted) >= 3
     for group, (right, error, held, harmless, papers) in quoted.items():
-        stated = [right.removesuffix(" %"), error.removesuffix(" mN"), held.removesuffix(" %"), harmless]
+        stated = [
+            right.removesuffix(" %"),
+            error.removesuffix(" mN"),
+            held.removesuffix(" %"),
+            harmless,
+        ]
         assert stated == [fit[group][column] for column in QUOTED], group
         assert papers.removesuffix(" %") == paper[group][QUOTED[0]], group
 
@@ -247,26 +379,47 @@ def test_the_readme_has_the_ranges_of_the_bundled_reader() -> None:
 
 HAZARDS = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")
 HAZARD_HEAD = [
-    "", "hazard", "foreseeable sequence of events", "hazardous situation", "what the software does", "verified by",
+    "",
+    "hazard",
+    "foreseeable sequence of events",
+    "hazardous situation",
+    "what the software does",
+    "verified by",
     "what is left",
-]  # fmt: skip
+]
 HAZARD_ROWS = [cells(line) for line in HAZARDS.splitlines() if line.startswith("| H")]
 REQUIREMENTS = tomllib.loads(STATED.read_text(encoding="utf-8"))["requirement"]
 
 
-def test_hazards_fill_the_columns_of_a_risk_file_and_each_cites_requirements_that_belong_to_one() -> None:
-    heads = [cells(line) for line in HAZARDS.splitlines() if line.startswith("| | hazard")]
+def test_hazards_fill_the_columns_of_a_risk_file_and_each_cites_requirements_that_belong_to_one() -> (
+    None
+):
+    heads = [
+        cells(line) for line in HAZARDS.splitlines() if line.startswith("| | hazard")
+    ]
     assert heads == [HAZARD_HEAD] * len(heads) != []
     assert all(len(row) == len(HAZARD_HEAD) and all(row) for row in HAZARD_ROWS)
-    assert [row[0] for row in HAZARD_ROWS] == [f"H{number}" for number in range(1, len(HAZARD_ROWS) + 1)]
-    cited = [name for row in HAZARD_ROWS for name in row[HAZARD_HEAD.index("verified by")].split(", ")]
+    assert [row[0] for row in HAZARD_ROWS] == [
+        f"H{number}" for number in range(1, len(HAZARD_ROWS) + 1)
+    ]
+    cited = [
+        name
+        for row in HAZARD_ROWS
+        for name in row[HAZARD_HEAD.index("verified by")].split(", ")
+    ]
     assert set(cited) == {requirement["id"] for requirement in REQUIREMENTS}
-    assert [one["id"] for one in REQUIREMENTS] == [f"R{number}" for number in range(1, len(REQUIREMENTS) + 1)]
+    assert [one["id"] for one in REQUIREMENTS] == [
+        f"R{number}" for number in range(1, len(REQUIREMENTS) + 1)
+    ]
 
 
-def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(tmp_path: Path) -> None:
+def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(
+    tmp_path: Path,
+) -> None:
     page = trace_page()
-    assert (ROOT / "docs" / "requirements.md").read_text(encoding="utf-8") == page, "run `make trace`"
+    assert (ROOT / "docs" / "requirements.md").read_text(encoding="utf-8") == page, (
+        "run `make trace`"
+    )
     assert re.search(r"::test_a_lower_bound_withdraws\w+` \*\(slow\)\*", page)
     assert re.search(r"::test_a_steep_ramp_is_foreseen`$", page, flags=re.MULTILINE)
     stated, absent = tmp_path / "requirements.toml", "there is no such test"
@@ -276,6 +429,8 @@ def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(tmp
         "[]": "R1: no test",
     }
     for tests, fault in faults.items():
-        stated.write_text(f'[[requirement]]\nid = "R1"\ntext = "..."\ntests = {tests}\n')
+        stated.write_text(
+            f'[[requirement]]\nid = "R1"\ntext = "..."\ntests = {tests}\n'
+        )
         with pytest.raises(ValueError, match=fault):
             trace_page(stated)

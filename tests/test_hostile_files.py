@@ -36,8 +36,14 @@ def test_hundreds_of_mutations_end_well_or_in_one_line(whole: Path) -> None:
 
 def check(whole: Path, kind: str, seeds: int) -> None:
     program = Path(__file__).parent / "support" / "hostile.py"
-    done = subprocess.run([sys.executable, program, whole, kind, "0", str(seeds)], capture_output=True, text=True,
-                          env=os.environ | {"PYTHONPATH": "benchmarks"}, cwd=ROOT, check=False)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, program, whole, kind, "0", str(seeds)],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": "benchmarks"},
+        cwd=ROOT,
+        check=False,
+    )
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert [line for line in lines if line[1]] == []
     assert done.returncode == 0, (lines[-1:], done.stderr[-2000:])

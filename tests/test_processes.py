@@ -90,18 +90,26 @@ def test_what_a_worker_raises_reaches_the_caller():
 
 
 def test_results_come_in_the_order_of_the_units():
-    assert list(work_in_order(HEAVY, range(5, 12), 2, ahead=3)) == [3 * unit for unit in range(5, 12)]
+    assert list(work_in_order(HEAVY, range(5, 12), 2, ahead=3)) == [
+        3 * unit for unit in range(5, 12)
+    ]
     assert list(work_in_order(HEAVY, [], 2, ahead=3)) == []
 
 
 def test_a_worker_continues_while_the_caller_has_a_result(tmp_path: Path) -> None:
-    results = work_in_order(partial(tasks.leave_a_mark_for_each, tmp_path), range(4), 1, ahead=2)
+    results = work_in_order(
+        partial(tasks.leave_a_mark_for_each, tmp_path), range(4), 1, ahead=2
+    )
     for unit in results:
         if unit < 3:
-            wait_until((tmp_path / str(unit + 1)).exists)  # before the caller comes back
+            wait_until(
+                (tmp_path / str(unit + 1)).exists
+            )  # before the caller comes back
 
 
-def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(tmp_path: Path) -> None:
+def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(
+    tmp_path: Path,
+) -> None:
     results = work_units(partial(waits_for_ever, tmp_path), range(2), 2)
     next(results)
     results.close()
@@ -109,7 +117,9 @@ def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(tmp_path: Pat
 
 
 @pytest.mark.parametrize("later_s", [0.02, 0.04])
-def test_a_worker_that_ends_while_it_passes_on_a_large_result_does_not_hang_the_caller(later_s: float) -> None:
+def test_a_worker_that_ends_while_it_passes_on_a_large_result_does_not_hang_the_caller(
+    later_s: float,
+) -> None:
     results = work_units(partial(large, 10**8), range(4), 2)
     next(results)
     time.sleep(later_s)
@@ -121,10 +131,17 @@ def test_a_worker_that_ends_while_it_passes_on_a_large_result_does_not_hang_the_
 def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     program = tmp_path / "program.py"
     program.write_text(LEFT_ALONE)
-    paths = os.environ | {"PYTHONPATH": str(Path(waits_for_ever.__code__.co_filename).parent)}
+    paths = os.environ | {
+        "PYTHONPATH": str(Path(waits_for_ever.__code__.co_filename).parent)
+    }
     parent = subprocess.Popen([sys.executable, str(program), str(tmp_path)], env=paths)
     marks = list[Path]()
-    wait_until(lambda: marks.extend(mark for mark in tmp_path.glob("pid*") if mark.read_text()) or bool(marks))
+    wait_until(
+        lambda: (
+            marks.extend(mark for mark in tmp_path.glob("pid*") if mark.read_text())
+            or bool(marks)
+        )
+    )
     parent.kill()
     parent.wait()
     wait_until(lambda: not alive(int(marks[0].read_text())))
@@ -133,12 +150,21 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
 def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> None:
     (tmp_path / "here").mkdir()
     for name in ("signal", "json", "numpy", "multiprocessing", "pickle", "struct"):
-        (tmp_path / "here" / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n")
+        (tmp_path / "here" / f"{name}.py").write_text(
+            f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n"
+        )
     program = tmp_path / "program.py"
     program.write_text(PROGRAM)
-    safe = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    safe = {
+        name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"
+    }
     done = subprocess.run(
-        [sys.executable, str(program)], cwd=tmp_path / "here", env=safe, capture_output=True, text=True, timeout=300
+        [sys.executable, str(program)],
+        cwd=tmp_path / "here",
+        env=safe,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert (done.stdout, done.stderr) == ("[(0, 0), (1, 2), (2, 4)]\n", "")
     assert not (tmp_path / "ran").exists()
@@ -163,10 +189,16 @@ def mortal(tmp_path: Path) -> Iterator[Cluster]:
 
 
 @on_cluster
-def test_a_cluster_does_each_unit_once_and_in_order_on_request(cluster: Cluster) -> None:
+def test_a_cluster_does_each_unit_once_and_in_order_on_request(
+    cluster: Cluster,
+) -> None:
     workers = cluster_workers(cluster.address)
-    assert dict(work_units(SLOW, range(5, 12), workers)) == {unit: 3 * unit for unit in range(5, 12)}
-    assert list(work_in_order(SLOW, range(12, 5, -1), workers, ahead=3)) == [36 - 3 * n for n in range(7)]
+    assert dict(work_units(SLOW, range(5, 12), workers)) == {
+        unit: 3 * unit for unit in range(5, 12)
+    }
+    assert list(work_in_order(SLOW, range(12, 5, -1), workers, ahead=3)) == [
+        36 - 3 * n for n in range(7)
+    ]
     assert list(work_units(SLOW, [], workers)) == []
     assert list(work_in_order(SLOW, [], workers, ahead=3)) == []
 
@@ -179,11 +211,15 @@ def test_a_cluster_drops_the_units_of_a_caller_that_leaves(cluster: Cluster) -> 
     work.close()
     start = time.monotonic()
     assert dict(work_units(SLOW, [1], workers)) == {1: 3}
-    assert time.monotonic() - start < 20.0  # the units that were handed out before would take minutes
+    assert (
+        time.monotonic() - start < 20.0
+    )  # the units that were handed out before would take minutes
 
 
 @on_cluster
-def test_a_failure_on_a_cluster_reaches_the_caller(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_on_a_cluster_reaches_the_caller(
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
     workers = cluster_workers(cluster.address)
     with pytest.raises(InputError, match="this eye is too small"):
         list(work_units(no_preparation, range(3), workers))
@@ -192,7 +228,9 @@ def test_a_failure_on_a_cluster_reaches_the_caller(cluster: Cluster, monkeypatch
     with pytest.raises(SolverError, match="die one after the other"):
         list(work_units(tasks.ends_its_process, [7], workers))
     monkeypatch.setattr(scleraforce, "__version__", "0.0.1")
-    with pytest.raises(InputError, match=r"a worker has scleraforce \d.*, this process 0\.0\.1"):
+    with pytest.raises(
+        InputError, match=r"a worker has scleraforce \d.*, this process 0\.0\.1"
+    ):
         list(work_units(SLOW, [1], workers))
 
 
@@ -224,7 +262,9 @@ def test_a_scheduler_that_ends_is_one_clear_error(mortal: Cluster) -> None:
 def test_no_scheduler_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(processes_module, "CONNECT_S", 0.5)
-    with pytest.raises(InputError, match=re.escape("no Dask scheduler answers at tcp://127.0.0.1:9")):
+    with pytest.raises(
+        InputError, match=re.escape("no Dask scheduler answers at tcp://127.0.0.1:9")
+    ):
         cluster_workers("tcp://127.0.0.1:9")
 
 
@@ -264,13 +304,24 @@ print(json.dumps([found, imported]))
 
 
 def call(folder: Path, *words: str) -> tuple[list[str], list[str], str]:
-    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "PYTHONPATH": str(folder)}
-    done = subprocess.run([sys.executable, "-c", CALL, *words], env=environment, capture_output=True, check=True)
+    environment = {
+        **os.environ,
+        "XDG_CACHE_HOME": str(folder / "cache"),
+        "PYTHONPATH": str(folder),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", CALL, *words],
+        env=environment,
+        capture_output=True,
+        check=True,
+    )
     found, imported = json.loads(done.stdout)
     return found, imported, done.stderr.decode()
 
 
-def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is_needed(tmp_path: Path) -> None:
+def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is_needed(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "loops.py").write_text(LOOPS)
     compiled, _, first_notice = call(tmp_path)
     loaded, imported, notice = call(tmp_path)

@@ -26,11 +26,18 @@ pytestmark = pytest.mark.slow
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site as `make docs` builds it."""
     folder = tmp_path_factory.mktemp("site")
-    recipe = re.search(r"^docs:.*\n\t\.venv/bin/python (-m sphinx .*) docs \$\(SITE\)$",
-                       (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE)  # fmt: skip
+    recipe = re.search(
+        r"^docs:.*\n\t\.venv/bin/python (-m sphinx .*) docs \$\(SITE\)$",
+        (ROOT / "Makefile").read_text(encoding="utf-8"),
+        flags=re.MULTILINE,
+    )
     assert recipe is not None
     done = subprocess.run(
-        [sys.executable, *recipe[1].split(), "docs", str(folder)], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, *recipe[1].split(), "docs", str(folder)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     return folder
@@ -43,16 +50,24 @@ def offline(browser: Browser) -> BrowserContext:
 
 
 def test_every_page_of_the_folder_is_in_the_side_bar(site: Path) -> None:
-    links = re.findall(r'class="toctree-l1[^"]*"><a class="reference internal" href="([^"]+)"',
-                       (site / "search.html").read_text(encoding="utf-8"))  # fmt: skip
-    assert sorted(map(Path, links)) == [page for page in PAGES if page != Path("index.html")]
+    links = re.findall(
+        r'class="toctree-l1[^"]*"><a class="reference internal" href="([^"]+)"',
+        (site / "search.html").read_text(encoding="utf-8"),
+    )
+    assert sorted(map(Path, links)) == [
+        page for page in PAGES if page != Path("index.html")
+    ]
 
 
 def test_every_page_states_version_commit_and_date(site: Path) -> None:
     git = ["git", "log", "-1", "--abbrev=8", "--format=%cs %h"]
-    date, commit = subprocess.run(git, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
+    date, commit = subprocess.run(
+        git, cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.split()
     stamp = f"Last updated on {date} (scleraforce {scleraforce.__version__}, commit {commit})"
-    assert [page for page in PAGES if stamp not in (site / page).read_text(encoding="utf-8")] == []
+    assert [
+        page for page in PAGES if stamp not in (site / page).read_text(encoding="utf-8")
+    ] == []
 
 
 def test_the_reference_has_every_public_function_and_every_command(site: Path) -> None:
@@ -60,20 +75,33 @@ def test_the_reference_has_every_public_function_and_every_command(site: Path) -
     for name in set(scleraforce.__all__) - {"__version__"}:
         assert f'id="scleraforce.{name}"' in functions, name
     commands = (site / "reference" / "commands.html").read_text(encoding="utf-8")
-    assert [name for name in COMMANDS if f'id="scleraforce-{name}"' not in commands] == []
+    assert [
+        name for name in COMMANDS if f'id="scleraforce-{name}"' not in commands
+    ] == []
 
 
-def test_the_notebooks_run_and_their_pages_show_what_they_print_and_draw(site: Path) -> None:
+def test_the_notebooks_run_and_their_pages_show_what_they_print_and_draw(
+    site: Path,
+) -> None:
     printed = {
-        "first_reading": ["known E:   <Answer: class 1, 18", "class 2, 4", "3 in ", "force18"],
+        "first_reading": [
+            "known E:   <Answer: class 1, 18",
+            "class 2, 4",
+            "3 in ",
+            "force18",
+        ],
         "my_own_recording": ["0.31 MPa", "classes right3 of 3", "predicted_force_mn"],
         "simulate_and_plot": ["SimulatedEye: 50.0 mN"],
     }
     assert [path.stem for path in NOTEBOOKS] == list(printed)
     for path in NOTEBOOKS:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-        assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells), "commit without outputs"
-        page = (site / "notebooks" / path.with_suffix(".html").name).read_text(encoding="utf-8")
+        assert not any(
+            cell.get("outputs") or cell.get("execution_count") for cell in cells
+        ), "commit without outputs"
+        page = (site / "notebooks" / path.with_suffix(".html").name).read_text(
+            encoding="utf-8"
+        )
         assert page.count('<img alt="../_images/') >= 1, path
         text = html.unescape(re.sub(r"<[^>]+>", "", page))
         assert [words for words in printed[path.stem] if words not in text] == []
@@ -81,20 +109,35 @@ def test_the_notebooks_run_and_their_pages_show_what_they_print_and_draw(site: P
 
 def test_no_page_asks_another_machine_for_anything(site: Path) -> None:
     for page in site.rglob("*.html"):
-        fetched = re.findall(r'<(?:script|link|img|iframe)\b[^>]*(?:src|href)="(?:https?:)?//[^"]*"', page.read_text())
+        fetched = re.findall(
+            r'<(?:script|link|img|iframe)\b[^>]*(?:src|href)="(?:https?:)?//[^"]*"',
+            page.read_text(),
+        )
         assert not fetched, f"{page.name}: {fetched}"
 
 
-def test_equations_are_drawn_by_the_browser_and_the_state_diagram_is_a_table(site: Path) -> None:
+def test_equations_are_drawn_by_the_browser_and_the_state_diagram_is_a_table(
+    site: Path,
+) -> None:
     physics = (site / "physics.html").read_text(encoding="utf-8")
-    assert physics.count("<math") >= (ROOT / "docs" / "physics.md").read_text(encoding="utf-8").count("$$") // 2 > 5
+    assert (
+        physics.count("<math")
+        >= (ROOT / "docs" / "physics.md").read_text(encoding="utf-8").count("$$") // 2
+        > 5
+    )
     assert "<mfrac>" in physics
     states = (site / "monitor_decision.html").read_text(encoding="utf-8")
-    assert re.search(r"<p>WITHDRAW</p></td>\s*<td><p>WATCHING</p></td>\s*<td><p>reset after fresh harmless", states)
+    assert re.search(
+        r"<p>WITHDRAW</p></td>\s*<td><p>WATCHING</p></td>\s*<td><p>reset after fresh harmless",
+        states,
+    )
 
 
 @pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
-@pytest.mark.parametrize(("query", "page"), [("Friedenwald rigidity", "physics.html"), ("open_library", "functions")])
+@pytest.mark.parametrize(
+    ("query", "page"),
+    [("Friedenwald rigidity", "physics.html"), ("open_library", "functions")],
+)
 def test_a_query_finds_its_page_with_an_excerpt_without_a_network(
     site: Path, offline: BrowserContext, query: str, page: str
 ) -> None:
@@ -103,11 +146,15 @@ def test_a_query_finds_its_page_with_an_excerpt_without_a_network(
     opened.get_by_placeholder("Search").fill(query)
     opened.keyboard.press("Enter")
     opened.wait_for_selector("ul.search li a")
-    links = opened.locator("ul.search li a").evaluate_all("links => links.map((link) => link.getAttribute('href'))")
+    links = opened.locator("ul.search li a").evaluate_all(
+        "links => links.map((link) => link.getAttribute('href'))"
+    )
     assert any(page in link for link in links), links
     if page.endswith(".html"):
         opened.wait_for_selector("ul.search li p.context")
-        assert query.split()[0] in "".join(opened.locator("ul.search li p.context").all_inner_texts())
+        assert query.split()[0] in "".join(
+            opened.locator("ul.search li p.context").all_inner_texts()
+        )
     opened.close()
 
 

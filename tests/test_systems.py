@@ -17,21 +17,71 @@ import scleraforce
 from scleraforce.cli.main import run
 
 ROOT = Path(scleraforce.__file__).parent
-MODULES = {"fcntl", "grp", "nis", "posix", "pty", "pwd", "resource", "spwd", "syslog", "termios", "tty"}
+MODULES = {
+    "fcntl",
+    "grp",
+    "nis",
+    "posix",
+    "pty",
+    "pwd",
+    "resource",
+    "spwd",
+    "syslog",
+    "termios",
+    "tty",
+}
 OF_OS = {
-    "O_CLOEXEC", "O_NONBLOCK", "eventfd", "fork", "getgid", "geteuid", "getuid", "mkfifo", "openpty", "memfd_create",
-    "pipe2", "posix_fadvise", "posix_spawn", "register_at_fork", "sched_getaffinity", "sched_param",
-    "sched_setaffinity", "sched_setscheduler", "sendfile", "set_blocking", "setpriority", "setsid", "statvfs",
-    "sysconf", "uname", "SCHED_FIFO", "SCHED_RESET_ON_FORK",
-}  # fmt: skip
-OF_SIGNAL = {"SIGALRM", "SIGHUP", "SIGKILL", "SIGQUIT", "SIGTTOU", "SIGUSR1", "alarm", "pthread_sigmask", "setitimer"}
+    "O_CLOEXEC",
+    "O_NONBLOCK",
+    "eventfd",
+    "fork",
+    "getgid",
+    "geteuid",
+    "getuid",
+    "mkfifo",
+    "openpty",
+    "memfd_create",
+    "pipe2",
+    "posix_fadvise",
+    "posix_spawn",
+    "register_at_fork",
+    "sched_getaffinity",
+    "sched_param",
+    "sched_setaffinity",
+    "sched_setscheduler",
+    "sendfile",
+    "set_blocking",
+    "setpriority",
+    "setsid",
+    "statvfs",
+    "sysconf",
+    "uname",
+    "SCHED_FIFO",
+    "SCHED_RESET_ON_FORK",
+}
+OF_SIGNAL = {
+    "SIGALRM",
+    "SIGHUP",
+    "SIGKILL",
+    "SIGQUIT",
+    "SIGTTOU",
+    "SIGUSR1",
+    "alarm",
+    "pthread_sigmask",
+    "setitimer",
+}
 OF_SOCKET = {"AF_UNIX", "SO_REUSEPORT", "SCM_RIGHTS", "send_fds", "recv_fds"}
 LINUX = {"os": OF_OS, "signal": OF_SIGNAL, "socket": OF_SOCKET}
 # Module and name: used with hasattr, with its exception caught, or after the monitor has refused other systems.
 GUARDED = {
-    ("processes", "sched_getaffinity"), ("processes", "pthread_sigmask"), ("installation", "sysconf"),
-    ("cli.monitor", "SIGHUP"), ("cli.monitor", "SIGQUIT"), ("cli.monitor", "SIGTTOU"), ("app.commands", "pty"),
-}  # fmt: skip
+    ("processes", "sched_getaffinity"),
+    ("processes", "pthread_sigmask"),
+    ("installation", "sysconf"),
+    ("cli.monitor", "SIGHUP"),
+    ("cli.monitor", "SIGQUIT"),
+    ("cli.monitor", "SIGTTOU"),
+    ("app.commands", "pty"),
+}
 SMALL = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 20\n"
 # Run in a Python, it removes the functions of Linux alone.
 ELSEWHERE = f"""
@@ -61,14 +111,19 @@ def used(path: Path) -> set[str]:
             found |= {alias.name for alias in node.names} & MODULES
         elif isinstance(node, ast.ImportFrom):
             found |= {node.module or ""} & MODULES
-            found |= {alias.name for alias in node.names} & LINUX.get(node.module or "", set())
+            found |= {alias.name for alias in node.names} & LINUX.get(
+                node.module or "", set()
+            )
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             found |= {node.attr} & LINUX.get(node.value.id, set())
     return found
 
 
 def test_only_service_and_guarded_calls_need_linux() -> None:
-    places = {path: ".".join(path.relative_to(ROOT).with_suffix("").parts) for path in ROOT.rglob("*.py")}
+    places = {
+        path: ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for path in ROOT.rglob("*.py")
+    }
     found = {(place, name) for path, place in places.items() for name in used(path)}
     assert {one for one in found if not one[0].startswith("service")} == GUARDED
     assert {"sched_setscheduler", "SCHED_FIFO"} <= {name for _, name in found}
@@ -86,22 +141,39 @@ def elsewhere(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 
 def test_frames_are_read_without_functions_of_linux(session: Path) -> None:
-    done = elsewhere("classify", "default", session / "frames" / "1.png", "--globe", "open")
+    done = elsewhere(
+        "classify", "default", session / "frames" / "1.png", "--globe", "open"
+    )
     assert done.returncode == 0, done.stderr
     assert "mN (90 %:" in done.stdout
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["phantom", "generate", "evaluate", "segment", "replay"])
-def test_commands_run_without_functions_of_linux(command: str, session: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "command", ["phantom", "generate", "evaluate", "segment", "replay"]
+)
+def test_commands_run_without_functions_of_linux(
+    command: str, session: Path, tmp_path: Path
+) -> None:
     study = tmp_path / "small.toml"
     study.write_text(SMALL)
     out = tmp_path / "out"
     words = {
-        "phantom": ("--study", study, "--out", out, "--forces-mn", "2,20", "--thickness-um", 600),
-        "generate": ("--study", study, "--out", out, "--workers", 1), "evaluate": ("default", session),
-        "segment": (session, "--out", out), "replay": (session, "--port", 1),
-    }[command]  # fmt: skip
+        "phantom": (
+            "--study",
+            study,
+            "--out",
+            out,
+            "--forces-mn",
+            "2,20",
+            "--thickness-um",
+            600,
+        ),
+        "generate": ("--study", study, "--out", out, "--workers", 1),
+        "evaluate": ("default", session),
+        "segment": (session, "--out", out),
+        "replay": (session, "--port", 1),
+    }[command]
     done = elsewhere(command, *words)
     if command == "replay":  # there is no monitor to play to
         assert done.stderr.startswith("error: 127.0.0.1:1: "), done.stderr
@@ -110,7 +182,9 @@ def test_commands_run_without_functions_of_linux(command: str, session: Path, tm
 
 
 @pytest.mark.parametrize("platform", ["darwin", "win32"])
-def test_the_monitor_says_that_it_needs_linux(platform: str, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_the_monitor_says_that_it_needs_linux(
+    platform: str, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
     monkeypatch.setattr(sys, "platform", platform)
     assert run(["monitor", "default"]) == 2
     assert (
@@ -120,7 +194,12 @@ def test_the_monitor_says_that_it_needs_linux(platform: str, monkeypatch: pytest
 
 
 DEVICES = ("/dev/null", "/dev/tty", "/dev/shm", "/proc")
-OURS = {Path(".cache/scleraforce"), Path(".local/state/scleraforce"), Path(".cache/matplotlib"), Path(".config")}
+OURS = {
+    Path(".cache/scleraforce"),
+    Path(".local/state/scleraforce"),
+    Path(".cache/matplotlib"),
+    Path(".config"),
+}
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +207,9 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model folder of kind "reader"."""
     pytest.importorskip("torch")
     path = tmp_path_factory.mktemp("silence") / "reader"
-    write_fixed_reader(path, analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8)
+    write_fixed_reader(
+        path, analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8
+    )
     return path
 
 
@@ -137,32 +218,56 @@ def test_onnx_runtime_keeps_no_device_id_and_no_events_here_or_in_processes_that
 ) -> None:
     """In a notebook, too, which makes a session of its own, and in processes that it starts: our import is enough."""
     environment = fresh_home(tmp_path) | {"ORT_DISABLE_TELEMETRY": "0"}
-    script = ("import os, sys, scleraforce, onnxruntime; onnxruntime.InferenceSession(sys.argv[1] + '/model.onnx'); "
-              "assert os.environ['ORT_DISABLE_TELEMETRY'] == '1'")  # fmt: skip
+    script = (
+        "import os, sys, scleraforce, onnxruntime; onnxruntime.InferenceSession(sys.argv[1] + '/model.onnx'); "
+        "assert os.environ['ORT_DISABLE_TELEMETRY'] == '1'"
+    )
     subprocess.run([sys.executable, "-c", script, reader], env=environment, check=True)
     assert [file for file in tmp_path.rglob("*") if file.is_file()] == []
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(STRACE is None, reason="strace is not installed")
-def test_no_command_speaks_to_another_host_or_writes_outside_its_outputs(reader: Path, tmp_path: Path) -> None:
-    (tmp_path / "study.toml").write_text(f"{SMALL}[network]\nhidden = [8]\nepochs = 1\n")
+def test_no_command_speaks_to_another_host_or_writes_outside_its_outputs(
+    reader: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "study.toml").write_text(
+        f"{SMALL}[network]\nhidden = [8]\nepochs = 1\n"
+    )
     frame = ("eye/frames/0001.png", "--width-mm", "15", "--depth-mm", "4")
     commands = [
         ("phantom", "--study", "study.toml", "--out", "eye", "--forces-mn", "5,30"),
         ("segment", "eye", "--out", "masks", "--overlay"),
         ("generate", "--study", "study.toml", "--out", "data.zarr", "--workers", "1"),
-        ("train", "data.zarr", "--out", "classifier"), ("classify", "classifier", *frame), ("classify", reader, *frame),
-        ("evaluate", reader, "eye", "--html", "page.html"), ("monitor", reader, "--port", "0", "--web-port", "0"),
-    ]  # fmt: skip
+        ("train", "data.zarr", "--out", "classifier"),
+        ("classify", "classifier", *frame),
+        ("classify", reader, *frame),
+        ("evaluate", reader, "eye", "--html", "page.html"),
+        ("monitor", reader, "--port", "0", "--web-port", "0"),
+    ]
     for command in commands:
         monitor = command[0] == "monitor"
-        done = traced(tmp_path, *command, until=(lambda line: line.startswith("reset")) if monitor else None)
-        assert done.code in ((0, 130) if monitor else (0,)), (command, done.err)  # Ctrl-C ends the monitor
-        assert [name for name in done.addresses if not ip_address(name).is_loopback] == [], command
-        outside = [str(file) for file in done.written if not file.is_relative_to(tmp_path)]
+        done = traced(
+            tmp_path,
+            *command,
+            until=(lambda line: line.startswith("reset")) if monitor else None,
+        )
+        assert done.code in ((0, 130) if monitor else (0,)), (
+            command,
+            done.err,
+        )  # Ctrl-C ends the monitor
+        assert [
+            name for name in done.addresses if not ip_address(name).is_loopback
+        ] == [], command
+        outside = [
+            str(file) for file in done.written if not file.is_relative_to(tmp_path)
+        ]
         assert [name for name in outside if not name.startswith(DEVICES)] == [], command
     home = tmp_path / "home"
     kept = {file.relative_to(home) for file in home.rglob("*") if file.is_file()}
-    assert [file for file in kept if not any(file.is_relative_to(ours) for ours in OURS)] == []
-    assert [file for file in (tmp_path / "temporary").rglob("*") if file.is_file()] == []
+    assert [
+        file for file in kept if not any(file.is_relative_to(ours) for ours in OURS)
+    ] == []
+    assert [
+        file for file in (tmp_path / "temporary").rglob("*") if file.is_file()
+    ] == []

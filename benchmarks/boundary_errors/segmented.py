@@ -29,10 +29,19 @@ def random_eyes(study: Study, count: int, seed: int) -> tuple[PhantomEye, ...]:
         return rng.uniform(low + 0.1 * (high - low), high - 0.1 * (high - low), count)
 
     values = zip(
-        *(drawn(s.bounds) for s in (reader.thickness_m, reader.youngs_modulus_pa, reader.iop_pa, reader.gap_m,
-                                    study.needle.polar_angle_rad, reader.tilt_rad)),
+        *(
+            drawn(s.bounds)
+            for s in (
+                reader.thickness_m,
+                reader.youngs_modulus_pa,
+                reader.iop_pa,
+                reader.gap_m,
+                study.needle.polar_angle_rad,
+                reader.tilt_rad,
+            )
+        ),
         strict=True,
-    )  # fmt: skip
+    )
     return tuple(
         PhantomEye(
             id=f"eye-{seed}-{number}",
@@ -78,23 +87,35 @@ def segmented_boundaries(
     true, seen = [], []
     for frame, curves_bnc in zip(plan.frames, states.curves_sbnc, strict=True):
         section = cut_surfaces(curves_bnc, eye.gap_m, eye.tilt_rad)
-        found = find_wall(render_frame(frame, section, study).frame, scale, finder=finder)
-        true.append(_at_columns(frame.pose.place(section), column_laterals(study.slice)))
+        found = find_wall(
+            render_frame(frame, section, study).frame, scale, finder=finder
+        )
+        true.append(
+            _at_columns(frame.pose.place(section), column_laterals(study.slice))
+        )
         seen.append(_depths_at_columns(found, scale, column_laterals(study.slice)))
     return np.array(true), np.array(seen)
 
 
-def _depths_at_columns(found: Segmentation, scale: PixelScale, laterals_m: Floats) -> Floats:
+def _depths_at_columns(
+    found: Segmentation, scale: PixelScale, laterals_m: Floats
+) -> Floats:
     """Return the depth of both found boundaries (boundary, column), m; NaN outside the frame and where no wall is."""
     rows_bc, count = np.stack([found.outer_row, found.inner_row]), len(found.outer_row)
     there_c = np.isfinite(rows_bc[0]) & np.isfinite(rows_bc[1])
     at = laterals_m / scale.lateral_m + count / 2 - 0.5
-    known = there_c[np.rint(at).astype(int).clip(0, count - 1)] & (at >= -0.5) & (at <= count - 0.5)
+    known = (
+        there_c[np.rint(at).astype(int).clip(0, count - 1)]
+        & (at >= -0.5)
+        & (at <= count - 0.5)
+    )
     depth_bc = np.full((2, len(at)), np.nan)
     if not known.any():
         return depth_bc
     for depth, rows in zip(depth_bc, rows_bc, strict=True):
-        depth[known] = (np.interp(at[known], np.flatnonzero(there_c), rows[there_c]) + 0.5) * scale.depth_m
+        depth[known] = (
+            np.interp(at[known], np.flatnonzero(there_c), rows[there_c]) + 0.5
+        ) * scale.depth_m
     depth_bc[1] = depth_bc[0] + (depth_bc[1] - depth_bc[0]) / scale.refractive_index
     return depth_bc
 

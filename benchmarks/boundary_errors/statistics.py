@@ -88,7 +88,9 @@ def boundary_statistics(
     return BoundaryStatistics(
         outer_bias_m=float(np.median(outer_error[gentle])),
         outer_sd_m=_spread(flat_error[gentle & np.isfinite(flat_error)]),
-        outer_per_curvature_m2=float(np.polyfit(curvature[bent], np.clip(outer_error[bent], -2e-4, 2e-4), 1)[0]),
+        outer_per_curvature_m2=float(
+            np.polyfit(curvature[bent], np.clip(outer_error[bent], -2e-4, 2e-4), 1)[0]
+        ),
         outer_correlation=_correlations(flat_error),
         shine_m=float(shines.mean()),
         shine_sd_m=float(shines.std()),
@@ -105,25 +107,44 @@ def boundary_statistics(
 
 def _shines(outer_error: Floats, slope: Floats, curvature: Floats) -> Floats:
     """Return the shine (frame,), m, of frames that show enough columns facing the light and enough others."""
-    judged = np.isfinite(outer_error) & (np.abs(slope) < GENTLE) & (np.abs(curvature) < GENTLY_BENT_PER_M)
+    judged = (
+        np.isfinite(outer_error)
+        & (np.abs(slope) < GENTLE)
+        & (np.abs(curvature) < GENTLY_BENT_PER_M)
+    )
     towards = shining(slope)
     shines = []
-    for frame in np.flatnonzero((judged & (towards > 0.5)).sum(axis=1) >= SHINING_COLUMNS):
+    for frame in np.flatnonzero(
+        (judged & (towards > 0.5)).sum(axis=1) >= SHINING_COLUMNS
+    ):
         at = np.flatnonzero(judged[frame])
         if len(at) < JUDGED_COLUMNS:
             continue
-        parts = np.stack([np.ones(len(at)), -towards[frame, at], curvature[frame, at] / GENTLY_BENT_PER_M], axis=1)
+        parts = np.stack(
+            [
+                np.ones(len(at)),
+                -towards[frame, at],
+                curvature[frame, at] / GENTLY_BENT_PER_M,
+            ],
+            axis=1,
+        )
         error_m = np.clip(outer_error[frame, at], -LARGEST_SHINE_M, LARGEST_SHINE_M)
         shines.append(np.linalg.lstsq(parts, error_m, rcond=None)[0][1])
     return np.array(shines)
 
 
 def _thickness_errors(
-    true: Floats, seen: Floats, found: NDArray[np.bool_], gentle: NDArray[np.bool_], bottom_m: float
+    true: Floats,
+    seen: Floats,
+    found: NDArray[np.bool_],
+    gentle: NDArray[np.bool_],
+    bottom_m: float,
 ) -> tuple[Floats, Floats]:
     """Return errors of the thickness within the frame (sample, column), and their median in a frame, relative."""
     thick = np.minimum(true[:, INNER], bottom_m) - true[:, OUTER]
-    error = np.where(found, np.minimum(seen[:, INNER], bottom_m) - seen[:, OUTER] - thick, np.nan)
+    error = np.where(
+        found, np.minimum(seen[:, INNER], bottom_m) - seen[:, OUTER] - thick, np.nan
+    )
     judged = [np.flatnonzero(row) for row in gentle & (true[:, INNER] < bottom_m)]
     scale = np.array(
         [
@@ -134,7 +155,9 @@ def _thickness_errors(
     return error - np.nan_to_num(scale)[:, None] * thick, scale[np.isfinite(scale)]
 
 
-def _layer_share(true: Floats, seen: Floats, found: NDArray[np.bool_], bottom_m: float) -> float:
+def _layer_share(
+    true: Floats, seen: Floats, found: NDArray[np.bool_], bottom_m: float
+) -> float:
     judged = found & (true[:, INNER] < bottom_m - LAYER_M)
     error = (seen[:, INNER] - seen[:, OUTER]) - (true[:, INNER] - true[:, OUTER])
     thicker = (judged & (error > LAYER_M)).sum(axis=1)
@@ -150,7 +173,9 @@ def _correlations(errors: Floats) -> tuple[float, ...]:
     """Return correlations of errors (sample, column) some columns apart, NaN left out."""
     cut = np.clip(errors, -CORRELATED_M, CORRELATED_M)
     power = float(np.nanmean(cut**2))
-    return tuple(float(np.nanmean(cut[:, lag:] * cut[:, :-lag])) / power for lag in LAGS)
+    return tuple(
+        float(np.nanmean(cut[:, lag:] * cut[:, :-lag])) / power for lag in LAGS
+    )
 
 
 def _share(happened: NDArray[np.bool_], where: NDArray[np.bool_]) -> float:

@@ -49,12 +49,23 @@ class _Groups(click.ParamType[tuple[str, ...]]):
     name = "GROUP,GROUP,..."
 
     def convert(
-        self, value: str | tuple[str, ...], param: click.Parameter | None, ctx: click.Context | None
+        self,
+        value: str | tuple[str, ...],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
     ) -> tuple[str, ...]:
         """Return the names, each once, in the order given."""
-        names = value if isinstance(value, tuple) else tuple(dict.fromkeys(value.split(",")))
+        names = (
+            value
+            if isinstance(value, tuple)
+            else tuple(dict.fromkeys(value.split(",")))
+        )
         if unknown := [name for name in names if name not in GROUPS]:
-            self.fail(f"{unknown[0]!r} is not a group; there are {', '.join(GROUPS)}", param, ctx)
+            self.fail(
+                f"{unknown[0]!r} is not a group; there are {', '.join(GROUPS)}",
+                param,
+                ctx,
+            )
         return names
 
 
@@ -64,7 +75,10 @@ class _Counts(click.ParamType[dict[str, int]]):
     name = "N,GROUP=N,..."
 
     def convert(
-        self, value: str | int | dict[str, int], param: click.Parameter | None, ctx: click.Context | None
+        self,
+        value: str | int | dict[str, int],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
     ) -> dict[str, int]:
         """Return a number for every group."""
         if isinstance(value, dict):
@@ -72,14 +86,26 @@ class _Counts(click.ParamType[dict[str, int]]):
         every, *others = str(value).split(",")
         named = dict(other.partition("=")[::2] for other in others)
         if unknown := [name for name in named if name not in GROUPS]:
-            self.fail(f"{unknown[0]!r} is not a group; there are {', '.join(GROUPS)}", param, ctx)
+            self.fail(
+                f"{unknown[0]!r} is not a group; there are {', '.join(GROUPS)}",
+                param,
+                ctx,
+            )
         texts = {name: named.get(name, every) for name in GROUPS}
-        if wrong := [text for text in texts.values() if not text.isdigit() or int(text) < 2]:
-            self.fail(f"{wrong[0]!r}: give numbers of eyes, 2 or more, like 30 or 30,needle=6", param, ctx)
+        if wrong := [
+            text for text in texts.values() if not text.isdigit() or int(text) < 2
+        ]:
+            self.fail(
+                f"{wrong[0]!r}: give numbers of eyes, 2 or more, like 30 or 30,needle=6",
+                param,
+                ctx,
+            )
         return {name: int(text) for name, text in texts.items()}
 
 
-ERROR_FRAMES = {"plain": (CALIBRATED_FRAMES, 5)}  # frames after which the error of E is listed
+ERROR_FRAMES = {
+    "plain": (CALIBRATED_FRAMES, 5)
+}  # frames after which the error of E is listed
 
 
 @dataclass(frozen=True)
@@ -92,27 +118,76 @@ class Group:
 
 
 @click.command()
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out/figures"), show_default=True,
-              help="Folder of the results; results of this code there are reused.")  # fmt: skip
-@click.option("--eyes", "counts", type=_Counts(), default=30, show_default=True,
-              help="Number of eyes in each group, and other numbers by name.")  # fmt: skip
-@click.option("--groups", "names", type=_Groups(), default=tuple(GROUPS),
-              help=f"Groups, in their order; all by default: {','.join(GROUPS)}.")  # fmt: skip
-@options("scheduler", "workers", scheduler="Dask scheduler whose workers compute the eyes; later commands run here.")
-@click.option("--reader", type=click.Path(path_type=Path), help="A trained reader; otherwise one is trained.")
-@click.option("--living-reader", type=click.Path(path_type=Path),
-              help="A trained reader of the living preset; otherwise one is trained.")  # fmt: skip
-@click.option("--raw-reader", type=click.Path(path_type=Path), help="A trained raw reader, for a row of its own.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/figures"),
+    show_default=True,
+    help="Folder of the results; results of this code there are reused.",
+)
+@click.option(
+    "--eyes",
+    "counts",
+    type=_Counts(),
+    default=30,
+    show_default=True,
+    help="Number of eyes in each group, and other numbers by name.",
+)
+@click.option(
+    "--groups",
+    "names",
+    type=_Groups(),
+    default=tuple(GROUPS),
+    help=f"Groups, in their order; all by default: {','.join(GROUPS)}.",
+)
+@options(
+    "scheduler",
+    "workers",
+    scheduler="Dask scheduler whose workers compute the eyes; later commands run here.",
+)
+@click.option(
+    "--reader",
+    type=click.Path(path_type=Path),
+    help="A trained reader; otherwise one is trained.",
+)
+@click.option(
+    "--living-reader",
+    type=click.Path(path_type=Path),
+    help="A trained reader of the living preset; otherwise one is trained.",
+)
+@click.option(
+    "--raw-reader",
+    type=click.Path(path_type=Path),
+    help="A trained raw reader, for a row of its own.",
+)
 @click.option(
     "--page",
     type=click.Path(path_type=Path, exists=True),
     help="Page of the docs to put the tables into; a JSON file and the picture go beside it.",
 )
-@click.option("--seed", type=click.IntRange(0), default=SEED, show_default=True, help="Of the draw of the eyes.")
-@click.option("--still", is_flag=True, help="Hold the eyes of all groups still, to measure movement.")
-@click.option("--declared-exactly", is_flag=True, help="Declare the true values in the recordings; by default they "
-              "have the errors of users' measurements.")  # fmt: skip
-@click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=SEED,
+    show_default=True,
+    help="Of the draw of the eyes.",
+)
+@click.option(
+    "--still",
+    is_flag=True,
+    help="Hold the eyes of all groups still, to measure movement.",
+)
+@click.option(
+    "--declared-exactly",
+    is_flag=True,
+    help="Declare the true values in the recordings; by default they "
+    "have the errors of users' measurements.",
+)
+@click.option(
+    "--recordings-only",
+    is_flag=True,
+    help="Stop when the eyes are computed and imaged.",
+)
 def main(
     out: Path,
     counts: dict[str, int],
@@ -129,13 +204,25 @@ def main(
     recordings_only: bool,
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
-    study, folder, chosen = Study(), FiguresFolder(out), chosen_workers(scheduler, workers) or available_cores()
+    study, folder, chosen = (
+        Study(),
+        FiguresFolder(out),
+        chosen_workers(scheduler, workers) or available_cores(),
+    )
     now = behaviour()
     take_up(out, now)
     drawn = {group: draw_eyes(group, counts[group], study, seed) for group in names}
     if still:
-        drawn = {group: tuple(eye.held_still() for eye in eyes) for group, eyes in drawn.items()}
-    everyone = [one for eyes in drawn.values() for eye in eyes for one in dict.fromkeys((eye, eye.calibrating))]
+        drawn = {
+            group: tuple(eye.held_still() for eye in eyes)
+            for group, eyes in drawn.items()
+        }
+    everyone = [
+        one
+        for eyes in drawn.values()
+        for eye in eyes
+        for one in dict.fromkeys((eye, eye.calibrating))
+    ]
     with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
         failed = make_recordings(folder, everyone, chosen, bar.update)
     for name in failed:
@@ -143,23 +230,34 @@ def main(
     if recordings_only:
         return
     everyone = [eye for eye in everyone if eye.eye.id not in failed]
-    left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
+    left = {
+        group: tuple(eye for eye in eyes if eye.eye.id not in failed)
+        for group, eyes in drawn.items()
+    }
     given = {DEFAULT_READER: reader, "living": living_reader}
     if not declared_exactly:
         folder = declare(folder, everyone)
     groups = [
-        _read(folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)) for name, eyes in left.items()
+        _read(
+            folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)
+        )
+        for name, eyes in left.items()
     ]
     results = [_result(folder, group, study) for group in groups]
     stamp = new_stamp("make figures")
     found = {"made": vars(stamp), "groups": as_json(results)}
     write_whole(f"{stamp}\n\n{as_markdown(results)}", out / "figures.md")
-    write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", out / "figures.json")
+    write_whole(
+        json.dumps(found, indent=2, allow_nan=False) + "\n", out / "figures.json"
+    )
     _write_picture(groups, study, out / "figures.png")
     if page is not None:
         insert_tables(as_markdown(results), stamp, page)
         keep(stamp, now)
-        write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", page.with_suffix(".json"))
+        write_whole(
+            json.dumps(found, indent=2, allow_nan=False) + "\n",
+            page.with_suffix(".json"),
+        )
         _write_picture(groups, study, page.parent / "images" / "figures.png")
     click.echo(as_markdown(results))
 
@@ -177,12 +275,23 @@ def _methods(
     methods = make_methods(folder, name, study, given[name])
     if raw_reader is not None and name == DEFAULT_READER:
         methods.append(raw_method(raw_reader))
-    return [*methods, paper_method(folder, eyes["plain"], study)] if "plain" in eyes else methods
+    return (
+        [*methods, paper_method(folder, eyes["plain"], study)]
+        if "plain" in eyes
+        else methods
+    )
 
 
-def _read(folder: FiguresFolder, name: str, eyes: tuple[FigureEye, ...], methods: Sequence[Method]) -> Group:
+def _read(
+    folder: FiguresFolder,
+    name: str,
+    eyes: tuple[FigureEye, ...],
+    methods: Sequence[Method],
+) -> Group:
     with progress_bar(methods, f"{name} eyes") as bar:
-        return Group(name, eyes, {method: read_frames(folder, eyes, method) for method in bar})
+        return Group(
+            name, eyes, {method: read_frames(folder, eyes, method) for method in bar}
+        )
 
 
 def _result(folder: FiguresFolder, group: Group, study: Study) -> GroupResult:
@@ -196,20 +305,31 @@ def _result(folder: FiguresFolder, group: Group, study: Study) -> GroupResult:
         sum(frame.target != frame.true_target for frame in frames),
         sum(force_n < study.needle.max_force_n for force_n in largest_n),
         {method: score(answered) for method, answered in group.answers.items()},
-        [_modulus_errors(folder, group.eyes, count) for count in ERROR_FRAMES.get(group.name, (CALIBRATED_FRAMES,))],
+        [
+            _modulus_errors(folder, group.eyes, count)
+            for count in ERROR_FRAMES.get(group.name, (CALIBRATED_FRAMES,))
+        ],
     )
 
 
-def _modulus_errors(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) -> ModulusErrors:
+def _modulus_errors(
+    folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int
+) -> ModulusErrors:
     found = calibrated_eyes(folder, eyes, frames)
     usable = [drawn for drawn in eyes if found[drawn.eye.id].usable]
-    errors = [found[drawn.eye.id].mean_pa / drawn.eye.youngs_modulus_pa - 1.0 for drawn in usable]
+    errors = [
+        found[drawn.eye.id].mean_pa / drawn.eye.youngs_modulus_pa - 1.0
+        for drawn in usable
+    ]
     return ModulusErrors(frames, tuple(errors), len(eyes) - len(usable))
 
 
 def _write_picture(groups: Sequence[Group], study: Study, path: Path) -> None:
     shown = {group.name: next(iter(group.answers.values())) for group in groups}
-    write_figure(draw_forces(shown, [from_si(bound, "mn") for bound in study.classes.bounds_n]), path)
+    write_figure(
+        draw_forces(shown, [from_si(bound, "mn") for bound in study.classes.bounds_n]),
+        path,
+    )
 
 
 if __name__ == "__main__":

@@ -42,7 +42,10 @@ def is_made(out: Path, key: str) -> bool:
 def note_stale(out: Path) -> None:
     """Report that an existing result is made again."""
     if out.exists():
-        print(f"{out}: made by other code or from other inputs; made again", file=sys.stderr)
+        print(
+            f"{out}: made by other code or from other inputs; made again",
+            file=sys.stderr,
+        )
 
 
 def write_key(out: Path, key: str) -> None:
@@ -77,7 +80,9 @@ def made_by(out: Path, command: Sequence[str | Path]) -> Path:
     Raises:
         CommandError: it failed.
     """
-    return made(out, _command_key(command), lambda part: _run([*command, "--out", part]))
+    return made(
+        out, _command_key(command), lambda part: _run([*command, "--out", part])
+    )
 
 
 def answers(out: Path, command: Sequence[str | Path]) -> dict[str, Any]:
@@ -86,7 +91,11 @@ def answers(out: Path, command: Sequence[str | Path]) -> dict[str, Any]:
     Raises:
         CommandError: it failed.
     """
-    made(out, _command_key(command), lambda part: write_whole(_run([*command, "--json"]), part))
+    made(
+        out,
+        _command_key(command),
+        lambda part: write_whole(_run([*command, "--json"]), part),
+    )
     found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
     return found
 
@@ -95,10 +104,16 @@ def content_key(path: Path) -> str:
     """Return the key of an input: the stored one, or else a hash of its content."""
     if _note(path).exists():
         return _note(path).read_text(encoding="utf-8")
-    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+    files = (
+        sorted(file for file in path.rglob("*") if file.is_file())
+        if path.is_dir()
+        else [path]
+    )
     digest = sha256()
     for file in filter(Path.is_file, files):
-        digest.update(f"{file.relative_to(path)}\0".encode() + sha256(file.read_bytes()).digest())
+        digest.update(
+            f"{file.relative_to(path)}\0".encode() + sha256(file.read_bytes()).digest()
+        )
     return digest.hexdigest()
 
 
@@ -112,7 +127,10 @@ def remove(path: Path) -> None:
 
 
 def _command_key(command: Sequence[str | Path]) -> str:
-    words = [f"{word.name} {content_key(word)}" if isinstance(word, Path) else word for word in command]
+    words = [
+        f"{word.name} {content_key(word)}" if isinstance(word, Path) else word
+        for word in command
+    ]
     return sha256("\0".join(words).encode()).hexdigest()
 
 
@@ -124,8 +142,13 @@ def _run(command: Sequence[str | Path]) -> str:
     """Return the standard output of `scleraforce COMMAND`; its progress bar goes where ours go."""
     words = [str(word) for word in command]
     done = subprocess.run(
-        [Path(sys.executable).with_name("scleraforce"), *words], stdout=subprocess.PIPE, text=True, check=False
+        [Path(sys.executable).with_name("scleraforce"), *words],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
     )
     if done.returncode != 0:
-        raise CommandError(f"scleraforce {' '.join(words[:1])}: exit code {done.returncode}; its message is above")
+        raise CommandError(
+            f"scleraforce {' '.join(words[:1])}: exit code {done.returncode}; its message is above"
+        )
     return done.stdout

@@ -27,15 +27,30 @@ def declare(folder: FiguresFolder, eyes: Iterable[FigureEye]) -> FiguresFolder:
     told = FiguresFolder(folder.work("told"))
     for drawn in eyes:
         key = recording_key(drawn)
-        made(told.recording(drawn), key, partial(_write, folder.recording(drawn), drawn.seed))
+        made(
+            told.recording(drawn),
+            key,
+            partial(_write, folder.recording(drawn), drawn.seed),
+        )
         made(told.made(drawn), key, partial(_linked, folder.made(drawn)))
     return told
 
 
 def _write(recording: Path, seed: int, told: Path) -> None:
-    shutil.copytree(recording, told, copy_function=_linked, ignore=shutil.ignore_patterns("truth.json"))
-    info = as_declared(read_info(recording / "recording.toml"), ReaderStudy(), np.random.default_rng((seed, 1)))
-    write_whole(format_record(info), told / "recording.toml")  # a new file: the links of the old one stay
+    shutil.copytree(
+        recording,
+        told,
+        copy_function=_linked,
+        ignore=shutil.ignore_patterns("truth.json"),
+    )
+    info = as_declared(
+        read_info(recording / "recording.toml"),
+        ReaderStudy(),
+        np.random.default_rng((seed, 1)),
+    )
+    write_whole(
+        format_record(info), told / "recording.toml"
+    )  # a new file: the links of the old one stay
 
 
 def _linked(source: str | Path, target: str | Path) -> None:
@@ -45,7 +60,9 @@ def _linked(source: str | Path, target: str | Path) -> None:
         shutil.copyfile(source, target)
 
 
-def as_declared(info: RecordingInfo, reader: ReaderStudy, rng: np.random.Generator) -> RecordingInfo:
+def as_declared(
+    info: RecordingInfo, reader: ReaderStudy, rng: np.random.Generator
+) -> RecordingInfo:
     """Return a recording's values as a user would have measured them.
 
     Args:
@@ -65,13 +82,16 @@ def as_declared(info: RecordingInfo, reader: ReaderStudy, rng: np.random.Generat
         eye=replace(
             eye,
             iop_pa=eye.iop_pa * (1.0 + reader.iop_noise_fraction * iop),
-            thickness_m=eye.thickness_m * (1.0 + reader.thickness_noise_fraction * thickness),
+            thickness_m=eye.thickness_m
+            * (1.0 + reader.thickness_noise_fraction * thickness),
         ),
         needle=replace(
             needle,
             slice_gap_m=needle.slice_gap_m * (1.0 + reader.gap_noise_fraction * gap),
             polar_angle_rad=abs(needle.polar_angle_rad + reader.pole_noise_rad * polar),
-            lean_rad=None if needle.lean_rad is None else abs(needle.lean_rad + reader.pole_noise_rad * lean),
+            lean_rad=None
+            if needle.lean_rad is None
+            else abs(needle.lean_rad + reader.pole_noise_rad * lean),
         ),
         oct=replace(scanner, plane_direction_rad=turned_rad),
     )

@@ -24,7 +24,11 @@ class Lean:
     @property
     def push_rad(self) -> float:
         """Angle between the force on the wall and the normal: the needle's, or friction's where the needle slides."""
-        return self.angle_rad if self.friction is None else min(self.angle_rad, atan(self.friction))
+        return (
+            self.angle_rad
+            if self.friction is None
+            else min(self.angle_rad, atan(self.friction))
+        )
 
     @property
     def felt(self) -> float:
@@ -54,14 +58,18 @@ class FigureEye:
     @property
     def name(self) -> str:
         """Name of the recording: the eye's, with a mark if it only calibrates."""
-        return self.eye.id + "-calibration" * (self.lean is not None and self.calibrated_at is None)
+        return self.eye.id + "-calibration" * (
+            self.lean is not None and self.calibrated_at is None
+        )
 
     @property
     def calibrating(self) -> "FigureEye":
         """The eye in the recording that calibrates it: another session, or this one."""
         if self.calibrated_at is None:
             return self
-        return replace(self, lean=self.calibrated_at, calibrated_at=None, seed=self.seed + 1)
+        return replace(
+            self, lean=self.calibrated_at, calibrated_at=None, seed=self.seed + 1
+        )
 
     def forces_n(self, largest_n: float) -> tuple[float, ...]:
         """Return the forces of the frames, in N, where the largest one is `largest_n`."""
@@ -69,5 +77,7 @@ class FigureEye:
 
     def held_still(self) -> "FigureEye":
         """Return the eye as it is where it does not turn under the needle."""
-        phantom = replace(self.study.phantom, eye_drift_rad=fixed(0.0), eye_saccade_rad=fixed(0.0))
+        phantom = replace(
+            self.study.phantom, eye_drift_rad=fixed(0.0), eye_saccade_rad=fixed(0.0)
+        )
         return replace(self, study=replace(self.study, phantom=phantom))

@@ -31,9 +31,18 @@ from scleraforce.units import to_si
 
 SEED = 20_261_126  # of this benchmark alone: earlier draws were in view while the reader was made
 FRAMES = 20
-CORE, RINGS = 8, 20  # of the mesh: tips are within 1 % of a mesh with twice the elements
+CORE, RINGS = (
+    8,
+    20,
+)  # of the mesh: tips are within 1 % of a mesh with twice the elements
 DEFAULT_READER = "default"
-NEEDLE_DIAMETERS_M = (0.7e-3, 0.5e-3, 0.4e-3, 0.3e-3, 0.18e-3)  # 22G, 25G, 27G, 30G, 34G
+NEEDLE_DIAMETERS_M = (
+    0.7e-3,
+    0.5e-3,
+    0.4e-3,
+    0.3e-3,
+    0.18e-3,
+)  # 22G, 25G, 27G, 30G, 34G
 
 Drawn = tuple[PhantomEye, Study]
 
@@ -83,14 +92,20 @@ def _harder(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
         ),
         region=(RegionStudy(modulus_ratio=rng.uniform(0.6, 1.4)),),
     )
-    needle = replace(study.needle, tilt_rad=radians(rng.uniform(0.0, 10.0)), tilt_direction_rad=rng.uniform(-pi, pi))
+    needle = replace(
+        study.needle,
+        tilt_rad=radians(rng.uniform(0.0, 10.0)),
+        tilt_direction_rad=rng.uniform(-pi, pi),
+    )
     return eye, replace(study, form=form, needle=needle)
 
 
 def _sealed(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return an eye whose globe is sealed, with a rigidity of 0.01 to 0.05 mmHg^(1/3)/ul."""
     rigidity = to_si(rng.uniform(0.01, 0.05), "mmhg13_per_ul")
-    return eye, replace(study, globe=GlobeStudy("sealed", rigidity_pa13_per_m3=rigidity))
+    return eye, replace(
+        study, globe=GlobeStudy("sealed", rigidity_pa13_per_m3=rigidity)
+    )
 
 
 def _open_or_sealed(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
@@ -104,15 +119,21 @@ def _behind_the_limbus(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     limbus_rad, radius_m = asin(ring_m / study.eye.radius_m), study.eye.radius_m
     cornea = CorneaStudy(radius_m=7.8e-3, limbus_radius_m=ring_m)
     region = RegionStudy(
-        modulus_ratio=rng.uniform(0.6, 1.4), half_angle_rad=limbus_rad, edge_rad=cornea.edge_m / radius_m
+        modulus_ratio=rng.uniform(0.6, 1.4),
+        half_angle_rad=limbus_rad,
+        edge_rad=cornea.edge_m / radius_m,
     )
     form = FormStudy(region=(region,), cornea=cornea)
-    return replace(eye, polar_rad=limbus_rad + behind_m / radius_m), replace(study, form=form)
+    return replace(eye, polar_rad=limbus_rad + behind_m / radius_m), replace(
+        study, form=form
+    )
 
 
 def _stiffening(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return a sealed eye whose tissue stiffens: b of 1 to 30, its logarithm even."""
-    tissue = TissueStudy(stiffening=float(np.exp(rng.uniform(np.log(1.0), np.log(30.0)))))
+    tissue = TissueStudy(
+        stiffening=float(np.exp(rng.uniform(np.log(1.0), np.log(30.0))))
+    )
     eye, own = _sealed(eye, study, rng)
     return eye, replace(own, tissue=tissue)
 
@@ -123,8 +144,14 @@ def _fibred(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     Its mesh is the default's: on the finer one the paths of five of six eyes end at 9 to 31 mN, where the needle's edge
     cuts into the matrix; up to there dents agree within 0.4 %. On this one the softest two, 18 and 22, end early.
     """
-    tissue = TissueStudy(softer_through=float(np.exp(rng.uniform(np.log(4.0), np.log(25.0)))))
-    return eye, replace(study, tissue=tissue, mesh=replace(study.mesh, core=MeshStudy.core, rings=MeshStudy.rings))
+    tissue = TissueStudy(
+        softer_through=float(np.exp(rng.uniform(np.log(4.0), np.log(25.0))))
+    )
+    return eye, replace(
+        study,
+        tissue=tissue,
+        mesh=replace(study.mesh, core=MeshStudy.core, rings=MeshStudy.rings),
+    )
 
 
 def _woven(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
@@ -137,7 +164,10 @@ def _relaxing(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     shares, scales = rng.uniform(0.05, 0.2, 2), np.exp(rng.uniform(0.0, np.log(6.0), 2))
     terms = zip(shares.tolist(), (scales * (0.5, 5.0)).tolist(), strict=True)
     return eye, replace(
-        study, tissue=TissueStudy(relaxation=tuple((fixed(share), fixed(tau_s)) for share, tau_s in terms))
+        study,
+        tissue=TissueStudy(
+            relaxation=tuple((fixed(share), fixed(tau_s)) for share, tau_s in terms)
+        ),
     )
 
 
@@ -156,7 +186,11 @@ def _sliding(rng: Generator) -> tuple[Lean, Lean]:
 
 def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return a living eye: sealed, 1 to 2 MPa, 10 to 25 mmHg; p R/(E t) is 0.09 at most, the wall bursts at 0.42."""
-    eye = replace(eye, youngs_modulus_pa=rng.uniform(1e6, 2e6), iop_pa=to_si(rng.uniform(10.0, 25.0), "mmhg"))
+    eye = replace(
+        eye,
+        youngs_modulus_pa=rng.uniform(1e6, 2e6),
+        iop_pa=to_si(rng.uniform(10.0, 25.0), "mmhg"),
+    )
     return _sealed(eye, study, rng)
 
 
@@ -178,19 +212,26 @@ def _needle_in_the_plane(eye: PhantomEye, study: Study, rng: Generator) -> Drawn
     """Return an open eye whose B-scan plane meets the needle, 22G to 34G, steel or glass, straight or bevelled."""
     diameter_m = float(rng.choice(NEEDLE_DIAMETERS_M))
     eye = replace(eye, gap_m=rng.uniform(0.0, 0.4) * diameter_m)
-    needle, phantom = replace(study.needle, outer_diameter_m=diameter_m), replace(study.phantom, needle_count=fixed(1))
+    needle, phantom = (
+        replace(study.needle, outer_diameter_m=diameter_m),
+        replace(study.phantom, needle_count=fixed(1)),
+    )
     return eye, replace(study, needle=needle, phantom=phantom)
 
 
 def _under_a_conjunctiva(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return an open eye under a conjunctiva of 0.08 to 0.2 mm."""
-    phantom = replace(study.phantom, conjunctiva_thickness_m=fixed(rng.uniform(0.08e-3, 0.2e-3)))
+    phantom = replace(
+        study.phantom, conjunctiva_thickness_m=fixed(rng.uniform(0.08e-3, 0.2e-3))
+    )
     return eye, replace(study, phantom=phantom)
 
 
 def _layered(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return an open eye under conjunctiva and Tenon's capsule of 0.1 to 0.6 mm, which the needle compresses."""
-    phantom = replace(study.phantom, conjunctiva_thickness_m=fixed(rng.uniform(0.1e-3, 0.6e-3)))
+    phantom = replace(
+        study.phantom, conjunctiva_thickness_m=fixed(rng.uniform(0.1e-3, 0.6e-3))
+    )
     return eye, replace(study, phantom=phantom)
 
 
@@ -198,7 +239,10 @@ def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return an open eye before another scanner: more noise, coarser speckle, a linear display, or larger frames."""
     phantom, oct_study = study.phantom, study.oct
     scanners = (
-        (replace(phantom, snr_db=_times(phantom.snr_db, 1.0, -10.0 * log10(4.0))), oct_study),
+        (
+            replace(phantom, snr_db=_times(phantom.snr_db, 1.0, -10.0 * log10(4.0))),
+            oct_study,
+        ),
         (
             replace(
                 phantom,
@@ -208,7 +252,10 @@ def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
             oct_study,
         ),
         (replace(phantom, display="linear"), oct_study),
-        (phantom, replace(oct_study, width_m=16e-3, depth_m=5.2e-3, columns=800, rows=640)),
+        (
+            phantom,
+            replace(oct_study, width_m=16e-3, depth_m=5.2e-3, columns=800, rows=640),
+        ),
     )
     phantom, oct_study = scanners[rng.integers(len(scanners))]
     return eye, replace(study, phantom=phantom, oct=oct_study)
@@ -228,7 +275,10 @@ def _moving(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 def _cut_to(width_m: float, eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
     """Return an open eye in frames that are cut to a width, without black bands at their sides."""
     columns = round(study.oct.columns * width_m / study.oct.width_m)
-    phantom, oct_study = replace(study.phantom, band_m=fixed(0.0)), replace(study.oct, width_m=width_m, columns=columns)
+    phantom, oct_study = (
+        replace(study.phantom, band_m=fixed(0.0)),
+        replace(study.oct, width_m=width_m, columns=columns),
+    )
     return eye, replace(study, phantom=phantom, oct=oct_study)
 
 
@@ -238,10 +288,17 @@ def _times(sampled: Sampled, factor: float, more: float = 0.0) -> Range:
 
 
 GROUPS: Mapping[str, Group] = {
-    "plain": Group(words="globe open and declared", own=_plain, accuracy_percent=99, error_mn=0.4),
-    "harder": Group(words="globe open and declared", own=_harder, accuracy_percent=97, error_mn=0.8),
+    "plain": Group(
+        words="globe open and declared", own=_plain, accuracy_percent=99, error_mn=0.4
+    ),
+    "harder": Group(
+        words="globe open and declared", own=_harder, accuracy_percent=97, error_mn=0.8
+    ),
     "sealed": Group(
-        words="globe sealed, declared without its rigidity", own=_sealed, accuracy_percent=98, error_mn=0.7
+        words="globe sealed, declared without its rigidity",
+        own=_sealed,
+        accuracy_percent=98,
+        error_mn=0.7,
     ),
     "untold": Group(
         words="globe open or sealed, not declared",
@@ -270,7 +327,8 @@ GROUPS: Mapping[str, Group] = {
         error_mn=1.0,
     ),
     "supported": Group(
-        words="a whole globe on a bed, held by the rectus muscles, read as a clamped half-sphere", own=_supported
+        words="a whole globe on a bed, held by the rectus muscles, read as a clamped half-sphere",
+        own=_supported,
     ),
     "needle": Group(
         words="the needle, 22G to 34G, in the picture; globe open and declared",
@@ -297,11 +355,16 @@ GROUPS: Mapping[str, Group] = {
         own=_moving,
     ),
     "fibred": Group(
-        words="4 to 25 times softer in shear through the wall than along it; globe open and declared", own=_fibred
+        words="4 to 25 times softer in shear through the wall than along it; globe open and declared",
+        own=_fibred,
     ),
-    "woven": Group(words="twice as stiff around the eye's axis as along it; globe open and declared", own=_woven),
+    "woven": Group(
+        words="twice as stiff around the eye's axis as along it; globe open and declared",
+        own=_woven,
+    ),
     "layered": Group(
-        words="soft layers of 5 to 20 kPa, 0.1 to 0.6 mm, over the wall; globe open and declared", own=_layered
+        words="soft layers of 5 to 20 kPa, 0.1 to 0.6 mm, over the wall; globe open and declared",
+        own=_layered,
     ),
     "relaxing": Group(
         words="a held needle loses 5 to 20 % of its force with 0.5 to 3 s, and as much with 5 to 30 s; globe open and "
@@ -334,7 +397,9 @@ GROUPS: Mapping[str, Group] = {
 }
 
 
-def draw_eyes(group: str, count: int, study: Study, seed: int = SEED) -> tuple[FigureEye, ...]:
+def draw_eyes(
+    group: str, count: int, study: Study, seed: int = SEED
+) -> tuple[FigureEye, ...]:
     """Draw the first `count` eyes of a group; a larger count does not change the first ones.
 
     Args:
@@ -345,7 +410,9 @@ def draw_eyes(group: str, count: int, study: Study, seed: int = SEED) -> tuple[F
     """
     mesh = MeshStudy(kind="graded", core=CORE, rings=RINGS)
     study = replace(study, mesh=mesh, mechanics=MechanicsStudy(kind="finite-strain"))
-    return tuple(_draw_eye(group, number, study, seed) for number in range(1, count + 1))
+    return tuple(
+        _draw_eye(group, number, study, seed) for number in range(1, count + 1)
+    )
 
 
 def _draw_eye(group: str, number: int, study: Study, draw: int) -> FigureEye:
@@ -365,4 +432,12 @@ def _draw_eye(group: str, number: int, study: Study, draw: int) -> FigureEye:
     eye, own = GROUPS[group].own(plain, study, rng)
     leans = GROUPS[group].leans
     seed = int(np.random.default_rng((*key, 1)).integers(2**31))
-    return FigureEye(group, eye, own, shares, seed, GROUPS[group].tell_globe, *(leans(rng) if leans else ()))
+    return FigureEye(
+        group,
+        eye,
+        own,
+        shares,
+        seed,
+        GROUPS[group].tell_globe,
+        *(leans(rng) if leans else ()),
+    )

@@ -6,7 +6,10 @@ from provenance.stamps import Stamp
 from scleraforce.errors import InputError
 from scleraforce.whole_files import write_whole
 
-BEGIN, END = "<!-- made by `make figures`: begin -->", "<!-- made by `make figures`: end -->"
+BEGIN, END = (
+    "<!-- made by `make figures`: begin -->",
+    "<!-- made by `make figures`: end -->",
+)
 
 
 def insert_tables(tables: str, stamp: Stamp, page: Path) -> None:
@@ -17,6 +20,10 @@ def insert_tables(tables: str, stamp: Stamp, page: Path) -> None:
     """
     text = page.read_text(encoding="utf-8")
     if text.count(BEGIN) != 1 or text.count(END) != 1:
-        raise InputError(f"{page}: expected one line {BEGIN!r} and one {END!r} around the tables")
+        raise InputError(
+            f"{page}: expected one line {BEGIN!r} and one {END!r} around the tables"
+        )
     before, rest = text.split(BEGIN)
-    write_whole(f"{before}{BEGIN}\n\n{stamp}\n\n{tables}\n{END}{rest.split(END)[1]}", page)
+    write_whole(
+        f"{before}{BEGIN}\n\n{stamp}\n\n{tables}\n{END}{rest.split(END)[1]}", page
+    )

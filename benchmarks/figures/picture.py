@@ -14,7 +14,9 @@ PANEL_MM, ACROSS = 58, 4  # panels in a row
 
 
 @styled
-def draw_forces(answers: Mapping[str, Sequence[AnsweredFrame]], bounds_mn: Sequence[float]) -> Figure:
+def draw_forces(
+    answers: Mapping[str, Sequence[AnsweredFrame]], bounds_mn: Sequence[float]
+) -> Figure:
     """Draw one panel for each group of eyes.
 
     Args:
@@ -24,7 +26,9 @@ def draw_forces(answers: Mapping[str, Sequence[AnsweredFrame]], bounds_mn: Seque
     across = min(len(answers), ACROSS)
     down = -(-len(answers) // across)
     figure = Figure(figsize=inches(PANEL_MM * across + 8, PANEL_MM * down + 12))
-    panels = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True).ravel()
+    panels = figure.subplots(
+        down, across, squeeze=False, sharex=True, sharey=True
+    ).ravel()
     for axes, (group, frames) in zip(panels, answers.items(), strict=False):
         _draw(axes, frames, bounds_mn)
         axes.set_title(group)
@@ -39,7 +43,9 @@ def draw_forces(answers: Mapping[str, Sequence[AnsweredFrame]], bounds_mn: Seque
     return figure
 
 
-def _draw(axes: Axes, frames: Sequence[AnsweredFrame], bounds_mn: Sequence[float]) -> None:
+def _draw(
+    axes: Axes, frames: Sequence[AnsweredFrame], bounds_mn: Sequence[float]
+) -> None:
     for bound in bounds_mn:
         axes.axhline(bound, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
         axes.axvline(bound, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
@@ -50,12 +56,21 @@ def _draw(axes: Axes, frames: Sequence[AnsweredFrame], bounds_mn: Sequence[float
             axes.plot(frame.true_mn, -2.0, "|", color=GREY, markersize=4)
             continue
         low, high = frame.interval_mn
-        axes.plot([frame.true_mn] * 2, [low, high], color=colour, linewidth=0.6, alpha=0.6)
+        axes.plot(
+            [frame.true_mn] * 2, [low, high], color=colour, linewidth=0.6, alpha=0.6
+        )
         axes.plot(frame.true_mn, frame.read_mn, "o", color=colour, markersize=1.5)
     axes.set_xlim(0.0, 62.0)
     axes.set_ylim(-4.0, LARGEST_MN)
 
 
 def _legend() -> list[Line2D]:
-    words = ((BLUE, "class right"), (RED, "class wrong"), (GREY, "not usable (bars below: no force read)"))
-    return [Line2D([], [], linestyle="", marker="o", color=colour, markersize=3, label=text) for colour, text in words]
+    words = (
+        (BLUE, "class right"),
+        (RED, "class wrong"),
+        (GREY, "not usable (bars below: no force read)"),
+    )
+    return [
+        Line2D([], [], linestyle="", marker="o", color=colour, markersize=3, label=text)
+        for colour, text in words
+    ]

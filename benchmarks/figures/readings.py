@@ -43,7 +43,9 @@ class Method:
     calibrated: bool = True
 
 
-def make_methods(folder: FiguresFolder, name: str, study: Study, given: Path | None = None) -> list[Method]:
+def make_methods(
+    folder: FiguresFolder, name: str, study: Study, given: Path | None = None
+) -> list[Method]:
     """Return the ways of reading of a reader, the default one first; train what is not there yet.
 
     Args:
@@ -65,13 +67,20 @@ def make_methods(folder: FiguresFolder, name: str, study: Study, given: Path | N
         for way in ways
     ]
     title = f"{READINGS[default]}, E of other eyes"
-    return [*own, Method(f"{mark}{default}-population", title, own[0].model, own_modulus=False)]
+    return [
+        *own,
+        Method(f"{mark}{default}-population", title, own[0].model, own_modulus=False),
+    ]
 
 
-def paper_method(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study) -> Method:
+def paper_method(
+    folder: FiguresFolder, plain: Sequence[FigureEye], study: Study
+) -> Method:
     """Return the paper's way of reading, with the modulus of the plain eyes; train a classifier that is not there."""
     model = _classifier(folder, plain, study)
-    return Method("paper", "the paper's: linear, E of the population", model, calibrated=False)
+    return Method(
+        "paper", "the paper's: linear, E of the population", model, calibrated=False
+    )
 
 
 def raw_method(model: Path) -> Method:
@@ -84,11 +93,17 @@ def _reader(folder: FiguresFolder, name: str, study: Study) -> Path:
     part = _reader_folder(folder, name)
     path = _study_file(folder, name, study)
     library = made_by(part.work("library.zarr"), ["library", "--study", path])
-    return made_by(part.work("reader"), ["train", library, "--study", path, "--kind", "reader"])
+    return made_by(
+        part.work("reader"), ["train", library, "--study", path, "--kind", "reader"]
+    )
 
 
 def _reader_folder(folder: FiguresFolder, name: str) -> FiguresFolder:
-    return folder if name == DEFAULT_READER else FiguresFolder(folder.work(f"{name}-reader"))
+    return (
+        folder
+        if name == DEFAULT_READER
+        else FiguresFolder(folder.work(f"{name}-reader"))
+    )
 
 
 def _study_file(folder: FiguresFolder, name: str, study: Study) -> Path:
@@ -105,12 +120,18 @@ def _answering(folder: FiguresFolder, reader: Path, mark: str, way: str) -> Path
     def copy(part: Path) -> None:
         shutil.copytree(reader, part)
         record = json.loads((part / RECORD_FILE).read_text(encoding="utf-8"))
-        write_whole(json.dumps({**record, "default": way}, indent=2) + "\n", part / RECORD_FILE)
+        write_whole(
+            json.dumps({**record, "default": way}, indent=2) + "\n", part / RECORD_FILE
+        )
 
-    return made(folder.work(f"{mark}reader-{way}"), f"{content_key(reader)} {way}", copy)
+    return made(
+        folder.work(f"{mark}reader-{way}"), f"{content_key(reader)} {way}", copy
+    )
 
 
-def _classifier(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study) -> Path:
+def _classifier(
+    folder: FiguresFolder, plain: Sequence[FigureEye], study: Study
+) -> Path:
     """Return the paper's classifier of linear slices, with the population's E of the plain eyes.
 
     They are calibrated linearly on their first frames. Framing and gap are drawn from the ranges of the eyes that it
@@ -118,13 +139,32 @@ def _classifier(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study)
     """
     path = folder.work("linear.toml")
     framed = framed_for_laboratory(study)
-    write_whole(format_study(replace(framed, dataset=replace(framed.dataset, gap_m=GAP_M))), path)
+    write_whole(
+        format_study(replace(framed, dataset=replace(framed.dataset, gap_m=GAP_M))),
+        path,
+    )
     modulus = made_by(
         folder.work("calibrations") / "linear.json",
-        ["calibrate", *_recordings(folder, plain), "--frames", str(CALIBRATED_FRAMES), "--mechanics", "linear"],
+        [
+            "calibrate",
+            *_recordings(folder, plain),
+            "--frames",
+            str(CALIBRATED_FRAMES),
+            "--mechanics",
+            "linear",
+        ],
     )
     slices = made_by(
-        folder.work("linear-slices"), ["generate", "--study", path, "--calibration", modulus, "--mechanics", "linear"]
+        folder.work("linear-slices"),
+        [
+            "generate",
+            "--study",
+            path,
+            "--calibration",
+            modulus,
+            "--mechanics",
+            "linear",
+        ],
     )
     return made_by(folder.work("classifier"), ["train", slices])
 
@@ -139,7 +179,9 @@ def calibrated_eyes(
     return found
 
 
-def read_frames(folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method) -> tuple[AnsweredFrame, ...]:
+def read_frames(
+    folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method
+) -> tuple[AnsweredFrame, ...]:
     """Return the answers of a method to the frames of a group that count, made where they are not there.
 
     The frames that any eye is calibrated on are left out, also where the method does not use that calibration.
@@ -151,8 +193,15 @@ def read_frames(folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method
     frames: list[AnsweredFrame] = []
     for number, half in enumerate(halves):
         told = half if method.own_modulus else halves[len(halves) - 1 - number]
-        out = folder.work("answers") / f"{method.name}-{half[0].eye.id}-to-{half[-1].eye.id}.json"
-        command: list[str | Path] = ["evaluate", method.model, *_recordings(folder, half)]
+        out = (
+            folder.work("answers")
+            / f"{method.name}-{half[0].eye.id}-to-{half[-1].eye.id}.json"
+        )
+        command: list[str | Path] = [
+            "evaluate",
+            method.model,
+            *_recordings(folder, half),
+        ]
         if method.calibrated:
             command += ["--calibration", _calibration(folder, told, CALIBRATED_FRAMES)]
         frames += _frames(folder, half, answers(out, command)["frames"])
@@ -160,7 +209,9 @@ def read_frames(folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method
 
 
 def _frames(
-    folder: FiguresFolder, eyes: Sequence[FigureEye], answered: Sequence[dict[str, object]]
+    folder: FiguresFolder,
+    eyes: Sequence[FigureEye],
+    answered: Sequence[dict[str, object]],
 ) -> list[AnsweredFrame]:
     """Return the answers that count, with their truth; both lists are in the order of the eyes and their frames."""
     found = []
@@ -170,7 +221,9 @@ def _frames(
         place = truth.files.index(str(answer["file"]))
         study = drawn.study
         in_window = bool(truth.in_window(study.oct.depth_m)[place])
-        frame = answered_frame(answer, float(truth.forces_n[place]), in_window, study.classes)
+        frame = answered_frame(
+            answer, float(truth.forces_n[place]), in_window, study.classes
+        )
         found += [] if frame is None else [frame]
     return found
 
@@ -179,7 +232,12 @@ def _calibration(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) 
     """Return the calibration of eyes on the first frames of each, made where it is not there."""
     name = f"{eyes[0].eye.id}-to-{eyes[-1].eye.id}-{frames}-frames.json"
     calibrating = [drawn.calibrating for drawn in eyes]
-    command: list[str | Path] = ["calibrate", *_recordings(folder, calibrating), "--frames", str(frames)]
+    command: list[str | Path] = [
+        "calibrate",
+        *_recordings(folder, calibrating),
+        "--frames",
+        str(frames),
+    ]
     reader = GROUPS[eyes[0].group].reader
     if reader != DEFAULT_READER:
         command += ["--study", _study_file(folder, reader, READERS[reader](Study()))]

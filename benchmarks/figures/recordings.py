@@ -19,12 +19,22 @@ from figures.folder import FiguresFolder
 from figures.sections import ROOM, compute_eye
 from figures.workers import in_processes
 from scleraforce.errors import ScleraforceError
-from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, plan_sections, write_phantom
+from scleraforce.laboratory.phantom import (
+    PhantomFrame,
+    plan_phantom,
+    plan_sections,
+    write_phantom,
+)
 from scleraforce.mechanics.contact import Section
 from scleraforce.processes import ClusterWorkers, work_units
 from scleraforce.recording.folder import read_info
 from scleraforce.study import Study, format_record
-from scleraforce.whole_files import hash_sources, renamed_when_whole, write_whole, write_whole_folder
+from scleraforce.whole_files import (
+    hash_sources,
+    renamed_when_whole,
+    write_whole,
+    write_whole_folder,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +59,10 @@ class MadeEye:
 
 
 def make_recordings(
-    folder: FiguresFolder, eyes: Sequence[FigureEye], workers: int, progress: Callable[[int], object]
+    folder: FiguresFolder,
+    eyes: Sequence[FigureEye],
+    workers: int,
+    progress: Callable[[int], object],
 ) -> tuple[str, ...]:
     """Compute and image the eyes that the folder lacks or has from other code.
 
@@ -62,7 +75,11 @@ def make_recordings(
     Returns:
         The names of the eyes that failed; their messages are on standard error.
     """
-    missing = [(folder, eye) for eye in eyes if not is_made(folder.recording(eye), recording_key(eye))]
+    missing = [
+        (folder, eye)
+        for eye in eyes
+        if not is_made(folder.recording(eye), recording_key(eye))
+    ]
     for _, eye in missing:
         note_stale(folder.recording(eye))
     progress(len(eyes) - len(missing))
@@ -80,7 +97,10 @@ def make_recordings(
 
 
 def _made_on_cluster(
-    folder: FiguresFolder, eyes: Sequence[FigureEye], workers: ClusterWorkers, progress: Callable[[int], object]
+    folder: FiguresFolder,
+    eyes: Sequence[FigureEye],
+    workers: ClusterWorkers,
+    progress: Callable[[int], object],
 ) -> tuple[str, ...]:
     """Let the cluster make eyes, write them here, and return the names of the failed ones.
 
@@ -88,7 +108,9 @@ def _made_on_cluster(
         ScleraforceError: a worker has other sources, or as `work_units`.
     """
     failed = []
-    with closing(work_units(partial(_making, tuple(eyes)), range(len(eyes)), workers)) as made:
+    with closing(
+        work_units(partial(_making, tuple(eyes)), range(len(eyes)), workers)
+    ) as made:
         for number, found in made:
             if isinstance(found, str):
                 print(f"{eyes[number].eye.id}: {found}", file=sys.stderr)
@@ -119,7 +141,10 @@ def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
                 make_eye(folder, drawn)
             except ScleraforceError as fault:
                 return str(fault)
-            recording, made = _files(folder.recording(drawn)), folder.made(drawn).read_bytes()
+            recording, made = (
+                _files(folder.recording(drawn)),
+                folder.made(drawn).read_bytes(),
+            )
         return _Sent(hash_sources(""), recording, made)
 
     return work
@@ -128,7 +153,9 @@ def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
 def _write_sent(folder: FiguresFolder, drawn: FigureEye, sent: _Sent) -> None:
     recording, made = folder.recording(drawn), folder.made(drawn)
     if sent.sources != hash_sources(""):
-        raise ScleraforceError("a worker has other sources than this process; let them import the same ones")
+        raise ScleraforceError(
+            "a worker has other sources than this process; let them import the same ones"
+        )
     for place in (recording, made):
         place.parent.mkdir(parents=True, exist_ok=True)
     write_whole(sent.made, made)
@@ -152,9 +179,16 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     forces_n = drawn.forces_n(computed.largest_n)
     plan = plan_phantom(drawn.eye, forces_n, drawn.study, drawn.seed)
     deepest_n = max(plan.normal_n)
-    if deepest_n > computed.largest_n:  # dents of tissue that relaxes are deeper; elastic forces grow with all forces
+    if (
+        deepest_n > computed.largest_n
+    ):  # dents of tissue that relaxes are deeper; elastic forces grow with all forces
         share = (1.0 - ROOM) * computed.largest_n / deepest_n
-        plan = plan_phantom(drawn.eye, [share * force_n for force_n in forces_n], drawn.study, drawn.seed)
+        plan = plan_phantom(
+            drawn.eye,
+            [share * force_n for force_n in forces_n],
+            drawn.study,
+            drawn.seed,
+        )
 
     sections_at = computed.sections_at
     pairs = zip(plan.frames, plan_sections(plan, sections_at)[0], strict=True)
@@ -163,14 +197,18 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
         largest_n=computed.largest_n,
         forces_n=np.array(plan.forces_n),
         tips_m=np.array(computed.tips_m(plan.normal_n)),
-        lowest_m=np.array([lowest_m(frame, section, drawn.study) for frame, section in pairs]),
+        lowest_m=np.array(
+            [lowest_m(frame, section, drawn.study) for frame, section in pairs]
+        ),
         seconds=perf_counter() - start,
     )
     _write_made(folder, drawn, made)
     recording = folder.recording(drawn)
     recording.parent.mkdir(parents=True, exist_ok=True)
     remove(recording)
-    write_phantom(recording, plan, sections_at, drawn.study, tell_globe=drawn.tell_globe)
+    write_phantom(
+        recording, plan, sections_at, drawn.study, tell_globe=drawn.tell_globe
+    )
     if drawn.lean is not None:
         info = read_info(recording / "recording.toml")
         info = replace(info, needle=replace(info.needle, lean_rad=drawn.lean.angle_rad))
@@ -183,11 +221,16 @@ def recording_key(drawn: FigureEye) -> str:
     return sha256(repr(drawn).encode()).hexdigest()
 
 
-def lowest_m(frame: PhantomFrame, section: Section, study: Study) -> tuple[float, float]:
+def lowest_m(
+    frame: PhantomFrame, section: Section, study: Study
+) -> tuple[float, float]:
     """Return how deep in the frame the outer and the inner boundary go in the columns between the black bands."""
     placed = frame.pose.place(section)
     half_m = study.oct.width_m / 2 - frame.optics.band_m
-    outer, inner = (curve[np.abs(curve[:, 0]) < half_m, 1].max() for curve in (placed.outer, placed.inner))
+    outer, inner = (
+        curve[np.abs(curve[:, 0]) < half_m, 1].max()
+        for curve in (placed.outer, placed.inner)
+    )
     return float(outer), float(inner)
 
 
@@ -203,7 +246,14 @@ def read_made(folder: FiguresFolder, drawn: FigureEye) -> MadeEye:
     with np.load(folder.made(drawn)) as kept:
         files = tuple(kept["files"].tolist())
         largest_n, seconds = float(kept["largest_n"]), float(kept["seconds"])
-        return MadeEye(files, largest_n, kept["forces_n"], kept["tips_m"], kept["lowest_m"], seconds)
+        return MadeEye(
+            files,
+            largest_n,
+            kept["forces_n"],
+            kept["tips_m"],
+            kept["lowest_m"],
+            seconds,
+        )
 
 
 def _files(folder: Path) -> dict[str, bytes]:

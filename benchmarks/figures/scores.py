@@ -12,7 +12,10 @@ from scleraforce.reader.metrics import Proportion, coverage_band
 from scleraforce.study import ClassesStudy
 
 DANGEROUS = 2  # the class of forces that hurt
-HIGH_MN, BOUND_MN = 35.0, 30.0  # a force above the one must not be read, with confidence, as one below the other
+HIGH_MN, BOUND_MN = (
+    35.0,
+    30.0,
+)  # a force above the one must not be read, with confidence, as one below the other
 LEVEL, SMALLEST_MN = 0.9, 1e-3
 
 
@@ -111,8 +114,11 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
     usable = [frame for frame in frames if frame.usable]
     dangerous = [frame for frame in frames if frame.true_target == DANGEROUS]
     seen = [frame for frame in frames if frame.in_window]
-    errors = [(frame.read_mn - frame.true_mn, frame.read_mn - frame.measured_mn)
-              for frame in usable if frame.read_mn is not None]  # fmt: skip
+    errors = [
+        (frame.read_mn - frame.true_mn, frame.read_mn - frame.measured_mn)
+        for frame in usable
+        if frame.read_mn is not None
+    ]
     of_truth, of_log = zip(*errors, strict=True) if errors else ((), ())
     held = [frame for frame in usable if frame.interval_mn is not None]
     covered = [_holds(frame, frame.true_mn) for frame in held]
@@ -121,29 +127,49 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
         accuracy=_share([frame.right for frame in frames]),
         usable_accuracy=_share([frame.right for frame in usable]),
         log_accuracy=_share([frame.predicted == frame.target for frame in frames]),
-        log_usable_accuracy=_share([frame.predicted == frame.target for frame in usable]),
+        log_usable_accuracy=_share(
+            [frame.predicted == frame.target for frame in usable]
+        ),
         recall=_share([frame.right for frame in dangerous]),
         as_harmless=sum(frame.predicted == 0 for frame in dangerous),
-        as_safe=_share([_as_safe(frame) for frame in frames if frame.true_mn > HIGH_MN]),
+        as_safe=_share(
+            [_as_safe(frame) for frame in frames if frame.true_mn > HIGH_MN]
+        ),
         unusable=_share([not frame.usable for frame in seen]),
-        refused_eyes=len({frame.eye for frame in frames} - {frame.eye for frame in usable}),
+        refused_eyes=len(
+            {frame.eye for frame in frames} - {frame.eye for frame in usable}
+        ),
         mae_mn=_mean(np.abs(of_truth)),
         log_mae_mn=_mean(np.abs(of_log)),
         bias_mn=_mean(np.array(of_truth)),
         coverage=_share(covered),
         coverage_band=coverage_band([frame.eye for frame in held], covered),
-        width_mn=_median([high - low for frame in held if frame.interval_mn for low, high in [frame.interval_mn]]),
+        width_mn=_median(
+            [
+                high - low
+                for frame in held
+                if frame.interval_mn
+                for low, high in [frame.interval_mn]
+            ]
+        ),
         stretch=_stretch(held),
         log_coverage=_share([_holds(frame, frame.measured_mn) for frame in held]),
     )
 
 
 def _holds(frame: AnsweredFrame, force_mn: float) -> bool:
-    return frame.interval_mn is not None and frame.interval_mn[0] <= force_mn <= frame.interval_mn[1]
+    return (
+        frame.interval_mn is not None
+        and frame.interval_mn[0] <= force_mn <= frame.interval_mn[1]
+    )
 
 
 def _as_safe(frame: AnsweredFrame) -> bool:
-    return frame.predicted < DANGEROUS and frame.interval_mn is not None and frame.interval_mn[1] < BOUND_MN
+    return (
+        frame.predicted < DANGEROUS
+        and frame.interval_mn is not None
+        and frame.interval_mn[1] < BOUND_MN
+    )
 
 
 def _stretch(frames: Sequence[AnsweredFrame]) -> float:
@@ -152,8 +178,14 @@ def _stretch(frames: Sequence[AnsweredFrame]) -> float:
     for frame in frames:
         if frame.interval_mn is not None and frame.read_mn is not None:
             low, high = frame.interval_mn
-            half_mn = high - frame.read_mn if frame.true_mn > frame.read_mn else frame.read_mn - low
-            scores.append(abs(frame.true_mn - frame.read_mn) / max(half_mn, SMALLEST_MN))
+            half_mn = (
+                high - frame.read_mn
+                if frame.true_mn > frame.read_mn
+                else frame.read_mn - low
+            )
+            scores.append(
+                abs(frame.true_mn - frame.read_mn) / max(half_mn, SMALLEST_MN)
+            )
             eyes.append(frame.eye)
     if not scores:
         return nan

@@ -34,8 +34,15 @@ class ComputedEye:
     def sections_at(self) -> SectionsAt:
         """Gives the sections for needle forces in N up to the largest."""
         eyes = turned_eyes(self.eye, self.study)
-        knots = [BentSections(*turned, bent=bent) for turned, bent in zip(eyes, self.bent, strict=True)]
-        return knots[0] if len(knots) == 1 else TurnedSections(knots, farthest_turn_rad(self.study.phantom))
+        knots = [
+            BentSections(*turned, bent=bent)
+            for turned, bent in zip(eyes, self.bent, strict=True)
+        ]
+        return (
+            knots[0]
+            if len(knots) == 1
+            else TurnedSections(knots, farthest_turn_rad(self.study.phantom))
+        )
 
     def tips_m(self, forces_n: Sequence[float]) -> list[float]:
         """Return the depth of the dent for needle forces in N, with the eye as at the start."""
@@ -50,11 +57,16 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
     """
     max_force_n = drawn.study.needle.max_force_n
     if drawn.lean is None:
-        bent = tuple(_bend(eye, study, max_force_n) for eye, study in turned_eyes(drawn.eye, drawn.study))
+        bent = tuple(
+            _bend(eye, study, max_force_n)
+            for eye, study in turned_eyes(drawn.eye, drawn.study)
+        )
     else:
         bent = (bend_leaning(drawn.eye, drawn.study, drawn.lean, max_force_n),)
     reached_n = min(one.max_force_n for one in bent)
-    return ComputedEye(drawn.eye, drawn.study, bent, min(max_force_n, reached_n * (1.0 - ROOM)))
+    return ComputedEye(
+        drawn.eye, drawn.study, bent, min(max_force_n, reached_n * (1.0 - ROOM))
+    )
 
 
 def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> LoadPath:
@@ -70,16 +82,24 @@ def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> LoadPath:
     )
 
 
-def bend_leaning(eye: PhantomEye, study: Study, lean: Lean, max_force_n: float) -> LoadPath:
+def bend_leaning(
+    eye: PhantomEye, study: Study, lean: Lean, max_force_n: float
+) -> LoadPath:
     """Compute the path of a plain eye under a needle that leans; a sensor along the needle feels its forces.
 
     The force is uniform over the needle's disc, seen along the needle, and keeps its direction (`Lean.push_rad`) and
     its place on the wall; the dent is the tip's way along the normal.
     """
     contact = eye.plane.contact
-    axis, push = (contact.leaning_axis(angle, lean.direction_rad) for angle in (lean.angle_rad, lean.push_rad))
+    axis, push = (
+        contact.leaning_axis(angle, lean.direction_rad)
+        for angle in (lean.angle_rad, lean.push_rad)
+    )
     mesh = graded_eye(study, eye.thickness_m, contact)
-    along = needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis).load_nc @ axis
+    along = (
+        needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis).load_nc
+        @ axis
+    )
     path = FiniteWall(mesh, study.eye.poisson_ratio).load_path(
         Needle(along[:, None] * push, tip_at(mesh, contact, -contact.normal)),
         youngs_modulus_pa=eye.youngs_modulus_pa,

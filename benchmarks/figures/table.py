@@ -64,9 +64,17 @@ COLUMNS = (
 
 def as_markdown(results: Sequence[GroupResult]) -> str:
     """Return one table for each method, a row a group, the first with the goals; and one of the errors of E."""
-    titles = dict.fromkeys(method.title for result in results for method in result.scores)
+    titles = dict.fromkeys(
+        method.title for result in results for method in result.scores
+    )
     tables = [
-        "\n".join([f"**{title[0].upper()}{title[1:]}**", "", *_method(results, title, goals=number == 0)])
+        "\n".join(
+            [
+                f"**{title[0].upper()}{title[1:]}**",
+                "",
+                *_method(results, title, goals=number == 0),
+            ]
+        )
         for number, title in enumerate(titles)
     ]
     return "\n\n".join([*tables, "\n".join(_moduli(results))]) + "\n"
@@ -75,23 +83,35 @@ def as_markdown(results: Sequence[GroupResult]) -> str:
 def _method(results: Sequence[GroupResult], title: str, *, goals: bool) -> list[str]:
     """Return the table of a method, without the columns that it has no figures for."""
     found = (
-        (result, scores) for result in results for method, scores in result.scores.items() if method.title == title
+        (result, scores)
+        for result in results
+        for method, scores in result.scores.items()
+        if method.title == title
     )
-    rows = [[result.group, *_cells(result, scores, goals=goals)] for result, scores in found]
-    columns = [cells for cells in zip(["", *COLUMNS], *rows, strict=True) if set(cells[1:]) != {"-"}]
+    rows = [
+        [result.group, *_cells(result, scores, goals=goals)] for result, scores in found
+    ]
+    columns = [
+        cells
+        for cells in zip(["", *COLUMNS], *rows, strict=True)
+        if set(cells[1:]) != {"-"}
+    ]
     head, *rows = map(list, zip(*columns, strict=True))
     return _table(head, rows)
 
 
 def _cells(result: GroupResult, scores: Scores, *, goals: bool) -> list[str]:
     goal = GROUPS[result.group]
-    percent, error_mn = (goal.accuracy_percent, goal.error_mn) if goals else (None, None)
+    percent, error_mn = (
+        (goal.accuracy_percent, goal.error_mn) if goals else (None, None)
+    )
     return [
         f"{result.eyes}, {result.frames}" if goals else "-",
         _percent(scores.accuracy) + ("" if percent is None else f" (goal {percent})"),
         str(scores.as_harmless),
         f"{scores.as_safe.hits} of {scores.as_safe.total}",
-        _percent(scores.unusable) + (f", {scores.refused_eyes} whole eyes" if scores.refused_eyes else ""),
+        _percent(scores.unusable)
+        + (f", {scores.refused_eyes} whole eyes" if scores.refused_eyes else ""),
         _fixed(scores.mae_mn) + ("" if error_mn is None else f" (goal {error_mn:g})"),
         _percent(scores.coverage),
         "-"
@@ -140,9 +160,15 @@ def _plain_values(result: GroupResult) -> dict[str, Any]:
         "leaves_the_window": result.deep,
         "mislabelled": result.mislabelled,
         "capped_eyes": result.capped,
-        "methods": {method.name: _of_scores(scores) for method, scores in result.scores.items()},
+        "methods": {
+            method.name: _of_scores(scores) for method, scores in result.scores.items()
+        },
         "youngs_modulus_errors": [
-            {**asdict(errors), "mean": _finite(errors.mean), "largest": _finite(errors.largest)}
+            {
+                **asdict(errors),
+                "mean": _finite(errors.mean),
+                "largest": _finite(errors.largest),
+            }
             for errors in result.moduli
         ],
     }
@@ -154,7 +180,11 @@ def _of_scores(scores: Scores) -> dict[str, Any]:
     for name, value in vars(scores).items():
         match value:
             case Proportion():
-                values[name] = {"share": value.value if value.total else None, "hits": value.hits, "of": value.total}
+                values[name] = {
+                    "share": value.value if value.total else None,
+                    "hits": value.hits,
+                    "of": value.total,
+                }
             case float():
                 values[name] = _finite(value)
             case _:

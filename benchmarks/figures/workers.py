@@ -13,7 +13,10 @@ Piece = TypeVar("Piece")
 
 
 def in_processes(
-    work: Callable[[Piece], None], pieces: Sequence[Piece], workers: int, progress: Callable[[Piece, int | None], None]
+    work: Callable[[Piece], None],
+    pieces: Sequence[Piece],
+    workers: int,
+    progress: Callable[[Piece, int | None], None],
 ) -> None:
     """Do pieces of work in at most `workers` processes at a time; all of them end with this call.
 
@@ -43,7 +46,9 @@ def in_processes(
 
 
 def _started(work: Callable[[Piece], None], piece: Piece) -> BaseProcess:
-    process = multiprocessing.get_context("spawn").Process(target=work, args=(piece,), daemon=True)
+    process = multiprocessing.get_context("spawn").Process(
+        target=work, args=(piece,), daemon=True
+    )
     with one_thread(), no_interrupts():
         process.start()
     return process

@@ -18,7 +18,17 @@ from time import monotonic, time
 
 import numpy as np
 
-from scleraforce.openigtlink import Header, Image, Message, Query, Sensor, Status, Text, encode, pack_header
+from scleraforce.openigtlink import (
+    Header,
+    Image,
+    Message,
+    Query,
+    Sensor,
+    Status,
+    Text,
+    encode,
+    pack_header,
+)
 from scleraforce.service.reset import RESET_DEVICE
 
 MATRIX = (0.03, 0.0, 0.0, 0.0, 0.008, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -66,7 +76,9 @@ class Link:
 
 async def slow(link: Link) -> None:
     """A byte of a good message now and then."""
-    for byte in encode(Status(1, message="so slow"), "Robot")[: link.rng.randint(5, 60)]:
+    for byte in encode(Status(1, message="so slow"), "Robot")[
+        : link.rng.randint(5, 60)
+    ]:
         await link.send(bytes([byte]))
         await asyncio.sleep(link.rng.uniform(0.01, 0.1))
 
@@ -82,7 +94,9 @@ async def drip(link: Link) -> None:
 async def huge(link: Link) -> None:
     """A header that announces 16 MiB, or 2^63 bytes, and then bytes."""
     size = link.rng.choice([16 * 2**20, 2**63, 2**64 - 1, 5 * 2**20])
-    await link.send(pack_header(header(link.rng.choice(["IMAGE", "STRING", "OTHER"]), size)))
+    await link.send(
+        pack_header(header(link.rng.choice(["IMAGE", "STRING", "OTHER"]), size))
+    )
     await link.for_a_while(lambda: bytes(BLOCK), 0.5)
 
 
@@ -153,15 +167,29 @@ async def unknown(link: Link) -> None:
 async def second_scanner(link: Link) -> None:
     """Images while another scanner sends: small ones, and such as are read."""
     rows = link.rng.choice([64, 128, 512])
-    image = Image(np.full((1, rows, rows), link.rng.randint(1, 4000), np.uint16), MATRIX)
+    image = Image(
+        np.full((1, rows, rows), link.rng.randint(1, 4000), np.uint16), MATRIX
+    )
     for _ in range(5):
         await link.send(encode(image, "Scanner", time_s=time()))
         await asyncio.sleep(link.rng.uniform(0.0, 0.02))
 
 
 KINDS: tuple[Callable[[Link], Awaitable[None]], ...] = (
-    slow, drip, huge, half_closed, garbage, wrong_crc, wrong_token, leave, deaf, asks, sensors, unknown, second_scanner,
-)  # fmt: skip
+    slow,
+    drip,
+    huge,
+    half_closed,
+    garbage,
+    wrong_crc,
+    wrong_token,
+    leave,
+    deaf,
+    asks,
+    sensors,
+    unknown,
+    second_scanner,
+)
 
 
 async def attack(port: int, kind: Callable[[Link], Awaitable[None]], seed: str) -> str:
@@ -179,7 +207,9 @@ async def attack(port: int, kind: Callable[[Link], Awaitable[None]], seed: str) 
     return "left"
 
 
-async def main(port: int, connections: int, at_once: int, seed: int, names: list[str]) -> None:
+async def main(
+    port: int, connections: int, at_once: int, seed: int, names: list[str]
+) -> None:
     """Attack in a random order."""
     kinds = [kind for kind in KINDS if not names or kind.__name__ in names]
     rng, free, ends = random.Random(seed), asyncio.Semaphore(at_once), Counter[str]()
@@ -188,7 +218,9 @@ async def main(port: int, connections: int, at_once: int, seed: int, names: list
     async def one(number: int, kind: Callable[[Link], Awaitable[None]]) -> None:
         nonlocal done
         try:
-            ends[f"{kind.__name__}: {await attack(port, kind, f'{seed} {number}')}"] += 1
+            ends[
+                f"{kind.__name__}: {await attack(port, kind, f'{seed} {number}')}"
+            ] += 1
         finally:
             free.release()
         done += 1
@@ -203,6 +235,8 @@ async def main(port: int, connections: int, at_once: int, seed: int, names: list
 
 
 if __name__ == "__main__":
-    os.nice(15)  # they would be elsewhere, and take no time from the monitor's companions
+    os.nice(
+        15
+    )  # they would be elsewhere, and take no time from the monitor's companions
     port, connections, at_once, seed = map(int, sys.argv[1:5])
     asyncio.run(main(port, connections, at_once, seed, sys.argv[5:]))

@@ -14,7 +14,9 @@ CHROMIUM = "/usr/bin/chromium"
 def open_pages(address: str, pages: int) -> Iterator[None]:
     """Show the console in headless Chromium."""
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox"]
+        )
         for _ in range(pages):
             browser.new_page(viewport={"width": 1280, "height": 720}).goto(address)
         try:
@@ -28,7 +30,9 @@ def cpu_s(pids: list[int]) -> float:
     ticks = 0
     for pid in pids:
         with suppress(OSError):
-            fields = Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
+            fields = (
+                Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
+            )
             ticks += int(fields[11]) + int(fields[12])
     return ticks / os.sysconf("SC_CLK_TCK")
 
@@ -41,6 +45,8 @@ def browser_pids() -> list[int]:
             name, _, rest = entry.read_text("utf-8").rpartition(")")
             parents[int(entry.parent.name)] = int(rest.split()[1]), "chrom" in name
     below = {os.getpid()}
-    while more := {pid for pid, (parent, _) in parents.items() if parent in below} - below:
+    while (
+        more := {pid for pid, (parent, _) in parents.items() if parent in below} - below
+    ):
         below |= more
     return [pid for pid in below if parents.get(pid, (0, False))[1]]

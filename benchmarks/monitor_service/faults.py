@@ -20,11 +20,27 @@ import numpy as np
 from scleraforce.errors import InputError, LinkError
 from scleraforce.openigtlink import Message
 from scleraforce.replay.faults import FAULTS, FaultReport, inject, prepare
-from scleraforce.replay.player import AnswerLog, Player, ScannerClient, Timed, Unstamped, frame_message
+from scleraforce.replay.player import (
+    AnswerLog,
+    Player,
+    ScannerClient,
+    Timed,
+    Unstamped,
+    frame_message,
+)
 
 from .figures import QUANTILES, Progress, print_table, quantiles_ms
 from .monitors import Monitor, real_monitor
-from .scanner import CONTACT_N, OK, WITHDRAW, Frames, Operator, Pace, Preloaded, be_the_peer
+from .scanner import (
+    CONTACT_N,
+    OK,
+    WITHDRAW,
+    Frames,
+    Operator,
+    Pace,
+    Preloaded,
+    be_the_peer,
+)
 from .small import SmallFrames, small_monitor
 
 RUN_IN = 25  # frames of the way to a fault: within them the reset has to be granted
@@ -50,7 +66,9 @@ class Row:
     unexpected: int = 0
     restarts: int = 0
 
-    def add(self, delay_s: float | None, cause: str, code: int | None, expected: bool = True) -> None:
+    def add(
+        self, delay_s: float | None, cause: str, code: int | None, expected: bool = True
+    ) -> None:
         """Take one fault: a silence of 150 ms makes the robot withdraw as well, but counts as missed here."""
         self.times += 1
         self.causes[cause] += 1
@@ -63,15 +81,31 @@ class Row:
 
 def add_options(parser: ArgumentParser) -> None:
     """Add the options of this part."""
-    parser.add_argument("--times", type=int, default=100, help="each fault of the scanner, and each death of the small")
-    parser.add_argument("--deaths", type=int, default=20, help="each death of the real monitor's processes")
-    parser.add_argument("--only", nargs="*", default=None, metavar="NAME", help="only these")
+    parser.add_argument(
+        "--times",
+        type=int,
+        default=100,
+        help="each fault of the scanner, and each death of the small",
+    )
+    parser.add_argument(
+        "--deaths",
+        type=int,
+        default=20,
+        help="each death of the real monitor's processes",
+    )
+    parser.add_argument(
+        "--only", nargs="*", default=None, metavar="NAME", help="only these"
+    )
 
 
 def run(given: Namespace) -> dict[str, Any]:
     """Inject all of them."""
     frames = Frames(given.recording)
-    names = [name for name in (*FAULTS, *DEATHS, *SMALL_DEATHS) if given.only is None or name in given.only]
+    names = [
+        name
+        for name in (*FAULTS, *DEATHS, *SMALL_DEATHS)
+        if given.only is None or name in given.only
+    ]
     be_the_peer()
     rows = scanner_faults(frames, given, [name for name in names if name in FAULTS])
     show(rows)
@@ -80,22 +114,43 @@ def run(given: Namespace) -> dict[str, Any]:
     show(rows)
     return {
         "rows": [
-            {**vars(row), "delays_s": None, "delay_ms": quantiles_ms(row.delays_s)} for row in rows
+            {**vars(row), "delays_s": None, "delay_ms": quantiles_ms(row.delays_s)}
+            for row in rows
         ]
-    }  # fmt: skip
+    }
 
 
 def show(rows: list[Row]) -> None:
     """Print the table of the finished faults."""
     if not rows:
         return
-    columns = ["fault", "of", "times", "withdrawn", *(f"{name}, ms" for name in QUANTILES[1:]), "other cause", "causes"]
+    columns = [
+        "fault",
+        "of",
+        "times",
+        "withdrawn",
+        *(f"{name}, ms" for name in QUANTILES[1:]),
+        "other cause",
+        "causes",
+    ]
     found = []
     for row in rows:
         delays = quantiles_ms(row.delays_s)
-        causes = ", ".join(f"{cause} {times}" for cause, times in row.causes.most_common())
+        causes = ", ".join(
+            f"{cause} {times}" for cause, times in row.causes.most_common()
+        )
         numbers = [delays[name] for name in QUANTILES[1:]]
-        found.append([row.name, row.of, row.times, len(row.delays_s), *numbers, row.unexpected, causes])
+        found.append(
+            [
+                row.name,
+                row.of,
+                row.times,
+                len(row.delays_s),
+                *numbers,
+                row.unexpected,
+                causes,
+            ]
+        )
     print_table("from the fault's last byte, or the signal, to code 3", columns, found)
 
 
@@ -117,28 +172,41 @@ def scanner_faults(frames: Frames, given: Namespace, names: list[str]) -> list[R
                 try:
                     report = line.fault(str(name))
                 except (InputError, LinkError) as fault:
-                    raise SystemExit(f"{name}, number {done}: {fault}\n{monitor.said}") from fault
-                rows[name].add(report.delay_s, report.cause or report.message, report.code, report.expected)
+                    raise SystemExit(
+                        f"{name}, number {done}: {fault}\n{monitor.said}"
+                    ) from fault
+                rows[name].add(
+                    report.delay_s,
+                    report.cause or report.message,
+                    report.code,
+                    report.expected,
+                )
                 progress.show(done + 1, str(name))
                 monitor.prune()
         finally:
             progress.end()
             line.close()
-    print(f"faults of the scanner: {len(order)}, {line.cycle_s / max(1, len(order)):.2f} s each; resets granted "
-          f"{line.operator.granted}, refused {line.operator.refused}; withdrawn on the way "
-          f"{dict(line.on_the_way)}")  # fmt: skip
+    print(
+        f"faults of the scanner: {len(order)}, {line.cycle_s / max(1, len(order)):.2f} s each; resets granted "
+        f"{line.operator.granted}, refused {line.operator.refused}; withdrawn on the way "
+        f"{dict(line.on_the_way)}"
+    )
     return list(rows.values())
 
 
 class Line:
     """The scanner's line to one monitor, over many faults."""
 
-    def __init__(self, monitor: Monitor, frames: Frames, rng: np.random.Generator) -> None:
+    def __init__(
+        self, monitor: Monitor, frames: Frames, rng: np.random.Generator
+    ) -> None:
         self._port, self._frames, self._rng = monitor.port, frames, rng
         self.operator = Operator(monitor.port, monitor.token)
         self.on_the_way: Counter[str] = Counter()
         self.cycle_s = 0.0
-        touched = (frames.force_n > CONTACT_N) & (np.arange(len(frames.force_n)) < frames.harmless)
+        touched = (frames.force_n > CONTACT_N) & (
+            np.arange(len(frames.force_n)) < frames.harmless
+        )
         touched[: RUN_IN + MORE + 12] = False
         self._places = np.flatnonzero(touched & np.roll(touched, RUN_IN + MORE))
         self._columns = cycle(range(PICTURES))
@@ -163,7 +231,9 @@ class Line:
         for _ in range(TRIES):
             recording = self._frames.recording.moved(next(self._columns))
             at_s = recording.frames[place].time_s
-            prepared = prepare(name, recording, at_s, self._rng, version=1, forces_n=forces_n)
+            prepared = prepare(
+                name, recording, at_s, self._rng, version=1, forces_n=forces_n
+            )
             player = self._go(recording, place)
             if player is not None:
                 break
@@ -182,8 +252,12 @@ class Line:
         player = Player(recording, self._client, self.log, version=1)
         first = place - RUN_IN - int(self._rng.integers(MORE))
         oct_info, entries = recording.info.oct, recording.frames
-        messages = {index: frame_message(recording.frame(entries[index]), oct_info, index + 1, 1)
-                    for index in range(first, place)}  # fmt: skip
+        messages = {
+            index: frame_message(
+                recording.frame(entries[index]), oct_info, index + 1, 1
+            )
+            for index in range(first, place)
+        }
         granted = False
         for index, message in messages.items():
             player.send(Timed(entries[index].time_s, index + 1, message))
@@ -251,14 +325,22 @@ def real_deaths(frames: Frames, given: Namespace, names: list[str]) -> list[Row]
 def small_deaths(given: Namespace, names: list[str]) -> list[Row]:
     """Do the same to small monitors."""
     rng = np.random.default_rng((given.seed, 2))
-    rows, frames, progress = [], SmallFrames(), Progress("small deaths", given.times * len(names))
+    rows, frames, progress = (
+        [],
+        SmallFrames(),
+        Progress("small deaths", given.times * len(names)),
+    )
     for place, name in enumerate(names):
         row, death = Row(name, "small"), SMALL_DEATHS[name]
         while row.times < given.times and row.restarts <= RESTARTS:
             with small_monitor() as small:
-                pid = small.process.pid if death.role == "monitor" else small.watchdog_pid
+                pid = (
+                    small.process.pid if death.role == "monitor" else small.watchdog_pid
+                )
                 hanging = frames.hanging if death.hangs else None
-                _watch_and_die(Pace(small.port, frames, 100.0), pid, death, rng, row, hanging)
+                _watch_and_die(
+                    Pace(small.port, frames, 100.0), pid, death, rng, row, hanging
+                )
             progress.show(given.times * place + row.times, name)
         rows.append(row)
     progress.end()
@@ -266,7 +348,12 @@ def small_deaths(given: Namespace, names: list[str]) -> list[Row]:
 
 
 def _watch_and_die(
-    pace: Pace, pid: int, death: Death, rng: np.random.Generator, row: Row, hanging: Unstamped | None = None
+    pace: Pace,
+    pid: int,
+    death: Death,
+    rng: np.random.Generator,
+    row: Row,
+    hanging: Unstamped | None = None,
 ) -> None:
     """Let a monitor watch for a while, and then die; where it does not come to watch, it is not counted."""
     try:
@@ -282,7 +369,14 @@ def _watch_and_die(
         _wake(pid)
 
 
-def _die(pace: Pace, pid: int, death: Death, rng: np.random.Generator, row: Row, hanging: Unstamped | None) -> None:
+def _die(
+    pace: Pace,
+    pid: int,
+    death: Death,
+    rng: np.random.Generator,
+    row: Row,
+    hanging: Unstamped | None,
+) -> None:
     """Send the signal, or the frame that hangs, at a random moment; send frames until a withdrawal."""
     pace.send()
     pace.client.listen(monotonic() + rng.uniform(0.0, 0.01))

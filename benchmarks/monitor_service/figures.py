@@ -17,7 +17,13 @@ def quantiles(values: Iterable[float]) -> dict[str, float | int | None]:
     if not len(found):
         return dict.fromkeys(QUANTILES, None) | {"n": 0}
     middle, high, higher = np.quantile(found, (0.5, 0.99, 0.999)).tolist()
-    return dict(zip(QUANTILES, (len(found), middle, high, higher, float(found.max())), strict=True))
+    return dict(
+        zip(
+            QUANTILES,
+            (len(found), middle, high, higher, float(found.max())),
+            strict=True,
+        )
+    )
 
 
 def quantiles_ms(values_s: Iterable[float]) -> dict[str, float | int | None]:
@@ -25,11 +31,19 @@ def quantiles_ms(values_s: Iterable[float]) -> dict[str, float | int | None]:
     return quantiles(1e3 * value_s for value_s in values_s)
 
 
-def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+def print_table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]
+) -> None:
     """Print a table; numbers to the right."""
-    cells = [list(map(_cell, columns)), *([_cell(value) for value in row] for row in rows)]
+    cells = [
+        list(map(_cell, columns)),
+        *([_cell(value) for value in row] for row in rows),
+    ]
     widths = [max(len(row[place]) for row in cells) for place in range(len(columns))]
-    left = [all(isinstance(row[place], str) for row in rows) for place in range(len(columns))]
+    left = [
+        all(isinstance(row[place], str) for row in rows)
+        for place in range(len(columns))
+    ]
     print(f"\n{title}")
     for row in cells:
         aligned = [
@@ -50,7 +64,12 @@ class Progress:
     """A bar on a terminal; nothing elsewhere."""
 
     def __init__(self, name: str, total: int) -> None:
-        self._name, self._total, self._begun_s, self._renewed_s = name, max(total, 1), monotonic(), 0.0
+        self._name, self._total, self._begun_s, self._renewed_s = (
+            name,
+            max(total, 1),
+            monotonic(),
+            0.0,
+        )
         self._live = sys.stderr.isatty()
 
     def show(self, done: int, words: str = "") -> None:
@@ -62,7 +81,9 @@ class Progress:
         share = min(1.0, done / self._total)
         left_s = (now_s - self._begun_s) * (1.0 - share) / share if share else 0.0
         bar = "#" * round(BAR * share)
-        sys.stderr.write(f"\r\x1b[K{self._name} [{bar:<{BAR}}] {done}/{self._total}, {left_s:.0f} s left {words}")
+        sys.stderr.write(
+            f"\r\x1b[K{self._name} [{bar:<{BAR}}] {done}/{self._total}, {left_s:.0f} s left {words}"
+        )
         sys.stderr.flush()
 
     def end(self) -> None:

@@ -34,8 +34,16 @@ def add_options(parser: ArgumentParser) -> None:
     """Add the options of this part."""
     parser.add_argument("--connections", type=int, default=10_000)
     parser.add_argument("--at-once", type=int, default=200)
-    parser.add_argument("--kinds", nargs="*", default=[], metavar="KIND", help="only these (attackers.py)")
-    parser.add_argument("--alone-s", type=float, default=60.0, help="how long the quiet phases take")
+    parser.add_argument(
+        "--kinds",
+        nargs="*",
+        default=[],
+        metavar="KIND",
+        help="only these (attackers.py)",
+    )
+    parser.add_argument(
+        "--alone-s", type=float, default=60.0, help="how long the quiet phases take"
+    )
 
 
 def run(given: Namespace) -> dict[str, Any]:
@@ -47,7 +55,9 @@ def run(given: Namespace) -> dict[str, Any]:
         try:
             result = scene.play(given)
         except LinkError as fault:
-            print(f"the robot's connection: {fault}; the monitor {'runs' if monitor.alive else 'has died'}")
+            print(
+                f"the robot's connection: {fault}; the monitor {'runs' if monitor.alive else 'has died'}"
+            )
             print(monitor.said)
             raise
         finally:
@@ -89,27 +99,40 @@ class Scene:
         self._pace.warm_up(100, self._operator)
         phases["with the scanner"] = self._phase(None, True, given.alone_s)
         before = self._held()
-        with attackers(self._monitor.port, given.connections, given.seed, given) as attack:
+        with attackers(
+            self._monitor.port, given.connections, given.seed, given
+        ) as attack:
             phases["under attack"] = self._phase(attack, True)
         self._phase(None, True, AFTER_S)
         after = self._held()
         with attackers(self._monitor.port, few, given.seed + 1, given) as attack:
             phases["under attack, without the scanner"] = self._phase(attack, False)
         died = [role for role in before if role not in after]
-        return {"phases": phases, "before": before, "after": after, "died": died, "said": self._monitor.said}
+        return {
+            "phases": phases,
+            "before": before,
+            "after": after,
+            "died": died,
+            "said": self._monitor.said,
+        }
 
     def _held(self) -> dict[str, Any]:
         held = {role: resources(pid) for role, pid in self._monitor.pids.items()}
         return {role: asdict(found) for role, found in held.items() if found}
 
-    def _phase(self, attack: "Attack | None", scanning: bool, for_s: float = 0.0) -> dict[str, Any]:
+    def _phase(
+        self, attack: "Attack | None", scanning: bool, for_s: float = 0.0
+    ) -> dict[str, Any]:
         """Run for a time, or until the attack is over; return the figures."""
         begun_s = asked_s = monotonic()
         self._gaps_s, self._heard_s, self._codes = [], None, []
         self._pace.log.answers.clear()
         self._operator.took_s.clear()
         self._pace.latest_s = 0.0
-        sent, progress = self._pace.sent, Progress("hostile", attack.total if attack else 1)
+        sent, progress = (
+            self._pace.sent,
+            Progress("hostile", attack.total if attack else 1),
+        )
         while not attack.ends if attack else monotonic() - begun_s < for_s:
             if scanning:
                 self._pace.send()
@@ -129,7 +152,9 @@ class Scene:
             "gap_ms": quantiles_ms(self._gaps_s),
             "latest_frame_ms": 1e3 * self._pace.latest_s,
             "hangs": sum(gap_s > HANG_S for gap_s in self._gaps_s),
-            "answers_ms": quantiles_ms(answer.took_s for answer in self._pace.log.answers),
+            "answers_ms": quantiles_ms(
+                answer.took_s for answer in self._pace.log.answers
+            ),
             "unanswered": self._pace.sent - sent - len(self._pace.log.answers),
             "resets_ms": quantiles_ms(self._operator.took_s),
             "codes": self._codes,
@@ -147,7 +172,12 @@ class Attack:
 
     def __init__(self, process: "subprocess.Popen[bytes]", total: int) -> None:
         assert process.stdout is not None
-        self._process, self._pipe, self._rest, self.total = process, process.stdout.fileno(), b"", total
+        self._process, self._pipe, self._rest, self.total = (
+            process,
+            process.stdout.fileno(),
+            b"",
+            total,
+        )
         self.done, self.ends = 0, dict[str, int]()
         os.set_blocking(self._pipe, False)
 
@@ -168,12 +198,16 @@ class Attack:
 
 
 @contextmanager
-def attackers(port: int, connections: int, seed: int, given: Namespace) -> Iterator[Attack]:
+def attackers(
+    port: int, connections: int, seed: int, given: Namespace
+) -> Iterator[Attack]:
     """Run the hostile clients in a process of their own."""
     words = [*map(str, (port, connections, given.at_once, seed)), *given.kinds]
     command = [sys.executable, "-m", "monitor_service.attackers", *words]
     with no_interrupts():
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1])
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1]
+        )
     assert process.stdout is not None
     pin(process.pid, cores()[1])
     try:
@@ -188,25 +222,60 @@ def show(result: dict[str, Any]) -> None:
     """Print the tables."""
     phases = result["phases"]
     for title, key in (
-        ("STATUS later than 50 ms after the one before, at the robot: by, ms", "late_ms"),
+        (
+            "STATUS later than 50 ms after the one before, at the robot: by, ms",
+            "late_ms",
+        ),
         ("between two STATUS, ms", "gap_ms"),
         ("a frame's answer, ms", "answers_ms"),
         ("a reset's answer, ms", "resets_ms"),
     ):
-        rows = [[name, *(phase[key][column] for column in QUANTILES)] for name, phase in phases.items()]
+        rows = [
+            [name, *(phase[key][column] for column in QUANTILES)]
+            for name, phase in phases.items()
+        ]
         print_table(title, ["", *QUANTILES], rows)
-    columns = ["", "s", f"silences over {HANG_S:g} s", "frames unanswered", "latest frame, ms", "codes"]
+    columns = [
+        "",
+        "s",
+        f"silences over {HANG_S:g} s",
+        "frames unanswered",
+        "latest frame, ms",
+        "codes",
+    ]
     rows = [
-        [name, *(phase[key] for key in ("seconds", "hangs", "unanswered", "latest_frame_ms")), len(phase["codes"])]
+        [
+            name,
+            *(
+                phase[key]
+                for key in ("seconds", "hangs", "unanswered", "latest_frame_ms")
+            ),
+            len(phase["codes"]),
+        ]
         for name, phase in phases.items()
     ]
     print_table("what happened", columns, rows)
     for name, phase in phases.items():
         print(f"  {name}: {' / '.join(phase['codes'][:8])}")
     print_table(
-        "held before the attack and after it", ["process", "own kB", "then", "pss kB", "then", "descriptors", "then"],
-        [[role, *(each[kind] for kind in ("own_kb", "pss_kb", "descriptors") for each in (held, now))]
-         for role, held in result["before"].items() if (now := result["after"].get(role))],
-    )  # fmt: skip
+        "held before the attack and after it",
+        ["process", "own kB", "then", "pss kB", "then", "descriptors", "then"],
+        [
+            [
+                role,
+                *(
+                    each[kind]
+                    for kind in ("own_kb", "pss_kb", "descriptors")
+                    for each in (held, now)
+                ),
+            ]
+            for role, held in result["before"].items()
+            if (now := result["after"].get(role))
+        ],
+    )
     print(f"  died: {', '.join(result['died']) or 'none'}")
-    print_table("hostile clients", ["kind", "connections"], list(phases["under attack"]["ends"].items()))
+    print_table(
+        "hostile clients",
+        ["kind", "connections"],
+        list(phases["under attack"]["ends"].items()),
+    )

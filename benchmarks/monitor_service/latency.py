@@ -31,30 +31,57 @@ ECHO_BYTES = 100
 
 def add_options(parser: ArgumentParser) -> None:
     """Add the options of this part."""
-    parser.add_argument("--frames", type=int, default=100_000, help="measured, of each variant")
+    parser.add_argument(
+        "--frames", type=int, default=100_000, help="measured, of each variant"
+    )
     parser.add_argument("--rate-hz", type=float, default=100.0)
-    parser.add_argument("--without", action="store_true", help="only the variant without the second opinion")
+    parser.add_argument(
+        "--without",
+        action="store_true",
+        help="only the variant without the second opinion",
+    )
 
 
 def run(given: Namespace) -> dict[str, Any]:
     """Measure both variants."""
     frames = Frames(given.recording)
     real_time = be_the_peer()
-    print(f"{given.frames} frames at {given.rate_hz:g} Hz; monitor on core {cores()[0]}, all others on {cores()[1]}; "
-          f"real-time priority: {'yes' if real_time else 'no'}")  # fmt: skip
-    results: dict[str, Any] = {"frames": given.frames, "rate_hz": given.rate_hz, "real_time": real_time}
-    variants = {"without the second opinion": ["--no-second-opinion"], "with the second opinion": []}
+    print(
+        f"{given.frames} frames at {given.rate_hz:g} Hz; monitor on core {cores()[0]}, all others on {cores()[1]}; "
+        f"real-time priority: {'yes' if real_time else 'no'}"
+    )
+    results: dict[str, Any] = {
+        "frames": given.frames,
+        "rate_hz": given.rate_hz,
+        "real_time": real_time,
+    }
+    variants = {
+        "without the second opinion": ["--no-second-opinion"],
+        "with the second opinion": [],
+    }
     for name, options in list(variants.items())[: 1 if given.without else 2]:
-        with real_monitor(given.model, given.recording, *options) as monitor, echo_server() as port:
+        with (
+            real_monitor(given.model, given.recording, *options) as monitor,
+            echo_server() as port,
+        ):
             results[name] = measure(monitor, port, frames, given, name)
         show(name, results[name])
     return results
 
 
-def measure(monitor: Monitor, echo_port: int, frames: Frames, given: Namespace, name: str) -> dict[str, Any]:
+def measure(
+    monitor: Monitor, echo_port: int, frames: Frames, given: Namespace, name: str
+) -> dict[str, Any]:
     """Send frames at their times; a frame without an answer when the next is due counts as such."""
-    pace, progress = Pace(monitor.port, frames, given.rate_hz), Progress(name, given.frames)
-    operator, echoes, control_s = Operator(monitor.port, monitor.token), list[float](), list[float]()
+    pace, progress = (
+        Pace(monitor.port, frames, given.rate_hz),
+        Progress(name, given.frames),
+    )
+    operator, echoes, control_s = (
+        Operator(monitor.port, monitor.token),
+        list[float](),
+        list[float](),
+    )
     echo = ScannerClient("127.0.0.1", echo_port, lambda at_s, *_: echoes.append(at_s))
     withdrawals, since_withdrawal = list[str](), 0
     try:
@@ -83,7 +110,9 @@ def measure(monitor: Monitor, echo_port: int, frames: Frames, given: Namespace, 
     found = pace.log.answers
     return {
         "client": quantiles_ms(answer.took_s for answer in found),
-        "server": quantiles(answer.server_ms for answer in found if answer.server_ms is not None),
+        "server": quantiles(
+            answer.server_ms for answer in found if answer.server_ms is not None
+        ),
         "echo": quantiles_ms(control_s),
         "unanswered": pace.sent - len(found),
         "withdrawals": withdrawals,
@@ -107,15 +136,24 @@ def show(name: str, result: dict[str, Any]) -> None:
         "last byte received to STATUS sent (server)": "server",
         f"the same bytes, {ECHO_BYTES} back from plain Python": "echo",
     }
-    rows = [[line, *(result[key][column] for column in QUANTILES)] for line, key in lines.items()]
+    rows = [
+        [line, *(result[key][column] for column in QUANTILES)]
+        for line, key in lines.items()
+    ]
     print_table(f"{name}, ms", ["", *QUANTILES], rows)
     ratio = [
-        result["client"][column] / result["echo"][column] if result["echo"][column] else None
+        result["client"][column] / result["echo"][column]
+        if result["echo"][column]
+        else None
         for column in QUANTILES[1:]
     ]
-    print(f"  client / echo: {', '.join('-' if each is None else f'{each:.2f}' for each in ratio)}")
-    print(f"  OK {result['ok']}, without an answer {result['unanswered']}, withdrawals {len(result['withdrawals'])}, "
-          f"latest frame {result['latest_frame_ms']:.2f} ms late")  # fmt: skip
+    print(
+        f"  client / echo: {', '.join('-' if each is None else f'{each:.2f}' for each in ratio)}"
+    )
+    print(
+        f"  OK {result['ok']}, without an answer {result['unanswered']}, withdrawals {len(result['withdrawals'])}, "
+        f"latest frame {result['latest_frame_ms']:.2f} ms late"
+    )
     for message in result["withdrawals"][:5]:
         print(f"    {message}")
 
@@ -125,9 +163,12 @@ def echo_server() -> Iterator[int]:
     """Run the control in a process of its own."""
     with no_interrupts():
         process = subprocess.Popen(
-            [sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+            [sys.executable, "-m", __name__],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
             cwd=Path(__file__).parents[1],
-        )  # fmt: skip
+        )
     assert process.stdin is not None
     assert process.stdout is not None
     try:

@@ -41,8 +41,15 @@ class Resources:
 class Monitor:
     """A monitor that `scleraforce monitor` runs; `pids` are its processes by role."""
 
-    def __init__(self, process: subprocess.Popen[bytes], said: Path, black_box: Path) -> None:
-        self.process, self._said, self._black_box, self._pruned_s = process, said, black_box, monotonic()
+    def __init__(
+        self, process: subprocess.Popen[bytes], said: Path, black_box: Path
+    ) -> None:
+        self.process, self._said, self._black_box, self._pruned_s = (
+            process,
+            said,
+            black_box,
+            monotonic(),
+        )
         words = self._await_reset_line().split()
         self.port, self.token = int(words[words.index("--port") + 1]), words[-1]
         self.pids = {"monitor": process.pid, **_children(process.pid)}
@@ -81,14 +88,22 @@ class Monitor:
         if monotonic() - self._pruned_s < PRUNE_S:
             return
         self._pruned_s = monotonic()
-        folders = [str(path) for path in (self._black_box / "withdrawals").glob("*Z-*") if path.name[0] != "."]
+        folders = [
+            str(path)
+            for path in (self._black_box / "withdrawals").glob("*Z-*")
+            if path.name[0] != "."
+        ]
         if folders:
             subprocess.Popen(["rm", "-rf", *folders], start_new_session=True)
 
 
 @contextmanager
 def real_monitor(
-    model: Path, recording: Path, *options: str, pinned: bool = True, real_time: bool = True
+    model: Path,
+    recording: Path,
+    *options: str,
+    pinned: bool = True,
+    real_time: bool = True,
 ) -> Iterator[Monitor]:
     """Start `scleraforce monitor` for the eye of a virtual recording; end all its processes.
 
@@ -110,13 +125,28 @@ def real_monitor(
     }
     known = [text for name, value in told.items() for text in (name, f"{value:.6g}")]
     known += ["--globe", truth["globe"]["kind"]]
-    with TemporaryDirectory(prefix="bench-monitor-", ignore_cleanup_errors=True) as folder:
+    with TemporaryDirectory(
+        prefix="bench-monitor-", ignore_cleanup_errors=True
+    ) as folder:
         said, black_box = Path(folder, "said"), Path(folder, "box")
-        command = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", "monitor", str(model)]
+        command = [
+            sys.executable,
+            "-c",
+            "from scleraforce.cli.main import main; main()",
+            "monitor",
+            str(model),
+        ]
         command += [*known, "--port", "0", "--black-box", str(black_box), *options]
-        command = command if real_time else ["setpriv", "--bounding-set=-sys_nice", *command]
+        command = (
+            command if real_time else ["setpriv", "--bounding-set=-sys_nice", *command]
+        )
         with said.open("wb") as errors, no_interrupts():
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors)
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+            )
         pids: dict[str, int] = {}
         try:
             monitor = Monitor(process, said, black_box)
@@ -179,11 +209,20 @@ def pin(pid: int, to: set[int]) -> None:
 def resources(pid: int) -> Resources | None:
     """Return what a process holds; None where it has ended."""
     try:
-        fields = dict(line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text("utf-8").splitlines())
-        mapped = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines()
-        pss_kb = next(int(line.split()[1]) for line in mapped if line.startswith("Pss:"))
+        fields = dict(
+            line.split(":", 1)
+            for line in Path(f"/proc/{pid}/status").read_text("utf-8").splitlines()
+        )
+        mapped = (
+            Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines()
+        )
+        pss_kb = next(
+            int(line.split()[1]) for line in mapped if line.startswith("Pss:")
+        )
         descriptors = len(os.listdir(f"/proc/{pid}/fd"))
-        return Resources(_kb(fields["VmRSS"]), _kb(fields["RssAnon"]), pss_kb, descriptors)
+        return Resources(
+            _kb(fields["VmRSS"]), _kb(fields["RssAnon"]), pss_kb, descriptors
+        )
     except (OSError, KeyError, StopIteration):
         return None
 

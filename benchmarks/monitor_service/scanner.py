@@ -55,7 +55,9 @@ class Frames:
         over = np.flatnonzero(self.force_n >= HIGHEST_N)
         self.harmless = int(over[0]) if len(over) else len(entries)
         if self.harmless < 20:
-            raise InputError(f"{path}: {self.harmless} frames before {HIGHEST_N * 1e3:g} mN; 20 are needed")
+            raise InputError(
+                f"{path}: {self.harmless} frames before {HIGHEST_N * 1e3:g} mN; 20 are needed"
+            )
         oct_info = self.recording.info.oct
         self.messages = [
             frame_message(self.recording.frame(entry), oct_info, number, 1)
@@ -99,7 +101,13 @@ def preloaded(recording: Recording, most: int | None = None) -> Preloaded:
     """Read the frames of a recording, or the first ones."""
     entries = tuple(islice(recording.frames, most))
     with ThreadPoolExecutor() as pool:
-        pixels = dict(zip((entry.file for entry in entries), pool.map(recording.frame, entries), strict=True))
+        pixels = dict(
+            zip(
+                (entry.file for entry in entries),
+                pool.map(recording.frame, entries),
+                strict=True,
+            )
+        )
     return Preloaded(recording.path, recording.info, entries, recording.forces, pixels)
 
 
@@ -162,13 +170,27 @@ class Pace:
     """
 
     def __init__(
-        self, port: int, frames: Way, rate_hz: float, *, observed: bool = False, also: Heard = lambda *_: None
+        self,
+        port: int,
+        frames: Way,
+        rate_hz: float,
+        *,
+        observed: bool = False,
+        also: Heard = lambda *_: None,
     ) -> None:
         self.log, self.latest_s, self.sent = Answers(), 0.0, 0
         self.client = ScannerClient("127.0.0.1", port, self._hear, observed=observed)
         self._also = also
-        self._frames, self._interval_s, self._wall_s = frames, 1.0 / rate_hz, time() - monotonic()
-        self._way, self._due_s, self.data = frames.to_and_fro(), monotonic(), bytearray()
+        self._frames, self._interval_s, self._wall_s = (
+            frames,
+            1.0 / rate_hz,
+            time() - monotonic(),
+        )
+        self._way, self._due_s, self.data = (
+            frames.to_and_fro(),
+            monotonic(),
+            bytearray(),
+        )
 
     def _hear(self, at_s: float, device: str, message: Message) -> None:
         self.log.hear(at_s, device, message)
@@ -181,11 +203,17 @@ class Pace:
             InputError: the monitor has withdrawn and there is no operator, or it does not say OK within two minutes.
         """
         end_s = monotonic() + WARM_UP_S
-        while frames and monotonic() < end_s and (operator or self.log.code != WITHDRAW):
+        while (
+            frames and monotonic() < end_s and (operator or self.log.code != WITHDRAW)
+        ):
             self.send()
             self.rest()
             frames -= self.log.code == OK
-            if operator and self.log.code == WITHDRAW and operator.settled() is not True:
+            if (
+                operator
+                and self.log.code == WITHDRAW
+                and operator.settled() is not True
+            ):
                 operator.reset()
         if frames:
             said = self.log.status.message if self.log.status else "nothing"
@@ -200,18 +228,24 @@ class Pace:
         self.latest_s = max(self.latest_s, now_s - self._due_s)
         place = next(self._way)
         message = message or self._frames.messages[place]
-        self.data = message.stamped(self._wall_s + self._due_s)  # times only rise, whatever the wall clock does
+        self.data = message.stamped(
+            self._wall_s + self._due_s
+        )  # times only rise, whatever the wall clock does
         sent_s = self.client.send(self.data)
         self.log.sent(message.frame_id, message.frame_id, sent_s)
         self.sent += 1
         return sent_s
 
-    def rest(self, share: float = 1.0, done: Callable[[], bool] = lambda: False) -> None:
+    def rest(
+        self, share: float = 1.0, done: Callable[[], bool] = lambda: False
+    ) -> None:
         """Hear the monitor, until a share of the interval has passed, or until `done`."""
         self.client.listen(self._due_s + share * self._interval_s, done)
         if share == 1.0:
             self._due_s += self._interval_s
-            if self._due_s < monotonic() - self._interval_s:  # this process was held up: a scanner would lose frames
+            if (
+                self._due_s < monotonic() - self._interval_s
+            ):  # this process was held up: a scanner would lose frames
                 self._due_s = monotonic()
 
 
@@ -246,7 +280,10 @@ class Operator:
         if self._asked is None or not self._asked.done():
             return None
         granted, self._asked = self._asked.result(), None
-        self.granted, self.refused = self.granted + granted, self.refused + (not granted)
+        self.granted, self.refused = (
+            self.granted + granted,
+            self.refused + (not granted),
+        )
         return granted
 
     def close(self) -> None:

@@ -24,7 +24,9 @@ from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, real_monitor, resources
 from .scanner import SCANNER_PRIORITY, WITHDRAW, Frames, Operator, Pace
 
-RECEIVER = Path("/usr/share/doc/openigtlink-examples/examples/Receiver/ReceiveClient.cxx")
+RECEIVER = Path(
+    "/usr/share/doc/openigtlink-examples/examples/Receiver/ReceiveClient.cxx"
+)
 WARM_UP = 50
 RESET_AFTER = 20  # frames
 
@@ -33,11 +35,25 @@ def add_options(parser: ArgumentParser) -> None:
     """Add the options of this part."""
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rate-hz", type=float, default=1000.0)
-    parser.add_argument("--pages", type=int, default=0, help="of the console, open in headless Chromium")
-    parser.add_argument("--receiver", action="store_true", help="attach a C++ client that prints what it hears")
-    parser.add_argument("--remote", action="store_true", help="give the scanner priority, as if it were elsewhere")
-    parser.add_argument("--no-real-time", action="store_true", help="as a user without rights for it")
-    parser.add_argument("--options", default="", help="further ones of `scleraforce monitor`")
+    parser.add_argument(
+        "--pages", type=int, default=0, help="of the console, open in headless Chromium"
+    )
+    parser.add_argument(
+        "--receiver",
+        action="store_true",
+        help="attach a C++ client that prints what it hears",
+    )
+    parser.add_argument(
+        "--remote",
+        action="store_true",
+        help="give the scanner priority, as if it were elsewhere",
+    )
+    parser.add_argument(
+        "--no-real-time", action="store_true", help="as a user without rights for it"
+    )
+    parser.add_argument(
+        "--options", default="", help="further ones of `scleraforce monitor`"
+    )
 
 
 def run(given: Namespace) -> dict[str, Any]:
@@ -48,7 +64,13 @@ def run(given: Namespace) -> dict[str, Any]:
     options = given.options.split() + (["--web-port", "0"] if given.pages else [])
     with ExitStack() as stack:
         monitor = stack.enter_context(
-            real_monitor(given.model, given.recording, *options, pinned=False, real_time=not given.no_real_time)
+            real_monitor(
+                given.model,
+                given.recording,
+                *options,
+                pinned=False,
+                real_time=not given.no_real_time,
+            )
         )
         said = stack.enter_context(receiver(monitor.port)) if given.receiver else None
         if given.pages:
@@ -63,8 +85,15 @@ def run(given: Namespace) -> dict[str, Any]:
 def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any]:
     """Send frames at their times, and reset what was withdrawn from."""
     total = round(given.seconds * given.rate_hz)
-    pace, progress = Pace(monitor.port, frames, given.rate_hz, observed=True), Progress("session", total)
-    operator, withdrawals, since_withdrawal = Operator(monitor.port, monitor.token), list[str](), 0
+    pace, progress = (
+        Pace(monitor.port, frames, given.rate_hz, observed=True),
+        Progress("session", total),
+    )
+    operator, withdrawals, since_withdrawal = (
+        Operator(monitor.port, monitor.token),
+        list[str](),
+        0,
+    )
     gc.collect()
     gc.disable()  # among the answers of half a minute a collection takes 60 ms, in which no frame would be sent
     try:
@@ -78,14 +107,21 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
                 since_withdrawal = 0
             elif since_withdrawal == 0:
                 status = pace.log.status
-                withdrawals.append(f"{monotonic() - begun_s:.1f} s: {status.name}: {status.message}" if status else "")
+                withdrawals.append(
+                    f"{monotonic() - begun_s:.1f} s: {status.name}: {status.message}"
+                    if status
+                    else ""
+                )
             since_withdrawal += pace.log.code == WITHDRAW
             if since_withdrawal > RESET_AFTER and operator.settled() is not True:
                 operator.reset()
             progress.show(number + 1, f"{len(withdrawals)} withdrawals")
             monitor.prune()
         took_s = monotonic() - begun_s
-        used = {name: (now - used.get(name, 0.0)) / took_s for name, now in shares(monitor).items()}
+        used = {
+            name: (now - used.get(name, 0.0)) / took_s
+            for name, now in shares(monitor).items()
+        }
         pace.client.listen(monotonic() + 1.0, lambda: pace.log.last is not None)
     finally:
         gc.enable()
@@ -101,7 +137,9 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
         "lost": pace.log.reading.get("lost", 0) - lost,
         "withdrawals": withdrawals,
         "client": quantiles_ms(answer.took_s for answer in answers),
-        "server": quantiles(answer.server_ms for answer in answers if answer.server_ms is not None),
+        "server": quantiles(
+            answer.server_ms for answer in answers if answer.server_ms is not None
+        ),
         "longest_silence_ms": 1e3 * pace.log.longest_silence_s,
         "latest_frame_ms": 1e3 * pace.latest_s,
         "cores": used,
@@ -115,20 +153,35 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
 
 def show(result: dict[str, Any]) -> None:
     """Print the tables."""
-    print_table("answers, ms", ["", *QUANTILES], [
-        ["last byte sent to STATUS heard (client)", *result["client"].values()],
-        ["last byte received to STATUS sent (server)", *result["server"].values()],
-    ])  # fmt: skip
+    print_table(
+        "answers, ms",
+        ["", *QUANTILES],
+        [
+            ["last byte sent to STATUS heard (client)", *result["client"].values()],
+            ["last byte received to STATUS sent (server)", *result["server"].values()],
+        ],
+    )
     said = {
-        "frames sent": result["sent"], "seconds": result["seconds"], "answered a second": result["answered_per_s"],
-        "overtaken": result["overtaken"], "lost": result["lost"],
+        "frames sent": result["sent"],
+        "seconds": result["seconds"],
+        "answered a second": result["answered_per_s"],
+        "overtaken": result["overtaken"],
+        "lost": result["lost"],
         "longest time between two STATUS, ms": result["longest_silence_ms"],
         "latest frame went out late by, ms": result["latest_frame_ms"],
-    }  # fmt: skip
+    }
     print_table("session", ["", ""], list(said.items()))
-    print("  cores: " + ", ".join(f"{name} {share:.2f}" for name, share in result["cores"].items()))
-    print("  memory, MB (RSS, PSS): " + ", ".join(f"{name} {rss:.0f}, {pss:.0f}"
-                                                  for name, (rss, pss) in result["memory_mb"].items()))  # fmt: skip
+    print(
+        "  cores: "
+        + ", ".join(f"{name} {share:.2f}" for name, share in result["cores"].items())
+    )
+    print(
+        "  memory, MB (RSS, PSS): "
+        + ", ".join(
+            f"{name} {rss:.0f}, {pss:.0f}"
+            for name, (rss, pss) in result["memory_mb"].items()
+        )
+    )
     print(f"  withdrawals, all of them false: {len(result['withdrawals'])}")
     for line in result["withdrawals"][:20]:
         print(f"    {line}")
@@ -138,7 +191,11 @@ def shares(monitor: Monitor) -> dict[str, float]:
     """Return processor seconds used so far: by the monitor's processes, the browser, and this scanner."""
     used = {role: cpu_s([pid]) for role, pid in monitor.pids.items()}
     browser = browser_pids()
-    return {**used, **({"browser": cpu_s(browser)} if browser else {}), "scanner": cpu_s([os.getpid()])}
+    return {
+        **used,
+        **({"browser": cpu_s(browser)} if browser else {}),
+        "scanner": cpu_s([os.getpid()]),
+    }
 
 
 @contextmanager
@@ -146,14 +203,26 @@ def receiver(port: int) -> Iterator[Path]:
     """Run Debian's C++ receiver beside the session; what it prints is in the file that this gives."""
     with TemporaryDirectory(prefix="bench-receiver-") as folder:
         program, said = Path(folder, "receiver"), Path(folder, "said")
-        command = ["g++", "-w", "-O1", "-I/usr/include/openigtlink", str(RECEIVER), "-o", str(program)]
+        command = [
+            "g++",
+            "-w",
+            "-O1",
+            "-I/usr/include/openigtlink",
+            str(RECEIVER),
+            "-o",
+            str(program),
+        ]
         subprocess.run([*command, "-lOpenIGTLink", "-lpthread"], check=True)
         with said.open("wb") as out, no_interrupts():
-            process = subprocess.Popen([program, "127.0.0.1", str(port)], stdout=out, stderr=subprocess.STDOUT)
+            process = subprocess.Popen(
+                [program, "127.0.0.1", str(port)], stdout=out, stderr=subprocess.STDOUT
+            )
         try:
             yield said
             if process.poll() is not None:
-                raise InputError(f"{RECEIVER.stem}: ended with {process.returncode} before the session did")
+                raise InputError(
+                    f"{RECEIVER.stem}: ended with {process.returncode} before the session did"
+                )
         finally:
             process.kill()
             process.wait()

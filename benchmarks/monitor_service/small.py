@@ -51,7 +51,9 @@ def small_monitor() -> Iterator[Small]:
         port, watchdog_pid = map(int, process.stdout.readline().split())
         pin(process.pid, cores()[0])
         with suppress(OSError):  # as the real one does by itself
-            os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(MONITOR_PRIORITY))
+            os.sched_setscheduler(
+                process.pid, os.SCHED_FIFO, os.sched_param(MONITOR_PRIORITY)
+            )
         yield Small(process, port, watchdog_pid)
     finally:
         process.stdin.close()
@@ -67,7 +69,9 @@ class SmallFrames:
     """Frames of 10 mN, more than the monitor remembers, and one that makes the reader hang."""
 
     def __init__(self) -> None:
-        self.messages = [_message(frame_of(10_000 + serial, serial)) for serial in range(1, 61)]
+        self.messages = [
+            _message(frame_of(10_000 + serial, serial)) for serial in range(1, 61)
+        ]
         self.hanging = _message(frame_of(HANGS, 0))
 
     def to_and_fro(self) -> Iterator[int]:
@@ -76,5 +80,18 @@ class SmallFrames:
 
 
 def _message(pixels: NDArray[np.uint16]) -> Unstamped:
-    matrix = (SCALE_M[0] * 1e3, 0.0, 0.0, 0.0, SCALE_M[1] * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    matrix = (
+        SCALE_M[0] * 1e3,
+        0.0,
+        0.0,
+        0.0,
+        SCALE_M[1] * 1e3,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+    )
     return Unstamped(Image(pixels[None], matrix), SCANNER_DEVICE, 1)

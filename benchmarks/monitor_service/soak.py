@@ -33,7 +33,9 @@ def add_options(parser: ArgumentParser) -> None:
     """Add the options of this part."""
     parser.add_argument("--frames", type=int, default=300_000)
     parser.add_argument("--rate-hz", type=float, default=100.0)
-    parser.add_argument("--withdrawal-every", type=int, default=500, help="frames, on average")
+    parser.add_argument(
+        "--withdrawal-every", type=int, default=500, help="frames, on average"
+    )
 
 
 @dataclass
@@ -102,7 +104,9 @@ class Soak:
             self._frame()
             if self._pace.log.code == WITHDRAW:
                 status = self._pace.log.status
-                self.tally.uncalled.append(f"frame {self._pace.sent}: {status.message if status else ''}")
+                self.tally.uncalled.append(
+                    f"frame {self._pace.sent}: {status.message if status else ''}"
+                )
                 self._reset()
         self._sample(at_once=True)
 
@@ -111,7 +115,9 @@ class Soak:
         self._pace.rest()
         self._sample()
         self._monitor.prune()
-        self._progress.show(self._pace.sent, f"{sum(self.tally.injected.values())} withdrawals")
+        self._progress.show(
+            self._pace.sent, f"{sum(self.tally.injected.values())} withdrawals"
+        )
 
     def _withdraw_and_reset(self) -> None:
         name = str(self._rng.choice(list(self._injections)))
@@ -132,7 +138,9 @@ class Soak:
             for _ in range(HELD_FRAMES):
                 self._frame()
                 if log.code != WITHDRAW:
-                    tally.unlatched.append(f"frame {self._pace.sent}: {name}: code {log.code}")
+                    tally.unlatched.append(
+                        f"frame {self._pace.sent}: {name}: code {log.code}"
+                    )
                     break
             self._reset()
 
@@ -148,10 +156,16 @@ class Soak:
 
     def _sample(self, at_once: bool = False) -> None:
         """Look at the processes now and then."""
-        if self._pace.sent < RING_FRAMES or (monotonic() - self._sample_s < SAMPLE_S and not at_once):
+        if self._pace.sent < RING_FRAMES or (
+            monotonic() - self._sample_s < SAMPLE_S and not at_once
+        ):
             return
         self._sample_s = monotonic()
-        held = {role: found for role, pid in self._monitor.pids.items() if (found := resources(pid))}
+        held = {
+            role: found
+            for role, pid in self._monitor.pids.items()
+            if (found := resources(pid))
+        }
         self._samples.append(Sample(self._pace.sent, held))
 
     def result(self) -> dict[str, Any]:
@@ -162,18 +176,37 @@ class Soak:
         first = self._samples[0].frames if self._samples else 0
         print_table(
             f"held after {first} frames (a full ring), and then until {self._pace.sent}",
-            ["process", "", "at first, kB", "at last, kB", "kB a 1000 frames", "most descriptors"],
-            [[role, kind, *growth[role][kind], growth[role]["descriptors"]]
-             for role in growth if growth[role] for kind in ("rss", "own", "pss")],
-        )  # fmt: skip
+            [
+                "process",
+                "",
+                "at first, kB",
+                "at last, kB",
+                "kB a 1000 frames",
+                "most descriptors",
+            ],
+            [
+                [role, kind, *growth[role][kind], growth[role]["descriptors"]]
+                for role in growth
+                if growth[role]
+                for kind in ("rss", "own", "pss")
+            ],
+        )
         print_table(
-            "withdrawals", ["injected", "times", "code 3 before the next frame", "later"],
-            [[name, count, tally.answered[name], tally.late[name]] for name, count in sorted(tally.injected.items())],
-        )  # fmt: skip
+            "withdrawals",
+            ["injected", "times", "code 3 before the next frame", "later"],
+            [
+                [name, count, tally.answered[name], tally.late[name]]
+                for name, count in sorted(tally.injected.items())
+            ],
+        )
         delays = quantiles_ms(tally.delays_s)
-        print_table("from the last byte to code 3, ms", QUANTILES, [list(delays.values())])
+        print_table(
+            "from the last byte to code 3, ms", QUANTILES, [list(delays.values())]
+        )
         latencies = {
-            "last byte sent to STATUS received": quantiles_ms(answer.took_s for answer in answers),
+            "last byte sent to STATUS received": quantiles_ms(
+                answer.took_s for answer in answers
+            ),
             "last byte received to STATUS sent": quantiles(
                 answer.server_ms for answer in answers if answer.server_ms is not None
             ),
@@ -181,24 +214,39 @@ class Soak:
         rows = [[line, *found.values()] for line, found in latencies.items()]
         print_table("all frames, ms", ["", *QUANTILES], rows)
         figures = {
-            "lost": len(tally.lost), "left without a reset": len(tally.unlatched), "resets not granted": tally.stuck,
-            "withdrawals that nothing called for": len(tally.uncalled), "injected": injected, "frames": self._pace.sent,
-            "frames without an answer (invalid frames have none)": self._pace.sent - len(answers),
-        }  # fmt: skip
+            "lost": len(tally.lost),
+            "left without a reset": len(tally.unlatched),
+            "resets not granted": tally.stuck,
+            "withdrawals that nothing called for": len(tally.uncalled),
+            "injected": injected,
+            "frames": self._pace.sent,
+            "frames without an answer (invalid frames have none)": self._pace.sent
+            - len(answers),
+        }
         print_table("all in all", ["", ""], list(figures.items()))
         for line in (*tally.lost, *tally.unlatched, *tally.uncalled)[:20]:
             print(f"    {line}")
         return {
-            "counts": figures, "growth": growth, "tally": vars(tally), "delays_ms": delays,
+            "counts": figures,
+            "growth": growth,
+            "tally": vars(tally),
+            "delays_ms": delays,
             "latencies_ms": latencies,
-            "samples": [{"frames": s.frames, **{role: asdict(held) for role, held in s.held.items()}}
-                        for s in self._samples[:: max(1, len(self._samples) // 200)]],
-        }  # fmt: skip
+            "samples": [
+                {
+                    "frames": s.frames,
+                    **{role: asdict(held) for role, held in s.held.items()},
+                }
+                for s in self._samples[:: max(1, len(self._samples) // 200)]
+            ],
+        }
 
 
 def grown(samples: list[Sample], role: str) -> dict[str, Any]:
     """Return for each kind of memory: the mean of the first and of the last tenth, kB, and the slope between."""
-    held = [(sample.frames, sample.held[role]) for sample in samples if role in sample.held]
+    held = [
+        (sample.frames, sample.held[role]) for sample in samples if role in sample.held
+    ]
     if len(held) < 2:
         return {}
     tenth = max(1, len(held) // 10)
@@ -207,13 +255,21 @@ def grown(samples: list[Sample], role: str) -> dict[str, Any]:
     kinds["descriptors at first"] = held[0][1].descriptors
     kinds["descriptors at last"] = held[-1][1].descriptors
     for kind in ("rss", "own", "pss"):
-        memory = np.array([getattr(each, f"{kind}_kb") for _, each in held], dtype=np.float64)
+        memory = np.array(
+            [getattr(each, f"{kind}_kb") for _, each in held], dtype=np.float64
+        )
         slope = float(np.polyfit(frames, memory, 1)[0]) if len(set(frames)) > 1 else 0.0
-        kinds[kind] = [round(fmean(memory[:tenth])), round(fmean(memory[-tenth:])), 1e3 * slope]
+        kinds[kind] = [
+            round(fmean(memory[:tenth])),
+            round(fmean(memory[-tenth:])),
+            1e3 * slope,
+        ]
     return kinds
 
 
-def injections(frames: Frames, rng: np.random.Generator) -> dict[str, Callable[[Pace], float]]:
+def injections(
+    frames: Frames, rng: np.random.Generator
+) -> dict[str, Callable[[Pace], float]]:
     """Return what sends each kind in the place of the next frame; each returns when its last byte went."""
     recording, oct_info = frames.recording, frames.recording.info.oct
     pixels = recording.frame(recording.frames[0])

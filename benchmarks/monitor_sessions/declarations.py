@@ -30,17 +30,29 @@ DECLARATIONS: Mapping[str, str] = {
     "option": "not declared; E alone, as an option",
 }
 CALIBRATION_N = (10e-3, 20e-3, 28e-3)
-THICKNESS_SD_M, GAP_SD_M, IOP_SD, MODULUS_SD = 10e-6, 20e-6, 0.03, 0.015  # IOP and E: relative
+THICKNESS_SD_M, GAP_SD_M, IOP_SD, MODULUS_SD = (
+    10e-6,
+    20e-6,
+    0.03,
+    0.015,
+)  # IOP and E: relative
 
 
-def declarations(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.Generator) -> dict[str, Known]:
+def declarations(
+    drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.Generator
+) -> dict[str, Known]:
     """Return the known inputs of each declaration; after a calibration that diverges, E and k are unknown."""
     stated, modulus = stated_eye(drawn, rng)
     noise = PooledGenerator((seed, int(rng.integers(2**31))))
     bearable_n = [min(force_n, largest_force_n(drawn)) for force_n in CALIBRATION_N]
-    seen = [(still_frame(drawn, force_n, rng, noise), force_n) for force_n in bearable_n]
+    seen = [
+        (still_frame(drawn, force_n, rng, noise), force_n) for force_n in bearable_n
+    ]
     zero_n = rng.normal(0.0, np.sqrt(ZERO_PRIOR[0, 0]))
-    labelled = [(frame, force_n + zero_n + rng.normal(0.0, LABEL_SD_N)) for frame, force_n in seen]
+    labelled = [
+        (frame, force_n + zero_n + rng.normal(0.0, LABEL_SD_N))
+        for frame, force_n in seen
+    ]
     kind = SEALED if drawn.study.globe.kind == "sealed" else OPEN
     return {
         "declared": calibrated(replace(stated, globe=kind), labelled, reader),
@@ -50,13 +62,19 @@ def declarations(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.rand
     }
 
 
-def stated_eye(drawn: SessionEye, rng: np.random.Generator) -> tuple[EyeConstants, Modulus]:
+def stated_eye(
+    drawn: SessionEye, rng: np.random.Generator
+) -> tuple[EyeConstants, Modulus]:
     """Return what is stated of an eye but its globe; and an E that makes up for that, as a calibration's does."""
     eye = drawn.eye
     thickness_m = eye.thickness_m + rng.normal(0.0, THICKNESS_SD_M)
     iop_pa = eye.iop_pa * (1.0 + rng.normal(0.0, IOP_SD))
-    same_force = (eye.thickness_m / thickness_m) ** 2 * (eye.iop_pa / iop_pa) ** (1.0 / 3.0)
-    modulus_pa = eye.youngs_modulus_pa * same_force * (1.0 + rng.normal(0.0, MODULUS_SD))
+    same_force = (eye.thickness_m / thickness_m) ** 2 * (eye.iop_pa / iop_pa) ** (
+        1.0 / 3.0
+    )
+    modulus_pa = (
+        eye.youngs_modulus_pa * same_force * (1.0 + rng.normal(0.0, MODULUS_SD))
+    )
     stated = EyeConstants(
         iop_pa=iop_pa,
         thickness_m=thickness_m,
@@ -65,10 +83,14 @@ def stated_eye(drawn: SessionEye, rng: np.random.Generator) -> tuple[EyeConstant
         polar_sd_rad=0.0,
         globe=UNKNOWN,
     )
-    return stated, Modulus(mean_pa=modulus_pa, sd_pa=MODULUS_SD * modulus_pa, source="own")
+    return stated, Modulus(
+        mean_pa=modulus_pa, sd_pa=MODULUS_SD * modulus_pa, source="own"
+    )
 
 
-def calibrated(stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], reader: ForceReader) -> Known:
+def calibrated(
+    stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], reader: ForceReader
+) -> Known:
     """Return what is known of an eye after frames of known force."""
     scale, seen = PixelScale.of(reader.study.oct), list[tuple[Boundaries, float]]()
     for frame, force_n in labelled:
@@ -82,7 +104,10 @@ def calibrated(stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], re
 
 
 def _with_tissue(
-    stated: EyeConstants, seen: Sequence[tuple[Boundaries, float]], study: Study, library: Library
+    stated: EyeConstants,
+    seen: Sequence[tuple[Boundaries, float]],
+    study: Study,
+    library: Library,
 ) -> TissueTrial[Known]:
     """Return what is known of an eye after frames of known force, with the walls of one tissue."""
     session, taken = begin(study, stated, library), list[tuple[Boundaries, float]]()

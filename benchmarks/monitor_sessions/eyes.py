@@ -25,8 +25,15 @@ class Kind:
 
 
 KINDS: Mapping[str, Kind] = {
-    "open": Kind(words="open", modulus_pa=(0.22e6, 0.5e6), iop_pa=(150.0, 500.0), sealed=False),
-    "sealed": Kind(words="the same walls, sealed", modulus_pa=(0.22e6, 0.5e6), iop_pa=(150.0, 500.0), sealed=True),
+    "open": Kind(
+        words="open", modulus_pa=(0.22e6, 0.5e6), iop_pa=(150.0, 500.0), sealed=False
+    ),
+    "sealed": Kind(
+        words="the same walls, sealed",
+        modulus_pa=(0.22e6, 0.5e6),
+        iop_pa=(150.0, 500.0),
+        sealed=True,
+    ),
     "living": Kind(
         words="living: 1 to 2 MPa, 10 to 25 mmHg, sealed",
         modulus_pa=(1e6, 2e6),
@@ -67,5 +74,9 @@ def draw_eye(kind: str, number: int, study: Study, seed: int) -> SessionEye:
         gap_m=rng.uniform(*GAPS_M),
         polar_rad=radians(rng.uniform(25.0, 45.0)),
     )
-    globe = GlobeStudy("sealed", rng.uniform(*RIGIDITIES)) if of.sealed else GlobeStudy("open")
+    globe = (
+        GlobeStudy("sealed", rng.uniform(*RIGIDITIES))
+        if of.sealed
+        else GlobeStudy("open")
+    )
     return SessionEye(eye, replace(study, globe=globe))

@@ -38,10 +38,14 @@ class PooledGenerator(np.random.Generator):
 @cache
 def _pool() -> NDArray[np.float32]:
     """Return independent normal numbers, (row, column, 2)."""
-    return np.random.default_rng(20_26).standard_normal((POOL, POOL, 2), dtype=np.float32)
+    return np.random.default_rng(20_26).standard_normal(
+        (POOL, POOL, 2), dtype=np.float32
+    )
 
 
-def stream(drawn: SessionEye, path: Trajectory, rng: np.random.Generator, seed: int) -> Iterator[Frame]:
+def stream(
+    drawn: SessionEye, path: Trajectory, rng: np.random.Generator, seed: int
+) -> Iterator[Frame]:
     """Render the frames of a trajectory, one after the other."""
     study, states = drawn.study, _states(drawn)
     scanner = sample_optics(study.phantom, study.oct, rng)
@@ -50,14 +54,24 @@ def stream(drawn: SessionEye, path: Trajectory, rng: np.random.Generator, seed: 
     for n, force_n in enumerate(path.force_n):
         pose = Pose(lateral_m=path.lateral_m[n], depth_m=surface_m + path.depth_m[n])
         section = pose.place(_section_at(states, float(force_n)))
-        yield render_bscan(section, study.oct, _optics_at(scanner, path, n), pooled).frame
+        yield render_bscan(
+            section, study.oct, _optics_at(scanner, path, n), pooled
+        ).frame
 
 
-def still_frame(drawn: SessionEye, force_n: float, rng: np.random.Generator, noise: np.random.Generator) -> Frame:
+def still_frame(
+    drawn: SessionEye,
+    force_n: float,
+    rng: np.random.Generator,
+    noise: np.random.Generator,
+) -> Frame:
     """Render one frame of an eye that is held at a force, with optics and a place of its own."""
     study = drawn.study
     optics = sample_optics(study.phantom, study.oct, rng)
-    pose = Pose(lateral_m=rng.uniform(-2e-4, 2e-4), depth_m=draw(study.phantom.surface_depth_m, rng))
+    pose = Pose(
+        lateral_m=rng.uniform(-2e-4, 2e-4),
+        depth_m=draw(study.phantom.surface_depth_m, rng),
+    )
     section = pose.place(_section_at(_states(drawn), force_n))
     return render_bscan(section, study.oct, optics, noise).frame
 
@@ -82,10 +96,15 @@ def _section_at(states: tuple[Floats, Floats], force_n: float) -> Section:
     forces_n, curves_sbnc = states
     after = int(np.clip(np.searchsorted(forces_n, force_n), 1, len(forces_n) - 1))
     share = (force_n - forces_n[after - 1]) / (forces_n[after] - forces_n[after - 1])
-    return Section(*((1.0 - share) * curves_sbnc[after - 1] + share * curves_sbnc[after]))
+    return Section(
+        *((1.0 - share) * curves_sbnc[after - 1] + share * curves_sbnc[after])
+    )
 
 
 def _optics_at(scanner: BscanOptics, path: Trajectory, n: int) -> BscanOptics:
     """Return the optics of a frame: the light swings, and shadows move with the eye."""
-    shadows = tuple(replace(shadow, centre_m=shadow.centre_m + path.lateral_m[n]) for shadow in scanner.shadows)
+    shadows = tuple(
+        replace(shadow, centre_m=shadow.centre_m + path.lateral_m[n])
+        for shadow in scanner.shadows
+    )
     return replace(scanner, snr_db=scanner.snr_db + path.snr_db[n], shadows=shadows)

@@ -11,7 +11,13 @@ import numpy as np
 
 from monitor_sessions.declarations import declarations
 from monitor_sessions.eyes import SessionEye, draw_eye
-from monitor_sessions.forces import FRAME_S, Trajectory, moving_forces, ramp_forces, trajectory
+from monitor_sessions.forces import (
+    FRAME_S,
+    Trajectory,
+    moving_forces,
+    ramp_forces,
+    trajectory,
+)
 from monitor_sessions.frames import largest_force_n, stream
 from monitor_sessions.watch import Watch, Withdrawal
 from scleraforce.decision.limits import MonitorLimits
@@ -144,9 +150,15 @@ class Bench:
         rng = np.random.default_rng((self.plan.seed, 2, unit.eye, place))
         outcomes = {name: Outcome() for name in told}
         if unit.session is None:
-            for rate_n_s in self.plan.rates_n_s if largest_n > ENOUGH * self.limits.bound_n else ():
-                path = trajectory(*ramp_forces(rate_n_s, largest_n, rng), drawn.study, rng)
-                for name, ramp in self._ramp(drawn, path, self._watches(told), rng, unit.eye, rate_n_s).items():
+            for rate_n_s in (
+                self.plan.rates_n_s if largest_n > ENOUGH * self.limits.bound_n else ()
+            ):
+                path = trajectory(
+                    *ramp_forces(rate_n_s, largest_n, rng), drawn.study, rng
+                )
+                for name, ramp in self._ramp(
+                    drawn, path, self._watches(told), rng, unit.eye, rate_n_s
+                ).items():
                     outcomes[name].ramps.append(ramp)
         else:
             highest_n = min(self.plan.highest_n, largest_n)
@@ -163,7 +175,9 @@ class Bench:
         return self._last[1]
 
     def _watches(self, told: Mapping[str, Known]) -> dict[str, Watch]:
-        return {name: Watch(self.reader, known, self.limits) for name, known in told.items()}
+        return {
+            name: Watch(self.reader, known, self.limits) for name, known in told.items()
+        }
 
     def _session(
         self,
@@ -197,26 +211,40 @@ class Bench:
         rate_n_s: float,
     ) -> dict[str, Ramp]:
         """Play a ramp, for each monitor until it withdraws."""
-        crossing_s = FRAME_S * (1 + float(np.argmax(path.force_n >= self.limits.bound_n)))
+        crossing_s = FRAME_S * (
+            1 + float(np.argmax(path.force_n >= self.limits.bound_n))
+        )
         ramps = dict.fromkeys(watches, Ramp(eye, rate_n_s, None, None, None))
         for n, name, _, withdrawal in self._shown(drawn, path, watches, rng):
             if withdrawal is not None:
                 delay_s = withdrawal.at_s - crossing_s
-                ramps[name] = Ramp(eye, rate_n_s, float(path.force_n[n]), delay_s, withdrawal.cause)
+                ramps[name] = Ramp(
+                    eye, rate_n_s, float(path.force_n[n]), delay_s, withdrawal.cause
+                )
                 del watches[name]
         return ramps
 
     def _shown(
-        self, drawn: SessionEye, path: Trajectory, watches: Mapping[str, Watch], rng: np.random.Generator
+        self,
+        drawn: SessionEye,
+        path: Trajectory,
+        watches: Mapping[str, Watch],
+        rng: np.random.Generator,
     ) -> Iterator[tuple[int, str, Answer | None, Withdrawal | None]]:
         """Show the frames of a trajectory to all monitors that are left; yield what each does at each frame."""
         shown = ShownPictures(self.limits.shown_frames)
         for n, frame in enumerate(stream(drawn, path, rng, self.plan.seed)):
             shown_back = shown.back(frame)
-            at_s = FRAME_S * (n + 1) + float(np.clip(rng.normal(0.0, JITTER_S), -4e-3, 4e-3))
+            at_s = FRAME_S * (n + 1) + float(
+                np.clip(rng.normal(0.0, JITTER_S), -4e-3, 4e-3)
+            )
             lost = rng.random() < LOSS
             for name, watch in list(watches.items()):
-                heard = (None, watch.lost(at_s)) if lost else watch.read(frame, at_s, n, shown_back)
+                heard = (
+                    (None, watch.lost(at_s))
+                    if lost
+                    else watch.read(frame, at_s, n, shown_back)
+                )
                 yield n, name, *heard
             if not watches:
                 return

@@ -18,7 +18,14 @@ Found = Mapping[str, Mapping[str, Outcome]]  # kind -> declaration
 
 def ramp_table(found: Found) -> str:
     """Return, for each kind of eyes and declaration, the ramps stopped in time and their true force."""
-    rates = sorted({ramp.rate_n_s for of in found.values() for one in of.values() for ramp in one.ramps})
+    rates = sorted(
+        {
+            ramp.rate_n_s
+            for of in found.values()
+            for one in of.values()
+            for ramp in one.ramps
+        }
+    )
     head = [
         "eyes",
         "globe",
@@ -32,9 +39,17 @@ def ramp_table(found: Found) -> str:
             words,
             DECLARATIONS[name],
             f"{sum(_in_time(ramp) for ramp in outcome.ramps)} of {len(outcome.ramps)}",
-            *(_spread([ramp.force_n for ramp in outcome.ramps if ramp.rate_n_s == rate]) for rate in rates),
+            *(
+                _spread(
+                    [ramp.force_n for ramp in outcome.ramps if ramp.rate_n_s == rate]
+                )
+                for rate in rates
+            ),
             _earlier(outcome.ramps, of[REFERENCE].ramps),
-            ", ".join(f"{count} {cause}" for cause, count in Counter(_causes(outcome.ramps)).most_common()),
+            ", ".join(
+                f"{count} {cause}"
+                for cause, count in Counter(_causes(outcome.ramps)).most_common()
+            ),
         ]
         for words, of in _by_words(found)
         for name, outcome in of.items()
@@ -90,16 +105,27 @@ def _earlier(ramps: Sequence[Ramp], told: Sequence[Ramp]) -> str:
         return ""
     same = {(ramp.eye, ramp.rate_n_s): ramp.force_n for ramp in told}
     pairs = [(same[ramp.eye, ramp.rate_n_s], ramp.force_n) for ramp in ramps]
-    return _of_spread([first - own for first, own in pairs if first is not None and own is not None], [median, max])
+    return _of_spread(
+        [first - own for first, own in pairs if first is not None and own is not None],
+        [median, max],
+    )
 
 
 def _spread(forces_n: Sequence[float | None]) -> str:
     """Return least, median and largest of the forces, mN."""
-    return _of_spread([force_n for force_n in forces_n if force_n is not None], [min, median, max])
+    return _of_spread(
+        [force_n for force_n in forces_n if force_n is not None], [min, median, max]
+    )
 
 
-def _of_spread(forces_n: Sequence[float], by: Sequence[Callable[[Sequence[float]], float]]) -> str:
-    return " / ".join(f"{from_si(each(forces_n), 'mn'):.1f}" for each in by) if forces_n else "-"
+def _of_spread(
+    forces_n: Sequence[float], by: Sequence[Callable[[Sequence[float]], float]]
+) -> str:
+    return (
+        " / ".join(f"{from_si(each(forces_n), 'mn'):.1f}" for each in by)
+        if forces_n
+        else "-"
+    )
 
 
 def _off(errors_n: Sequence[float]) -> str:

@@ -5,7 +5,15 @@ from dataclasses import dataclass, replace
 from monitor_sessions.forces import FRAME_S
 from monitor_sessions.frames import Frame
 from scleraforce.decision.decide import Decision, decide
-from scleraforce.decision.events import Cause, FrameRead, MonitorEvent, QueueLoss, Reset, SecondOpinion, State
+from scleraforce.decision.events import (
+    Cause,
+    FrameRead,
+    MonitorEvent,
+    QueueLoss,
+    Reset,
+    SecondOpinion,
+    State,
+)
 from scleraforce.decision.limits import MonitorLimits
 from scleraforce.decision.state import MonitorState
 from scleraforce.known import Known
@@ -16,7 +24,10 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.learning import EyeLearner
 from scleraforce.service.messages import OpinionAsked
 
-OPINION_EVERY, OPINION_AFTER_S = 3, 0.025  # frames; the fit takes so long on a busy machine, and skips what comes then
+OPINION_EVERY, OPINION_AFTER_S = (
+    3,
+    0.025,
+)  # frames; the fit takes so long on a busy machine, and skips what comes then
 RESET_AFTER_S = 1.0
 WITHDRAW = 3
 
@@ -37,12 +48,24 @@ class Watch:
     """
 
     def __init__(
-        self, reader: ForceReader, known: Known, limits: MonitorLimits, learner: EyeLearner | None = None,
+        self,
+        reader: ForceReader,
+        known: Known,
+        limits: MonitorLimits,
+        learner: EyeLearner | None = None,
         opinion_every: int = OPINION_EVERY,
-    ) -> None:  # fmt: skip
+    ) -> None:
         stiffness_n_m = reader.steepest_n_m(known) or limits.stiffness_n_m
-        self.known, self.limits, self.released = known, replace(limits, stiffness_n_m=stiffness_n_m), 0
-        self._reader, self._learner, self._opinion_every = reader, learner, opinion_every
+        self.known, self.limits, self.released = (
+            known,
+            replace(limits, stiffness_n_m=stiffness_n_m),
+            0,
+        )
+        self._reader, self._learner, self._opinion_every = (
+            reader,
+            learner,
+            opinion_every,
+        )
         self._scale = PixelScale.of(reader.study.oct)
         self._live = LiveReader(reader, known, 1.0)
         self._state = MonitorState()
@@ -57,9 +80,14 @@ class Watch:
 
     def lost(self, at_s: float) -> Withdrawal | None:
         """Hear that a frame was lost."""
-        return self._hear([QueueLoss(at_s=at_s, lost=1, unread_s=FRAME_S, row=round(at_s / FRAME_S))], at_s)
+        return self._hear(
+            [QueueLoss(at_s=at_s, lost=1, unread_s=FRAME_S, row=round(at_s / FRAME_S))],
+            at_s,
+        )
 
-    def read(self, frame: Frame, at_s: float, number: int, shown_back: int) -> tuple[Answer, Withdrawal | None]:
+    def read(
+        self, frame: Frame, at_s: float, number: int, shown_back: int
+    ) -> tuple[Answer, Withdrawal | None]:
         """Read a frame; return the network's answer, and the withdrawal where one begins."""
         answer = self._live.read(frame, self._scale)
         event = FrameRead(
@@ -74,17 +102,30 @@ class Watch:
         if number % self._opinion_every == 0:
             opinion = self._reader.read(frame, self._scale, self.known)
             due_s = at_s + OPINION_AFTER_S
-            self._pending.append(SecondOpinion(at_s=due_s, frame_id=number, verdict=opinion.verdict))
+            self._pending.append(
+                SecondOpinion(at_s=due_s, frame_id=number, verdict=opinion.verdict)
+            )
         if self._learner:
-            self._learn(self._learner, answer.usable and shown_back == 0, opinion, at_s, number)
+            self._learn(
+                self._learner, answer.usable and shown_back == 0, opinion, at_s, number
+            )
         return answer, withdrawal
 
-    def _learn(self, learner: EyeLearner, usable: bool, opinion: Answer | None, at_s: float, number: int) -> None:
+    def _learn(
+        self,
+        learner: EyeLearner,
+        usable: bool,
+        opinion: Answer | None,
+        at_s: float,
+        number: int,
+    ) -> None:
         """Tell the learner of a frame, as the service does; read later frames with the E that it has learned."""
         assert self._decision is not None
         pierced = Cause.PIERCED in (self._decision.cause, self._decision.present_cause)
         teaches = usable and self._decision.state is State.WATCHING
-        asked = OpinionAsked(number=number, order=number, at_s=at_s, teaches=teaches, pierced=pierced)
+        asked = OpinionAsked(
+            number=number, order=number, at_s=at_s, teaches=teaches, pierced=pierced
+        )
         learner.hear(asked)
         if opinion:
             learner.show(asked, opinion, self._scale)
@@ -109,8 +150,12 @@ class Watch:
         before = self.code
         self._state, decision = decide(self._state, event, self.limits)
         self._decision = decision
-        self.released += before == WITHDRAW != decision.code and not isinstance(event, Reset)
+        self.released += before == WITHDRAW != decision.code and not isinstance(
+            event, Reset
+        )
         if decision.code != WITHDRAW or before == WITHDRAW:
             return None
         self._asked_s = event.at_s
-        return Withdrawal(event.at_s, decision.cause.name if decision.cause else "?", decision.message)
+        return Withdrawal(
+            event.at_s, decision.cause.name if decision.cause else "?", decision.message
+        )

@@ -36,9 +36,21 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Eq: ast.NotEq,
     ast.NotEq: ast.Eq,
 }
-BOUNDS = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "ceil": "floor", "floor": "ceil"}
-SLOWER, START_S = 4.0, 60.0  # a faulty run may take this many times the sound one, and this much longer
-Key = tuple[str, str, str, int]  # function, expression, the same with the fault, and which of equal ones
+BOUNDS = {
+    "min": "max",
+    "max": "min",
+    "minimum": "maximum",
+    "maximum": "minimum",
+    "ceil": "floor",
+    "floor": "ceil",
+}
+SLOWER, START_S = (
+    4.0,
+    60.0,
+)  # a faulty run may take this many times the sound one, and this much longer
+Key = tuple[
+    str, str, str, int
+]  # function, expression, the same with the fault, and which of equal ones
 
 
 @dataclass(frozen=True)
@@ -53,7 +65,10 @@ class Fault:
     def applied(self, source: bytes) -> bytes:
         """Return the source with the fault."""
         lines = source.splitlines(keepends=True)
-        before = b"".join(lines[: self.start[0] - 1]) + lines[self.start[0] - 1][: self.start[1]]
+        before = (
+            b"".join(lines[: self.start[0] - 1])
+            + lines[self.start[0] - 1][: self.start[1]]
+        )
         after = lines[self.end[0] - 1][self.end[1] :] + b"".join(lines[self.end[0] :])
         return before + b"(" + self.faulty.encode() + b")" + after
 
@@ -62,7 +77,9 @@ def faulty(node: ast.expr) -> str | None:
     """Return an expression with its fault; None if it offers none."""
     wrong = deepcopy(node)
     match wrong:
-        case ast.BinOp(op=operator) | ast.BoolOp(op=operator) if type(operator) in SWAPS:
+        case ast.BinOp(op=operator) | ast.BoolOp(op=operator) if (
+            type(operator) in SWAPS
+        ):
             wrong.op = SWAPS[type(operator)]()  # type: ignore[assignment]  # of the same family
         case ast.Compare(ops=[operator, *_]) if type(operator) in SWAPS:
             wrong.ops[0] = SWAPS[type(operator)]()  # type: ignore[call-overload]  # as above
@@ -111,17 +128,30 @@ def faults_of(tree: Path, packages: list[str]) -> dict[Key, Fault]:
     """Return the faults that modules of some packages (none: all) offer; functions of one name are left out."""
     root = tree / "src" / "scleraforce"
     files = [file for name in packages or [""] for file in (root / name).rglob("*.py")]
-    found = [(name, node, file) for file in sorted(files) for name, node in functions(ast.parse(file.read_bytes()))]
+    found = [
+        (name, node, file)
+        for file in sorted(files)
+        for name, node in functions(ast.parse(file.read_bytes()))
+    ]
     named = Counter(name for name, *_ in found)
     offered: dict[Key, Fault] = {}
     for name, function, file in found:
         equal: Counter[tuple[str, str]] = Counter()
         for node in expressions(function) if named[name] == 1 else ():
             wrong = faulty(node)
-            if wrong is not None and node.end_lineno is not None and node.end_col_offset is not None:
+            if (
+                wrong is not None
+                and node.end_lineno is not None
+                and node.end_col_offset is not None
+            ):
                 pair = (ast.unparse(node), wrong)
-                start, end = (node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)
-                offered[(name, *pair, equal[pair])] = Fault(file.relative_to(root), start, end, wrong)
+                start, end = (
+                    (node.lineno, node.col_offset),
+                    (node.end_lineno, node.end_col_offset),
+                )
+                offered[(name, *pair, equal[pair])] = Fault(
+                    file.relative_to(root), start, end, wrong
+                )
                 equal[pair] += 1
     return offered
 
@@ -132,7 +162,9 @@ class Copy:
     def __init__(self, tree: Path, folder: Path) -> None:
         """Copy what the tests need; caches of the run are in the copy, too."""
         self.folder, self.seconds = folder, dict[str, float]()
-        names = subprocess.run(["git", "ls-files"], cwd=tree, capture_output=True, text=True, check=True).stdout
+        names = subprocess.run(
+            ["git", "ls-files"], cwd=tree, capture_output=True, text=True, check=True
+        ).stdout
         for name in names.splitlines():
             if (tree / name).is_file():
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -141,13 +173,28 @@ class Copy:
     def passes(self, package: str, limit_s: float | None = None) -> bool:
         """Run a package's default tests."""
         tests = self.folder / "tests" / package
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", str(tests)]
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-x",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            str(tests),
+        ]
         environment = os.environ | {
             "PYTHONPATH": str(self.folder / "src"),
             "XDG_CACHE_HOME": str(self.folder / "cache"),
         }
-        with subprocess.Popen(command, cwd=self.folder, env=environment, stdout=subprocess.DEVNULL,
-                              stderr=subprocess.DEVNULL, start_new_session=True) as run:  # fmt: skip
+        with subprocess.Popen(
+            command,
+            cwd=self.folder,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        ) as run:
             try:
                 return run.wait(limit_s) == 0
             except subprocess.TimeoutExpired:
@@ -163,7 +210,9 @@ class Copy:
             for _ in range(2):  # the first run also compiles
                 start = time.perf_counter()
                 if not self.passes(package):
-                    raise SystemExit(f"{self.folder}: tests/{package} fails without a fault")
+                    raise SystemExit(
+                        f"{self.folder}: tests/{package} fails without a fault"
+                    )
             self.seconds[package] = time.perf_counter() - start
         file = self.folder / "src" / "scleraforce" / fault.module
         sound = file.read_bytes()
@@ -176,13 +225,26 @@ class Copy:
 
 def main() -> int:
     """Draw faults, run the tests of each tree on them, and print the share that each tree's tests kill."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("trees", nargs="+", type=Path, metavar="TREE", help="checkouts; one, or two to compare")
-    parser.add_argument("--packages", nargs="+", default=[], help="of the first tree; by default all")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "trees",
+        nargs="+",
+        type=Path,
+        metavar="TREE",
+        help="checkouts; one, or two to compare",
+    )
+    parser.add_argument(
+        "--packages", nargs="+", default=[], help="of the first tree; by default all"
+    )
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    first, *others = (faults_of(tree, given.packages if n == 0 else []) for n, tree in enumerate(given.trees))
+    first, *others = (
+        faults_of(tree, given.packages if n == 0 else [])
+        for n, tree in enumerate(given.trees)
+    )
     shared = [key for key in sorted(first) if all(key in other for other in others)]
     drawn = random.Random(given.seed).sample(shared, min(given.count, len(shared)))
     print(f"{len(drawn)} of {len(shared)} faults, seed {given.seed}")
@@ -192,9 +254,13 @@ def main() -> int:
             for key in drawn:
                 fault, dead = offered[key], copied.kills(offered[key])
                 killed += dead
-                place = f"{fault.module}:{fault.start[0]} {key[0]}: {key[1]} -> {key[2]}"
+                place = (
+                    f"{fault.module}:{fault.start[0]} {key[0]}: {key[1]} -> {key[2]}"
+                )
                 print(f"{'killed' if dead else 'SURVIVED':<9} {place}", flush=True)
-            print(f"{tree}: {killed} of {len(drawn)} killed, {100 * killed / max(len(drawn), 1):.0f} %")
+            print(
+                f"{tree}: {killed} of {len(drawn)} killed, {100 * killed / max(len(drawn), 1):.0f} %"
+            )
     return 0
 
 

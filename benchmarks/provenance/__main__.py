@@ -15,8 +15,12 @@ SHOWN = 3  # entries that moved
 
 def main() -> int:
     """List the figures, or print a stamp; return 0, also where figures are out of date: a run of them takes long."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--stamp", metavar="COMMAND", help="print the line of new figures")
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else ""
+    )
+    parser.add_argument(
+        "--stamp", metavar="COMMAND", help="print the line of new figures"
+    )
     given = parser.parse_args()
     now = behaviour()
     if given.stamp:
@@ -24,11 +28,17 @@ def main() -> int:
         keep(stamp, now)
         print(stamp)
         return 0
-    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *(ROOT / "benchmarks").rglob("*.md")]
+    pages = [
+        ROOT / "README.md",
+        *sorted((ROOT / "docs").rglob("*.md")),
+        *(ROOT / "benchmarks").rglob("*.md"),
+    ]
     found = [(page, stamp) for page in pages for stamp in read_stamps(page)]
     for page, stamp in found:
         state = _state(moved_since(stamp, now))
-        print(f"{page.relative_to(ROOT)}: {stamp.made_by}, {stamp.commit} of {stamp.day}: {state}")
+        print(
+            f"{page.relative_to(ROOT)}: {stamp.made_by}, {stamp.commit} of {stamp.day}: {state}"
+        )
     if not found:
         print("no page has generated figures with a stamp", file=sys.stderr)
     return 0

@@ -21,7 +21,13 @@ from provenance.fingerprint import PIXELS, SCORES, Fingerprint, item, moved
 from provenance.stamps import Stamp
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.library import load_library
-from scleraforce.models import LIBRARY_FILE, NETWORK_FILE, SHIPPED, SHIPPED_READER, read_folder
+from scleraforce.models import (
+    LIBRARY_FILE,
+    NETWORK_FILE,
+    SHIPPED,
+    SHIPPED_READER,
+    read_folder,
+)
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import read_recording
@@ -44,14 +50,22 @@ def behaviour() -> Fingerprint:
     found: Fingerprint = {}
     for model, path in SHIPPED.items():
         folder = read_folder(path)
-        found |= {f"{model} {name}": entry for name, entry in folder.record["fingerprint"].items()}
-        found[f"{model} network"] = item(int(sha256(folder.files[NETWORK_FILE]).hexdigest()[:7], 16), 0.0)
+        found |= {
+            f"{model} {name}": entry
+            for name, entry in folder.record["fingerprint"].items()
+        }
+        found[f"{model} network"] = item(
+            int(sha256(folder.files[NETWORK_FILE]).hexdigest()[:7], 16), 0.0
+        )
     return found | _eyes()
 
 
 def keep(stamp: Stamp, now: Fingerprint) -> None:
     """Note the fingerprint of a run whose figures are in a page."""
-    kept = {**_kept(), stamp.made_by: {"commit": stamp.commit, "fingerprint": _deciding(stamp, now)}}
+    kept = {
+        **_kept(),
+        stamp.made_by: {"commit": stamp.commit, "fingerprint": _deciding(stamp, now)},
+    }
     write_whole(json.dumps(kept, indent=1, sort_keys=True) + "\n", KEPT)
 
 
@@ -69,7 +83,9 @@ def _deciding(stamp: Stamp, now: Fingerprint) -> Fingerprint:
 
 
 def _kept() -> dict[str, Any]:
-    kept: dict[str, Any] = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    kept: dict[str, Any] = (
+        json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    )
     return kept
 
 
@@ -92,7 +108,12 @@ def _eye(folder: FiguresFolder, group: str) -> Fingerprint:
     recording = read_recording(path)
     answers = evaluate_recordings(load_model("default"), [path]).frames
     forces_n = [
-        [value for value in (frame.answer.force_n, *(frame.answer.interval_n or ())) if value] for frame in answers
+        [
+            value
+            for value in (frame.answer.force_n, *(frame.answer.interval_n or ()))
+            if value
+        ]
+        for frame in answers
     ]
     entries = {
         "forces": item([made.forces_n, made.tips_m, made.lowest_m.T[0]], SCORES),
@@ -100,6 +121,14 @@ def _eye(folder: FiguresFolder, group: str) -> Fingerprint:
         "answers": item(np.concatenate(forces_n), SCORES),
     }
     if group == "plain":
-        eye = calibrate_recordings([recording], study, study_hash(study), load_library(SHIPPED_READER / LIBRARY_FILE))
-        entries["calibration"] = item([value for one in eye.eyes.values() for value in (*one.means, *one.sds)], SCORES)
+        eye = calibrate_recordings(
+            [recording],
+            study,
+            study_hash(study),
+            load_library(SHIPPED_READER / LIBRARY_FILE),
+        )
+        entries["calibration"] = item(
+            [value for one in eye.eyes.values() for value in (*one.means, *one.sds)],
+            SCORES,
+        )
     return {f"{group} eye: {name}": entry for name, entry in entries.items()}

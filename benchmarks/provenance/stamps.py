@@ -44,16 +44,25 @@ def new_stamp(made_by: str) -> Stamp:
     commit = _git("rev-parse", "--short", "HEAD") or "unknown"
     changed = bool(_git("status", "--porcelain", "--untracked-files=no"))
     today = date.today()
-    return Stamp(made_by=made_by, commit=commit, changed=changed, day=f"{today.day} {today:%B %Y}")
+    return Stamp(
+        made_by=made_by,
+        commit=commit,
+        changed=changed,
+        day=f"{today.day} {today:%B %Y}",
+    )
 
 
 def read_stamps(page: Path) -> Iterator[Stamp]:
     """Yield the stamps of a page."""
     for found in LINE.finditer(page.read_text(encoding="utf-8")):
         made_by, commit, day = found.group("made_by", "commit", "day")
-        yield Stamp(made_by=made_by, commit=commit, changed=bool(found["changed"]), day=day)
+        yield Stamp(
+            made_by=made_by, commit=commit, changed=bool(found["changed"]), day=day
+        )
 
 
 def _git(*words: str) -> str:
-    done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        ["git", *words], cwd=ROOT, capture_output=True, text=True, check=False
+    )
     return done.stdout.strip()

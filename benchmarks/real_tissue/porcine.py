@@ -20,7 +20,13 @@ from scleraforce.units import to_si
 Floats = NDArray[np.float64]
 
 STIFFNESS_N_M, IOP_PA = 130.0, to_si(15.0, "mmhg")
-MODULI_PA = (0.1e6, 0.15e6, 0.2e6, 0.3e6, 0.4e6)  # where paths are computed; between them slopes are interpolated
+MODULI_PA = (
+    0.1e6,
+    0.15e6,
+    0.2e6,
+    0.3e6,
+    0.4e6,
+)  # where paths are computed; between them slopes are interpolated
 DENTS_M = np.linspace(0.1e-3, 1.1e-3, 11)
 
 
@@ -40,18 +46,26 @@ SIZE = PunchedEye()
 def modulus_by_shell_theory(stiffness_n_m: float, size: PunchedEye = SIZE) -> float:
     """Return E, Pa, by the shallow shell without pressure, uniformly pressed over the punch's disc."""
     middle_m = size.radius_m - 0.5 * size.thickness_m
-    return stiffness_n_m / shallow(size.thickness_m, middle_m, 0.0, size.punch_m, size.poisson_ratio)
+    return stiffness_n_m / shallow(
+        size.thickness_m, middle_m, 0.0, size.punch_m, size.poisson_ratio
+    )
 
 
-def small_load_modulus(*, bonded: bool, iop_pa: float = IOP_PA, size: PunchedEye = SIZE) -> float:
+def small_load_modulus(
+    *, bonded: bool, iop_pa: float = IOP_PA, size: PunchedEye = SIZE
+) -> float:
     """Return E, Pa, of the measured stiffness for small loads: uniform over the disc, or a rigid disc bonded to it."""
-    mesh = fine_meridian(size.radius_m, size.thickness_m, size.punch_m, inside=12, outside=40)
+    mesh = fine_meridian(
+        size.radius_m, size.thickness_m, size.punch_m, inside=12, outside=40
+    )
     wall = disc_wall(mesh, size.punch_m, size.poisson_ratio, symmetric=False)
 
     def missing(log_modulus: float) -> float:
         pressure = iop_pa / np.exp(log_modulus)
         found = (
-            bonded_stiffness(wall, pressure, size.punch_m) if bonded else pressed_wall(wall, pressure).outer_stiffness_m
+            bonded_stiffness(wall, pressure, size.punch_m)
+            if bonded
+            else pressed_wall(wall, pressure).outer_stiffness_m
         )
         return float(log_modulus + np.log(found / STIFFNESS_N_M))
 
@@ -68,7 +82,11 @@ def pushed(
     dents_m: Floats = DENTS_M,
 ) -> Pushed:
     """Return the path below the punch of a globe of rigidity k, mmHg^(1/3)/ul; 0 is open."""
-    globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa) if rigidity else OPEN_GLOBE
+    globe = (
+        sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa)
+        if rigidity
+        else OPEN_GLOBE
+    )
     return flat_punch_path(
         size.radius_m,
         size.thickness_m,
@@ -81,7 +99,9 @@ def pushed(
     )
 
 
-def modulus_of_slope(paths: dict[float, Pushed], dent_m: float, stiffness_n_m: float = STIFFNESS_N_M) -> float | None:
+def modulus_of_slope(
+    paths: dict[float, Pushed], dent_m: float, stiffness_n_m: float = STIFFNESS_N_M
+) -> float | None:
     """Return E, Pa, whose path has the measured slope at a dent; None if no E among the paths' has it.
 
     Args:
@@ -94,9 +114,13 @@ def modulus_of_slope(paths: dict[float, Pushed], dent_m: float, stiffness_n_m: f
         for modulus, path in paths.items()
         if path.dent_m[-1] >= dent_m * (1.0 + 1e-9)
     }
-    if len(slopes) < 2 or not min(slopes.values()) < stiffness_n_m < max(slopes.values()):
+    if len(slopes) < 2 or not min(slopes.values()) < stiffness_n_m < max(
+        slopes.values()
+    ):
         return None
     moduli, values = np.array(list(slopes)), np.array(list(slopes.values()))
     rising = np.flatnonzero(np.diff(values) <= 0.0)
     start = 0 if len(rising) == 0 else int(rising[-1]) + 1
-    return float(np.exp(PchipInterpolator(values[start:], np.log(moduli[start:]))(stiffness_n_m)))
+    return float(
+        np.exp(PchipInterpolator(values[start:], np.log(moduli[start:]))(stiffness_n_m))
+    )

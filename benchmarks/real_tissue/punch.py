@@ -28,10 +28,16 @@ Floats = NDArray[np.float64]
 
 BED = 1e6
 POINTS = 6  # along an element below the punch
-TOLERANCE = 1e-8  # residual forces relative to pressure and punch; error of the pressure
+TOLERANCE = (
+    1e-8  # residual forces relative to pressure and punch; error of the pressure
+)
 FEWEST = 3  # states that have a slope
 MOST_STEPS = 30  # of Newton's method; the points that touch change from one to the next
-HIGHEST, BELOW_BURST, PRESSURES = 3.0, 0.9, 13  # where the undented volume is tabulated: over the rest, the burst
+HIGHEST, BELOW_BURST, PRESSURES = (
+    3.0,
+    0.9,
+    13,
+)  # where the undented volume is tabulated: over the rest, the burst
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,9 @@ def flat_punch_path(
     Raises:
         SolverError: no equilibrium was found, or of a sealed globe too few.
     """
-    mesh = fine_meridian(radius_m, thickness_m, punch_m, inside=inside, outside=outside, layers=1)
+    mesh = fine_meridian(
+        radius_m, thickness_m, punch_m, inside=inside, outside=outside, layers=1
+    )
     wall = AxisymmetricWall(mesh, poisson_ratio, symmetric=symmetric)
     punch = _Punch(wall, poisson_ratio, punch_m, iop_ratio, globe)
     u, top_m = punch.rest, mesh.points_nc[0, 1] + _everywhere(wall, punch.rest)[1]
@@ -104,37 +112,69 @@ def flat_punch_path(
         touched = float(np.sum(punch.areas_ep * (above > 0.0)))
         states.append((float(np.sum(BED * above * punch.areas_ep)), pressure, touched))
     force, iop, area = np.array(states).T
-    return Pushed(np.asarray(dents_m)[: len(force)], force, iop, area / punch.areas_ep.sum())
+    return Pushed(
+        np.asarray(dents_m)[: len(force)], force, iop, area / punch.areas_ep.sum()
+    )
 
 
 class _Punch:
     """A wall and the points of its outer surface that a punch may touch."""
 
     def __init__(
-        self, wall: AxisymmetricWall, poisson_ratio: float, punch_m: float, iop_ratio: float, globe: Globe
+        self,
+        wall: AxisymmetricWall,
+        poisson_ratio: float,
+        punch_m: float,
+        iop_ratio: float,
+        globe: Globe,
     ) -> None:
         mesh = wall.mesh
         places_pk, weights_p = gauss_points(1, POINTS)
         self._values_pn, slopes_pn = line_shapes(places_pk[:, 0])
-        nodes_en = np.stack([mesh.outer_n[:-2:2], mesh.outer_n[1::2], mesh.outer_n[2::2]], axis=1)
-        nodes_en = nodes_en[mesh.points_nc[nodes_en[:, -1], 0] <= punch_m * (1.0 + 1e-9)]
+        nodes_en = np.stack(
+            [mesh.outer_n[:-2:2], mesh.outer_n[1::2], mesh.outer_n[2::2]], axis=1
+        )
+        nodes_en = nodes_en[
+            mesh.points_nc[nodes_en[:, -1], 0] <= punch_m * (1.0 + 1e-9)
+        ]
         distance_en = mesh.points_nc[nodes_en, 0]
         rings_ep = (distance_en @ self._values_pn.T) * (distance_en @ slopes_pn.T)
         self.areas_ep = 2.0 * np.pi * rings_ep * weights_p
-        self._heights_en, self._places_en = mesh.points_nc[nodes_en, 1], 2 * nodes_en + 1
+        self._heights_en, self._places_en = (
+            mesh.points_nc[nodes_en, 1],
+            2 * nodes_en + 1,
+        )
         number = np.full(mesh.points_nc.size, -1)
         number[wall.free] = np.arange(len(wall.free))
         self._numbers_en, self._wall = number[self._places_en], wall
-        self.rest, self._resting, self._globe = pressurise(wall, iop_ratio), iop_ratio, globe
-        self._applied = float(np.linalg.norm(wall.residual(np.zeros(len(self.rest)), iop_ratio)))
-        thickness_m = mesh.radius_m - float(np.linalg.norm(mesh.points_nc[mesh.inner_n[0]]))
-        burst = burst_tension(poisson_ratio) * thickness_m / (mesh.radius_m - 0.5 * thickness_m)
-        highest = min(HIGHEST, BELOW_BURST * burst / iop_ratio) if globe.is_sealed else 1.01
+        self.rest, self._resting, self._globe = (
+            pressurise(wall, iop_ratio),
+            iop_ratio,
+            globe,
+        )
+        self._applied = float(
+            np.linalg.norm(wall.residual(np.zeros(len(self.rest)), iop_ratio))
+        )
+        thickness_m = mesh.radius_m - float(
+            np.linalg.norm(mesh.points_nc[mesh.inner_n[0]])
+        )
+        burst = (
+            burst_tension(poisson_ratio)
+            * thickness_m
+            / (mesh.radius_m - 0.5 * thickness_m)
+        )
+        highest = (
+            min(HIGHEST, BELOW_BURST * burst / iop_ratio) if globe.is_sealed else 1.01
+        )
         pressures = iop_ratio * np.linspace(1.0, highest, PRESSURES)
-        volumes = [wall.volume(pressurise(wall, float(pressure)))[0] for pressure in pressures]
+        volumes = [
+            wall.volume(pressurise(wall, float(pressure)))[0] for pressure in pressures
+        ]
         self._undented = CubicSpline(pressures, volumes)
 
-    def settled(self, u: Floats, pressure: float, height_m: float) -> tuple[Floats, float]:
+    def settled(
+        self, u: Floats, pressure: float, height_m: float
+    ) -> tuple[Floats, float]:
         """Return displacement and pressure in equilibrium below a punch at a height, by Newton's method."""
         for _ in range(MOST_STEPS):
             contact = self._contact(u, height_m)
@@ -144,13 +184,23 @@ class _Punch:
             law = float(self._globe.pressure(self._resting, displaced_m3))
             error = pressure - law
             applied = self._applied * pressure / self._resting + np.linalg.norm(contact)
-            if np.linalg.norm(defect) <= TOLERANCE * applied and abs(error) <= TOLERANCE * pressure:
+            if (
+                np.linalg.norm(defect) <= TOLERANCE * applied
+                and abs(error) <= TOLERANCE * pressure
+            ):
                 return u, pressure
             if not law > 0.0:
                 break
             steeper = float(self._globe.stiffness(law))
-            solved = np.linalg.solve(self._tangent(u, pressure, height_m), np.stack([-defect, gradient], axis=1))
-            corner = 1.0 - steeper * float(self._undented(pressure, 1)) + steeper * float(gradient @ solved[:, 1])
+            solved = np.linalg.solve(
+                self._tangent(u, pressure, height_m),
+                np.stack([-defect, gradient], axis=1),
+            )
+            corner = (
+                1.0
+                - steeper * float(self._undented(pressure, 1))
+                + steeper * float(gradient @ solved[:, 1])
+            )
             more = (-error - steeper * float(gradient @ solved[:, 0])) / corner
             u, pressure = u + solved[:, 0] + more * solved[:, 1], pressure + more
         raise SolverError("punch: no equilibrium was found; use shorter steps")
@@ -158,18 +208,31 @@ class _Punch:
     def above(self, u: Floats, height_m: float) -> Floats:
         """Return how far the wall is above the punch, (element, point) in m; 0 where it does not touch."""
         rise_en = _everywhere(self._wall, u)[self._places_en]
-        return np.asarray(np.maximum((self._heights_en + rise_en) @ self._values_pn.T - height_m, 0.0))
+        return np.asarray(
+            np.maximum((self._heights_en + rise_en) @ self._values_pn.T - height_m, 0.0)
+        )
 
     def _contact(self, u: Floats, height_m: float) -> Floats:
         """Forces of the bed below the punch, on the side of the internal ones, (unknown,)."""
         amount_en = (BED * self.above(u, height_m) * self.areas_ep) @ self._values_pn
-        return np.asarray(np.bincount(self._numbers_en.ravel(), amount_en.ravel(), minlength=len(u)))
+        return np.asarray(
+            np.bincount(self._numbers_en.ravel(), amount_en.ravel(), minlength=len(u))
+        )
 
     def _tangent(self, u: Floats, pressure: float, height_m: float) -> Floats:
-        tangent = np.asarray(np.linalg.inv(self._wall.factor(u, pressure)(np.eye(len(u)))), dtype=np.float64)
+        tangent = np.asarray(
+            np.linalg.inv(self._wall.factor(u, pressure)(np.eye(len(u)))),
+            dtype=np.float64,
+        )
         touching_ep = BED * self.areas_ep * (self.above(u, height_m) > 0.0)
-        blocks = np.einsum("ep,pa,pb->eab", touching_ep, self._values_pn, self._values_pn)
-        np.add.at(tangent, (self._numbers_en[:, :, None], self._numbers_en[:, None, :]), blocks)
+        blocks = np.einsum(
+            "ep,pa,pb->eab", touching_ep, self._values_pn, self._values_pn
+        )
+        np.add.at(
+            tangent,
+            (self._numbers_en[:, :, None], self._numbers_en[:, None, :]),
+            blocks,
+        )
         return tangent
 
 

@@ -6,7 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from scleraforce.mechanics.axisymmetric import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.axisymmetric import (
+    AxisymmetricPath,
+    AxisymmetricWall,
+    axisymmetric_path,
+)
 from scleraforce.mechanics.continuation import pressurise
 from scleraforce.mechanics.globe import Globe, sealed_globe
 from scleraforce.mechanics.material import burst_tension
@@ -37,13 +41,20 @@ def laws() -> list[Law]:
         _logarithmic("Friedenwald 1957, human eyes", 0.0215, np.log(10.0)),
         _logarithmic("Pallikaris 2005, 79 living eyes, if log10", 0.0126, np.log(10.0)),
         _logarithmic("the same, if natural", 0.0126, 1.0),
-        _logarithmic("Pierscionek 2007, 16 porcine eyes, if log10", 0.0022, np.log(10.0)),
+        _logarithmic(
+            "Pierscionek 2007, 16 porcine eyes, if log10", 0.0022, np.log(10.0)
+        ),
         _logarithmic("the same, if natural", 0.0022, 1.0),
     ]
 
 
 def _cube_root(name: str, rigidity: float) -> Law:
-    return Law(name, f"{rigidity:g} mmHg^⅓/µl", sealed_globe(to_si(rigidity, "mmhg13_per_ul")), rigidity)
+    return Law(
+        name,
+        f"{rigidity:g} mmHg^⅓/µl",
+        sealed_globe(to_si(rigidity, "mmhg13_per_ul")),
+        rigidity,
+    )
 
 
 def _logarithmic(name: str, printed: float, per_printed: float) -> Law:
@@ -58,7 +69,12 @@ def mmhg_per_ul(pressure_pa_per_m3: float) -> float:
 
 
 def own_mmhg_per_ul(
-    thickness_m: float, modulus_pa: float, pressure_mmhg: float, *, half: bool, radius_m: float = RADIUS_M
+    thickness_m: float,
+    modulus_pa: float,
+    pressure_mmhg: float,
+    *,
+    half: bool,
+    radius_m: float = RADIUS_M,
 ) -> float:
     """Return dP/dV of the model's wall, mmHg/ul: a half-sphere with a clamped base, or a whole sphere."""
     ratio = to_si(pressure_mmhg, "mmhg") / modulus_pa
@@ -68,22 +84,35 @@ def own_mmhg_per_ul(
     wall = AxisymmetricWall(mesh, NU, symmetric=not half)
     u = pressurise(wall, ratio)
     gradient = wall.volume(u)[1]
-    compliance = float(gradient @ wall.factor(u, ratio)(gradient)) * (1.0 if half else 2.0)
+    compliance = float(gradient @ wall.factor(u, ratio)(gradient)) * (
+        1.0 if half else 2.0
+    )
     return mmhg_per_ul(modulus_pa / compliance)
 
 
-def distension_modulus(thickness_m: float, pressure_mmhg: float, wanted_mmhg_per_ul: float) -> float:
+def distension_modulus(
+    thickness_m: float, pressure_mmhg: float, wanted_mmhg_per_ul: float
+) -> float:
     """Return the E, Pa, with which a whole sphere of the model has a measured dP/dV at a pressure."""
 
     def missing(log_modulus: float) -> float:
-        found = own_mmhg_per_ul(thickness_m, float(np.exp(log_modulus)), pressure_mmhg, half=False)
+        found = own_mmhg_per_ul(
+            thickness_m, float(np.exp(log_modulus)), pressure_mmhg, half=False
+        )
         return float(np.log(found / wanted_mmhg_per_ul))
 
-    lowest = to_si(pressure_mmhg, "mmhg") * RADIUS_M / thickness_m / (0.8 * burst_tension(NU))
+    lowest = (
+        to_si(pressure_mmhg, "mmhg")
+        * RADIUS_M
+        / thickness_m
+        / (0.8 * burst_tension(NU))
+    )
     return float(np.exp(brentq(missing, np.log(lowest), np.log(1e9), xtol=1e-6)))
 
 
-def own_pressure(thickness_m: float, modulus_pa: float, iop_pa: float, tip_m: float, *, half: bool) -> float:
+def own_pressure(
+    thickness_m: float, modulus_pa: float, iop_pa: float, tip_m: float, *, half: bool
+) -> float:
     """Return the pressure, Pa, at a dent if the model's own wall held its volume: V(P, dent) = V(P0, no needle)."""
     mesh = meridian_mesh(RADIUS_M, thickness_m, NEEDLE_M, 0.5 * np.pi, MeridianSize())
     wall = AxisymmetricWall(mesh, NU, symmetric=not half)
@@ -91,7 +120,9 @@ def own_pressure(thickness_m: float, modulus_pa: float, iop_pa: float, tip_m: fl
 
     def missing(pressure_pa: float) -> float:
         ratio = pressure_pa / modulus_pa
-        grown_m3 = (wall.volume(pressurise(wall, ratio))[0] - at_rest) * (1.0 if half else 2.0)
+        grown_m3 = (wall.volume(pressurise(wall, ratio))[0] - at_rest) * (
+            1.0 if half else 2.0
+        )
         return float(grown_m3 - open_path(thickness_m, ratio, tip_m).displaced_m3[-1])
 
     return float(brentq(missing, iop_pa, 20.0 * iop_pa, xtol=1e-3))
@@ -99,4 +130,6 @@ def own_pressure(thickness_m: float, modulus_pa: float, iop_pa: float, tip_m: fl
 
 def open_path(thickness_m: float, iop_ratio: float, tip_m: float) -> AxisymmetricPath:
     """Return the open path of the product's needle to one dent."""
-    return axisymmetric_path(RADIUS_M, thickness_m, NU, NEEDLE_M, iop_ratio, tips_m=np.array([tip_m]))
+    return axisymmetric_path(
+        RADIUS_M, thickness_m, NU, NEEDLE_M, iop_ratio, tips_m=np.array([tip_m])
+    )

@@ -45,11 +45,18 @@ def fine_meridian(
     """Return a meridian of outer radius `radius_m` with `inside` equal elements under a disc, `outside` beyond it."""
     rim_rad = float(np.arcsin(disc_m / radius_m))
     share = np.linspace(0.0, 1.0, outside + 1)[1:]
-    beyond = rim_rad + (support_rad - rim_rad) * (FIRST_SHARE * share + (1.0 - FIRST_SHARE) * share**3)
+    beyond = rim_rad + (support_rad - rim_rad) * (
+        FIRST_SHARE * share + (1.0 - FIRST_SHARE) * share**3
+    )
     edges = np.append(np.linspace(0.0, rim_rad, inside + 1), beyond)
-    angles = np.append(np.stack([edges[:-1], 0.5 * (edges[:-1] + edges[1:])], axis=1).ravel(), edges[-1])
+    angles = np.append(
+        np.stack([edges[:-1], 0.5 * (edges[:-1] + edges[1:])], axis=1).ravel(),
+        edges[-1],
+    )
     radii = np.linspace(radius_m, radius_m - thickness_m, 2 * layers + 1)
-    points_nc = (np.stack([np.sin(angles), np.cos(angles)], axis=-1)[:, None] * radii[:, None]).reshape(-1, 2)
+    points_nc = (
+        np.stack([np.sin(angles), np.cos(angles)], axis=-1)[:, None] * radii[:, None]
+    ).reshape(-1, 2)
     points_nc[: len(radii), 0] = 0.0
     number = np.arange(len(points_nc)).reshape(len(angles), len(radii))
     corners = number[:-2:2, :-2:2].reshape(-1, 1)
@@ -57,7 +64,9 @@ def fine_meridian(
     return MeridianMesh(radius_m, points_nc, cells_en, number[:, 0], number[:, -1])
 
 
-def disc_wall(mesh: MeridianMesh, disc_m: float, poisson_ratio: float, *, symmetric: bool) -> AxisymmetricWall:
+def disc_wall(
+    mesh: MeridianMesh, disc_m: float, poisson_ratio: float, *, symmetric: bool
+) -> AxisymmetricWall:
     """Return the wall whose needle presses uniformly over a disc, whose rim is an edge of elements."""
     rim_m = _distance_m(mesh, disc_m) * (1.0 + 1e-9)
     wall = AxisymmetricWall(mesh, poisson_ratio, symmetric=symmetric)
@@ -68,10 +77,17 @@ def disc_wall(mesh: MeridianMesh, disc_m: float, poisson_ratio: float, *, symmet
 def pressed_wall(wall: AxisymmetricWall, pressure: float) -> PressedWall:
     """Return how a wall under pressure meets a small force: by its tangent, without a step."""
     u = pressurise(wall, pressure)
-    moved, rest = (_on_axis(wall, field) for field in (wall.factor(u, pressure)(wall.needle), u))
+    moved, rest = (
+        _on_axis(wall, field) for field in (wall.factor(u, pressure)(wall.needle), u)
+    )
     across = wall.mesh.points_nc[: len(rest), 1] + rest
     middle = len(rest) // 2
-    return PressedWall(-1.0 / moved[middle], -1.0 / moved[0], float(across[middle]), float(across[0] - across[-1]))
+    return PressedWall(
+        -1.0 / moved[middle],
+        -1.0 / moved[0],
+        float(across[middle]),
+        float(across[0] - across[-1]),
+    )
 
 
 def bonded_stiffness(wall: AxisymmetricWall, pressure: float, disc_m: float) -> float:

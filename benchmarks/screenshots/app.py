@@ -23,28 +23,56 @@ FORCES_N = tuple(1e-3 * force for force in (3, 9, 15, 21, 27, 33, 39, 31, 23, 16
 OFFSET_S = 7.0
 TOKEN = "screenshots"
 WAIT_MS = 120_000
-GIVEN = {"depth_mm": "4", "refractive_index": "1", "bits": "12", "eye": "mine", "gauge": "22", "gap_mm": "0.5",
-         "thickness_um": "650", "iop_mmhg": "2"}  # fmt: skip
+GIVEN = {
+    "depth_mm": "4",
+    "refractive_index": "1",
+    "bits": "12",
+    "eye": "mine",
+    "gauge": "22",
+    "gap_mm": "0.5",
+    "thickness_um": "650",
+    "iop_mmhg": "2",
+}
 
 
 def write_sources(folder: Path) -> list[str]:
     """Write what a laboratory has: a stack without a scale, a log in ms and mN on another clock, and frames' times."""
-    sf.phantom(folder / "eye", eye="eye", mechanics="finite-strain", forces_n=list(FORCES_N), thickness_m=650e-6,
-               youngs_modulus_pa=0.3e6, globe="open")  # fmt: skip
+    sf.phantom(
+        folder / "eye",
+        eye="eye",
+        mechanics="finite-strain",
+        forces_n=list(FORCES_N),
+        thickness_m=650e-6,
+        youngs_modulus_pa=0.3e6,
+        globe="open",
+    )
     recording = sf.read_recording(folder / "eye")
     frames = [recording.frame(entry) for entry in recording.frames]
     tifffile.imwrite(folder / "scan.tif", np.array(frames), photometric="minisblack")
     log = np.loadtxt(folder / "eye" / "forces.csv", delimiter=",", skiprows=1)
-    table = np.column_stack([1e3 * (log[:, 0] + OFFSET_S), 1e3 * log[:, 1], -1e3 * log[:, 3]])
-    np.savetxt(folder / "log.csv", table, "%.2f", ",", header="Time (ms),Fx (mN),Fz (mN)", comments="")
-    times = "".join(f"{n + 1},{entry.time_s}\n" for n, entry in enumerate(recording.frames))
+    table = np.column_stack(
+        [1e3 * (log[:, 0] + OFFSET_S), 1e3 * log[:, 1], -1e3 * log[:, 3]]
+    )
+    np.savetxt(
+        folder / "log.csv",
+        table,
+        "%.2f",
+        ",",
+        header="Time (ms),Fx (mN),Fz (mN)",
+        comments="",
+    )
+    times = "".join(
+        f"{n + 1},{entry.time_s}\n" for n, entry in enumerate(recording.frames)
+    )
     (folder / "times.csv").write_text(f"frame,time_s\n{times}", encoding="utf-8")
     return [str(folder / name) for name in ("scan.tif", "log.csv", "times.csv")]
 
 
 def main() -> None:
     """Serve an empty folder, go through the five steps, and keep a picture of each."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=IMAGES)
     out = parser.parse_args().out
     with TemporaryDirectory() as folder, sync_playwright() as playwright:
@@ -53,7 +81,9 @@ def main() -> None:
         listener = listen(0)
         server = server_of(work, listener, TOKEN)
         Thread(target=server.run, args=([listener],), daemon=True).start()
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox"]
+        )
         page = browser.new_page(viewport={"width": 1280, "height": 860})
         page.set_default_timeout(WAIT_MS)
         expect.set_options(timeout=WAIT_MS)

@@ -31,32 +31,65 @@ NEAR = "document.querySelector('#until[data-near]') && Number(document.getElemen
 
 def main() -> None:
     """Play both sessions, keep the pictures, and print what they show."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--model", type=Path, default=SHIPPED_READER)
-    parser.add_argument("--out", type=Path, default=Path(__file__).parents[2] / "docs" / "images" / "console.png")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path(__file__).parents[2] / "docs" / "images" / "console.png",
+    )
     parser.add_argument("--width", type=int, default=1280)
     parser.add_argument("--height", type=int, default=720)
     given = parser.parse_args()
     size: ViewportSize = {"width": given.width, "height": given.height}
     with TemporaryDirectory() as folder, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox"]
+        )
         for name, (forces_n, puncture_n) in PUSHES_N.items():
             eye = Path(folder, f"eye{name}")
-            sf.phantom(eye, mechanics="finite-strain", globe="open", thickness_m=750e-6, rate_hz=60.0,
-                       forces_n=forces_n, ramp_n_per_s=6e-3, hold_s=1.5, puncture_n=puncture_n)  # fmt: skip
-            with real_monitor(given.model, eye, "--web-port", "0", "--eye", "eye-a", pinned=False) as monitor:
+            sf.phantom(
+                eye,
+                mechanics="finite-strain",
+                globe="open",
+                thickness_m=750e-6,
+                rate_hz=60.0,
+                forces_n=forces_n,
+                ramp_n_per_s=6e-3,
+                hold_s=1.5,
+                puncture_n=puncture_n,
+            )
+            with real_monitor(
+                given.model, eye, "--web-port", "0", "--eye", "eye-a", pinned=False
+            ) as monitor:
                 light, dark = (
-                    browser.new_page(viewport=size, color_scheme=scheme, bypass_csp=True)
+                    browser.new_page(
+                        viewport=size, color_scheme=scheme, bypass_csp=True
+                    )
                     for scheme in ("light", "dark")
                 )
                 for page in (light, dark):
                     page.goto(monitor.console)
                 replay = subprocess.Popen(
-                    [*COMMAND, "replay", str(eye), "--port", str(monitor.port), "--preload"], stdout=subprocess.DEVNULL
+                    [
+                        *COMMAND,
+                        "replay",
+                        str(eye),
+                        "--port",
+                        str(monitor.port),
+                        "--preload",
+                    ],
+                    stdout=subprocess.DEVNULL,
                 )
                 if puncture_n:
                     shoot(dark, NEAR, given.out.with_stem(f"{given.out.stem}-watching"))
-                shoot(light, PIERCED if puncture_n else WITHDRAWN, given.out.with_stem(given.out.stem + name))
+                shoot(
+                    light,
+                    PIERCED if puncture_n else WITHDRAWN,
+                    given.out.with_stem(given.out.stem + name),
+                )
                 replay.wait()
             light.close()
             dark.close()
@@ -69,7 +102,10 @@ def shoot(page: Page, when: str, path: Path) -> None:
     shown = cv2.imread(str(path))
     assert shown is not None
     cv2.imwrite(str(path), shown, (cv2.IMWRITE_PNG_COMPRESSION, 9))
-    texts = (page.text_content(f"#{name}") or "" for name in ("sentence", "force", "interval", "until-text"))
+    texts = (
+        page.text_content(f"#{name}") or ""
+        for name in ("sentence", "force", "interval", "until-text")
+    )
     print(f"{path.name}: {'; '.join(texts)}", flush=True)
 
 

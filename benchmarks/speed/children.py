@@ -36,16 +36,34 @@ def command_seconds(command: Sequence[str]) -> float:
         subprocess.CalledProcessError: it failed.
     """
     start = perf_counter()
-    subprocess.run(command, env=_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True)
+    subprocess.run(
+        command,
+        env=_environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        check=True,
+    )
     return perf_counter() - start
 
 
 def scleraforce(*words: str) -> list[str]:
     """Return the command as users call it, with this Python and these sources."""
-    return [sys.executable, "-c", "from scleraforce.cli.main import main; main()", *words]
+    return [
+        sys.executable,
+        "-c",
+        "from scleraforce.cli.main import main; main()",
+        *words,
+    ]
 
 
 def _environment() -> dict[str, str]:
-    paths = [str(FOLDER), *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-    users = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}  # who cache it
+    paths = [
+        str(FOLDER),
+        *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep)),
+    ]
+    users = {
+        name: value
+        for name, value in os.environ.items()
+        if name != "PYTHONDONTWRITEBYTECODE"
+    }  # who cache it
     return {**users, "PYTHONPATH": os.pathsep.join(paths)}

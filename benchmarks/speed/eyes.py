@@ -39,25 +39,43 @@ def shipped_reader() -> ForceReader:
 def draw_eyes(reader: ForceReader, count: int) -> list[DrawnEye]:
     """Return frames of different eyes under 0 to 60 mN."""
     rng, scale = np.random.default_rng(0), PixelScale.of(reader.study.oct)
-    return [DrawnEye(*_draw_eye(reader.library, reader.study, rng), scale) for _ in range(count)]
+    return [
+        DrawnEye(*_draw_eye(reader.library, reader.study, rng), scale)
+        for _ in range(count)
+    ]
 
 
-def _draw_eye(library: Library, study: Study, rng: np.random.Generator) -> tuple[NDArray[np.uint16], Known]:
+def _draw_eye(
+    library: Library, study: Study, rng: np.random.Generator
+) -> tuple[NDArray[np.uint16], Known]:
     """Return a raw frame of an eye of the library, and the known inputs."""
     modulus_pa, iop_pa = rng.uniform(0.22e6, 0.5e6), rng.uniform(150.0, 500.0)
     thickness_m, gap_m = rng.uniform(0.45e-3, 0.85e-3), rng.uniform(0.4e-3, 0.9e-3)
     wall = np.array([thickness_m]), np.array([iop_pa / modulus_pa])
-    largest = min(float(library.largest_force_ratio(*wall)[0]), study.needle.max_force_n / modulus_pa)
+    largest = min(
+        float(library.largest_force_ratio(*wall)[0]),
+        study.needle.max_force_n / modulus_pa,
+    )
     unknown = np.zeros((1, len(NAMES)))
-    unknown[0, [MODULUS, IOP, THICKNESS, GAP, DEPTH]] = log(modulus_pa), log(iop_pa), thickness_m, gap_m, 0.45e-3
+    unknown[0, [MODULUS, IOP, THICKNESS, GAP, DEPTH]] = (
+        log(modulus_pa),
+        log(iop_pa),
+        thickness_m,
+        gap_m,
+        0.45e-3,
+    )
     unknown[0, TIP] = library.tips(*wall, np.array([0.999 * largest * rng.random()]))[0]
     curves = formed_wall(Walls(library), unknown[0])
     ahead = [np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9]) for curve in curves]
     section = Section(*(curve[kept] for curve, kept in zip(curves, ahead, strict=True)))
-    frame = render_bscan(section, study.oct, sample_optics(study.phantom, study.oct, rng), rng).frame
+    frame = render_bscan(
+        section, study.oct, sample_optics(study.phantom, study.oct, rng), rng
+    ).frame
     return frame, Known(
         globe=OPEN,
-        modulus=Modulus(mean_pa=exp(log(modulus_pa)), sd_pa=0.015 * modulus_pa, source="own"),
+        modulus=Modulus(
+            mean_pa=exp(log(modulus_pa)), sd_pa=0.015 * modulus_pa, source="own"
+        ),
         iop_pa=iop_pa,
         thickness_m=thickness_m,
         gap_m=gap_m,

@@ -9,8 +9,18 @@ from pathlib import Path
 from scleraforce.processes import available_cores
 
 GIB = 2**30
-PACKAGES = ("scleraforce", "numpy", "scipy", "numba", "opencv-python-headless", "onnxruntime", "torch", "scikit-fem",
-            "scikit-learn", "pyigtl")  # fmt: skip
+PACKAGES = (
+    "scleraforce",
+    "numpy",
+    "scipy",
+    "numba",
+    "opencv-python-headless",
+    "onnxruntime",
+    "torch",
+    "scikit-fem",
+    "scikit-learn",
+    "pyigtl",
+)
 
 
 def machine_in_words() -> dict[str, str]:
@@ -20,7 +30,8 @@ def machine_in_words() -> dict[str, str]:
         "processor": _processor(),
         "cores": f"{available_cores()} that this process may use",
         "memory": f"{memory:.0f} GiB",
-        "load when it began": ", ".join(f"{load:.2f}" for load in os.getloadavg()) + " (1, 5, 15 minutes)",
+        "load when it began": ", ".join(f"{load:.2f}" for load in os.getloadavg())
+        + " (1, 5, 15 minutes)",
         "system": f"{platform.system()} {platform.release()}, {platform.machine()}, Python {platform.python_version()}",
         "packages": ", ".join(_version(name) for name in PACKAGES),
     }

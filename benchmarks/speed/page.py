@@ -15,11 +15,26 @@ def as_markdown(results: Results) -> str:
     """Return the page."""
     lines = ["# Speed", "", results.made, ""]
     lines += [QUICK, ""] if results.quick else []
-    lines += [READ, "", *(f"- {name}: {words}" for name, words in results.machine.items())]
-    lines += [f"- the run took {results.seconds / 60.0:.1f} minutes", "", "## Goals", "", *_goals(results), ""]
+    lines += [
+        READ,
+        "",
+        *(f"- {name}: {words}" for name, words in results.machine.items()),
+    ]
+    lines += [
+        f"- the run took {results.seconds / 60.0:.1f} minutes",
+        "",
+        "## Goals",
+        "",
+        *_goals(results),
+        "",
+    ]
     for name, table in results.tables.items():
         lines += [f"## {table.title}", "", *table_lines(table), ""]
-        lines += [f"![Error over time of the static solves]({PICTURE})", ""] if name == "static_solve" else []
+        lines += (
+            [f"![Error over time of the static solves]({PICTURE})", ""]
+            if name == "static_solve"
+            else []
+        )
     return "\n".join(lines)
 
 
@@ -29,16 +44,33 @@ def table_lines(table: Table) -> list[str]:
         return [f"**This part failed**: {table.failed}"]
     further = list(dict.fromkeys(name for row in table.rows for name in row.more))
     head = ["", "value", "spread", "beside it", "ratio", "goal", *further]
-    rows = [[*_cells(row), *(_number(row.more.get(name)) for name in further)] for row in table.rows]
-    used = [place for place, name in enumerate(head) if not name or any(row[place] for row in rows)]
+    rows = [
+        [*_cells(row), *(_number(row.more.get(name)) for name in further)]
+        for row in table.rows
+    ]
+    used = [
+        place
+        for place, name in enumerate(head)
+        if not name or any(row[place] for row in rows)
+    ]
     shown = [[row[place] for place in used] for row in (head, *rows)]
     notes = [f"- {row.what}: {words}" for row in table.rows if (words := _note(row))]
     return [table.settings, "", *_lines(shown), *([""] if notes else []), *notes]
 
 
 def _goals(results: Results) -> list[str]:
-    rows = [row for table in results.tables.values() for row in table.rows if row.goal is not None]
-    return _lines([["", "value", "spread", "beside it", "ratio", "goal"], *(_cells(row) for row in rows)])
+    rows = [
+        row
+        for table in results.tables.values()
+        for row in table.rows
+        if row.goal is not None
+    ]
+    return _lines(
+        [
+            ["", "value", "spread", "beside it", "ratio", "goal"],
+            *(_cells(row) for row in rows),
+        ]
+    )
 
 
 def _cells(row: Row) -> list[str]:
@@ -49,14 +81,18 @@ def _cells(row: Row) -> list[str]:
         row.what,
         f"{value} ({QUOTED})" if row.source else value,
         f"{_number(row.spread[0])} to {_number(row.spread[1])}" if row.spread else "",
-        f"{row.beside}: {_number(row.beside_value)} {row.unit}" if row.beside_value is not None else row.beside,
+        f"{row.beside}: {_number(row.beside_value)} {row.unit}"
+        if row.beside_value is not None
+        else row.beside,
         _number(row.ratio),
         goal + verdict if goal else "",
     ]
 
 
 def _note(row: Row) -> str:
-    return "; ".join(filter(None, (row.settings, f"{QUOTED}: {row.source}" if row.source else "")))
+    return "; ".join(
+        filter(None, (row.settings, f"{QUOTED}: {row.source}" if row.source else ""))
+    )
 
 
 def _number(value: float | None) -> str:
@@ -72,4 +108,6 @@ def _number(value: float | None) -> str:
 
 def _lines(rows: Sequence[Sequence[str]]) -> list[str]:
     head, *others = rows
-    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *others)]
+    return [
+        f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *others)
+    ]

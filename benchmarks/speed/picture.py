@@ -20,7 +20,12 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
     """Draw the error of each solve over its time; quoted ones have open markers."""
     figure = Figure(figsize=inches(150, 90))
     axes = figure.add_subplot()
-    axes.set(xscale="log", yscale="log", xlabel="time of a first static solve, s", ylabel="error of the tip, %")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="time of a first static solve, s",
+        ylabel="error of the tip, %",
+    )
     axes.margins(x=0.3, y=0.15)
     drawn = dict[str, tuple[float, float]]()
     for row in rows:
@@ -29,23 +34,49 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
             continue
         name = f"{row.what}\n({QUOTED})" if row.source else row.what
         drawn[name] = row.value, max(abs(error), LEAST_PERCENT)
-        axes.plot(*drawn[name], "o", color=_colour(name), fillstyle="none" if row.source else "full")
+        axes.plot(
+            *drawn[name],
+            "o",
+            color=_colour(name),
+            fillstyle="none" if row.source else "full",
+        )
     figure.draw_without_rendering()  # from here on places are in the picture
-    taken = [Bbox.from_bounds(x - 4, y - 4, 8, 8) for x, y in axes.transData.transform(list(drawn.values()))]
+    taken = [
+        Bbox.from_bounds(x - 4, y - 4, 8, 8)
+        for x, y in axes.transData.transform(list(drawn.values()))
+    ]
     for name, place in drawn.items():
         taken.append(_name(axes, name, place, taken))
     return figure
 
 
-def _name(axes: Axes, name: str, place: tuple[float, float], taken: Sequence[Bbox]) -> Bbox:
+def _name(
+    axes: Axes, name: str, place: tuple[float, float], taken: Sequence[Bbox]
+) -> Bbox:
     """Write a name beside a place, on free ground if there is room; return its place."""
-    sides = (LEFT, BELOW, ABOVE, RIGHT) if name.startswith("ours") else (RIGHT, BELOW, ABOVE, LEFT)
+    sides = (
+        (LEFT, BELOW, ABOVE, RIGHT)
+        if name.startswith("ours")
+        else (RIGHT, BELOW, ABOVE, LEFT)
+    )
     texts = [
-        axes.annotate(name, place, xytext=offset, textcoords="offset points", color=_colour(name), ha=across, va=along)
+        axes.annotate(
+            name,
+            place,
+            xytext=offset,
+            textcoords="offset points",
+            color=_colour(name),
+            ha=across,
+            va=along,
+        )
         for across, along, offset in sides
     ]
     boxes: list[Bbox] = [text.get_window_extent() for text in texts]
-    free = [side for side, box in enumerate(boxes) if not any(box.overlaps(other) for other in taken)]
+    free = [
+        side
+        for side, box in enumerate(boxes)
+        if not any(box.overlaps(other) for other in taken)
+    ]
     kept = free[0] if free else 0
     for side, text in enumerate(texts):
         if side != kept:

@@ -25,7 +25,9 @@ def serve() -> None:
 def _answer(server: pyigtl.OpenIGTLinkServer) -> None:
     while True:
         for message in server.get_latest_messages():
-            server.send_message(pyigtl.StringMessage("1", device_name=message.device_name), wait=False)
+            server.send_message(
+                pyigtl.StringMessage("1", device_name=message.device_name), wait=False
+            )
         sleep(REST_S)
 
 

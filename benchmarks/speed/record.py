@@ -46,7 +46,9 @@ class Row:
     @property
     def goal_met(self) -> bool | None:
         """True if the goal is met; None without a goal or a value."""
-        return None if self.goal is None or self.value is None else self.value <= self.goal
+        return (
+            None if self.goal is None or self.value is None else self.value <= self.goal
+        )
 
 
 @dataclass(frozen=True)
@@ -76,13 +78,28 @@ class Results:
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Results":
         """Return the results that were kept as JSON."""
-        return cls(**{**plain, "tables": {name: table_of(found) for name, found in plain["tables"].items()}})
+        return cls(
+            **{
+                **plain,
+                "tables": {
+                    name: table_of(found) for name, found in plain["tables"].items()
+                },
+            }
+        )
 
 
 def table_of(plain: Mapping[str, Any]) -> Table:
     """Return a table that was kept as JSON."""
-    rows = (row | {"spread": row["spread"] and tuple(row["spread"])} for row in plain["rows"])
-    return Table(plain["title"], plain["settings"], tuple(Row(**row) for row in rows), plain["failed"])
+    rows = (
+        row | {"spread": row["spread"] and tuple(row["spread"])}
+        for row in plain["rows"]
+    )
+    return Table(
+        plain["title"],
+        plain["settings"],
+        tuple(Row(**row) for row in rows),
+        plain["failed"],
+    )
 
 
 def failed_table(name: str, words: str) -> Table:

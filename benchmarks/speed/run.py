@@ -40,7 +40,9 @@ class Run:
         return read_study(QUICK_STUDY) if self.quick else Study()
 
 
-def in_turns(work: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:
+def in_turns(
+    work: Mapping[str, Callable[[], object]], rounds: int
+) -> dict[str, list[float]]:
     """Do each piece of work once a round; return its times, s."""
     taken: dict[str, list[float]] = {name: [] for name in work}
     for _ in range(rounds):

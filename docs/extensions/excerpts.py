@@ -21,7 +21,13 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Store each page's content, and load it into the search page."""
     pages: dict[str, str] = {}
 
-    def keep(app: Sphinx, name: str, _template: str, context: dict[str, object], document: nodes.Node | None) -> None:
+    def keep(
+        app: Sphinx,
+        name: str,
+        _template: str,
+        context: dict[str, object],
+        document: nodes.Node | None,
+    ) -> None:
         if document is not None:
             pages[name] = f'<div role="main">{context["body"]}</div>'
         elif name == "search":

@@ -20,8 +20,14 @@ class StateTable(Directive):
         kind, *lines = (line for line in self.content if line.strip())
         arrows = [ARROW.fullmatch(line) for line in lines]
         if kind != "stateDiagram-v2" or None in arrows:
-            raise self.error("mermaid: only the arrows of a stateDiagram-v2 are shown here")
-        rows = [(one[1].replace("[*]", "(start)"), one[2], one[3] or "") for one in arrows if one]
+            raise self.error(
+                "mermaid: only the arrows of a stateDiagram-v2 are shown here"
+            )
+        rows = [
+            (one[1].replace("[*]", "(start)"), one[2], one[3] or "")
+            for one in arrows
+            if one
+        ]
         return [_table([HEAD, *rows])]
 
 
@@ -39,4 +45,6 @@ def _table(rows: list[tuple[str, ...]]) -> nodes.table:
 
 
 def _row(cells: tuple[str, ...]) -> nodes.row:
-    return nodes.row("", *(nodes.entry("", nodes.paragraph(text=cell)) for cell in cells))
+    return nodes.row(
+        "", *(nodes.entry("", nodes.paragraph(text=cell)) for cell in cells)
+    )

@@ -24,7 +24,11 @@ def draw() -> Figure:
     study = replace(sf.Study(), mesh=MeshStudy(divisions=6, level=0))
     with tempfile.TemporaryDirectory() as folder:
         recording = sf.phantom(
-            Path(folder) / "eye", study, thickness_m=800e-6, youngs_modulus_pa=MODULUS_PA, forces_n=FORCES_N
+            Path(folder) / "eye",
+            study,
+            thickness_m=800e-6,
+            youngs_modulus_pa=MODULUS_PA,
+            forces_n=FORCES_N,
         )
         calibration = sf.calibrate(recording, study, mechanics="linear")
     (eye,) = calibration.eyes.values()
@@ -32,4 +36,6 @@ def draw() -> Figure:
 
 
 if __name__ == "__main__":
-    write_figure(draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "calibrate_an_eye.png"))
+    write_figure(
+        draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "calibrate_an_eye.png")
+    )

@@ -19,7 +19,9 @@ from scleraforce.study.eye import MeshStudy
 def draw() -> Figure:
     """Draw the deformed mesh beside the slice."""
     study = replace(sf.Study(), mesh=MeshStudy(core=4, rings=6))
-    eye = sf.simulate(study, thickness_m=500e-6, force_n=0.02, mechanics="finite-strain")
+    eye = sf.simulate(
+        study, thickness_m=500e-6, force_n=0.02, mechanics="finite-strain"
+    )
     return draw_simulation(eye)
 
 

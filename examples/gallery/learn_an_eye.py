@@ -24,22 +24,40 @@ def draw() -> Figure:
     """Draw mean and standard deviation of E after each frame, over the force of the deepest dent, and the truth."""
     with tempfile.TemporaryDirectory() as folder:
         recording = sf.phantom(
-            Path(folder) / "eye", mechanics="finite-strain", globe="open", thickness_m=600e-6,
-            youngs_modulus_pa=MODULUS_PA, forces_n=FORCES_N.tolist(),
-        )  # fmt: skip
+            Path(folder) / "eye",
+            mechanics="finite-strain",
+            globe="open",
+            thickness_m=600e-6,
+            youngs_modulus_pa=MODULUS_PA,
+            forces_n=FORCES_N.tolist(),
+        )
         learned = []
         for count in range(1, len(FORCES_N) + 1):
             shown = replace(recording, frames=recording.frames[:count])
             (eye,) = sf.calibrate(shown, without_force=True).eyes.values()
             learned.append((eye.mean_pa, eye.sd_pa))
     prior = sf.Study().calibration
-    mean_mpa, sd_mpa = 1e-6 * np.array([(prior.prior_mean_pa, prior.prior_sd_pa), *learned]).T
+    mean_mpa, sd_mpa = (
+        1e-6 * np.array([(prior.prior_mean_pa, prior.prior_sd_pa), *learned]).T
+    )
     force_mn = 1e3 * np.array([0.0, *FORCES_N])
     figure = Figure(figsize=inches(120, 70))
     axes = figure.subplots()
-    axes.errorbar(force_mn, mean_mpa, sd_mpa, fmt="o", color=BLUE, capsize=3, label="mean and sd after each frame")
+    axes.errorbar(
+        force_mn,
+        mean_mpa,
+        sd_mpa,
+        fmt="o",
+        color=BLUE,
+        capsize=3,
+        label="mean and sd after each frame",
+    )
     axes.axhline(1e-6 * MODULUS_PA, color=AMBER, linestyle="--", label="the eye's")
-    axes.set(xlabel="true force of the last frame [mN] (0: the prior)", ylabel="E [MPa]", ylim=(0.0, None))
+    axes.set(
+        xlabel="true force of the last frame [mN] (0: the prior)",
+        ylabel="E [MPa]",
+        ylim=(0.0, None),
+    )
     axes.legend()
     return figure
 

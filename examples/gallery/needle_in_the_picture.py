@@ -22,26 +22,42 @@ from scleraforce.study.eye import MeshStudy
 def draw() -> Figure:
     """Draw a frame with a needle, and what was found in it: surface orange, inner boundary blue, the shaft purple."""
     study = replace(
-        sf.Study(), mesh=MeshStudy(divisions=8, level=0), phantom=replace(sf.Study().phantom, needle_count=fixed(1))
+        sf.Study(),
+        mesh=MeshStudy(divisions=8, level=0),
+        phantom=replace(sf.Study().phantom, needle_count=fixed(1)),
     )
     with tempfile.TemporaryDirectory() as folder:
         recording = sf.phantom(
-            Path(folder) / "eye", study, thickness_m=700e-6, youngs_modulus_pa=0.3e6, gap_m=0.2e-3, forces_n=[0.02]
+            Path(folder) / "eye",
+            study,
+            thickness_m=700e-6,
+            youngs_modulus_pa=0.3e6,
+            gap_m=0.2e-3,
+            forces_n=[0.02],
         )
         frame = recording.frame(recording.frames[0])
         found = sf.segment(recording.frame_path(recording.frames[0]))
-    width_mm, depth_mm = recording.info.oct.width_m * 1e3, recording.info.oct.depth_m * 1e3
+    width_mm, depth_mm = (
+        recording.info.oct.width_m * 1e3,
+        recording.info.oct.depth_m * 1e3,
+    )
     figure = Figure(figsize=inches(170, 45))
     raw, seen = figure.subplots(1, 2, sharex=True, sharey=True)
     raw.imshow(frame, cmap=SCAN_COLOURS, extent=(0.0, width_mm, depth_mm, 0.0))
-    seen.imshow(draw_overlay(frame, found)[..., ::-1], extent=(0.0, width_mm, depth_mm, 0.0))
+    seen.imshow(
+        draw_overlay(frame, found)[..., ::-1], extent=(0.0, width_mm, depth_mm, 0.0)
+    )
     raw.set_title("raw frame")
     raw.set_ylabel("depth [mm]")
-    seen.set_title("no needle was found" if found.needle is None else "wall and needle found")
+    seen.set_title(
+        "no needle was found" if found.needle is None else "wall and needle found"
+    )
     for axes in (raw, seen):
         axes.set_xlabel("lateral [mm]")
     return figure
 
 
 if __name__ == "__main__":
-    write_figure(draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "needle_in_the_picture.png"))
+    write_figure(
+        draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "needle_in_the_picture.png")
+    )

@@ -13,12 +13,26 @@ from matplotlib.figure import Figure
 import scleraforce as sf
 from scleraforce.library import sealed
 from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.report.files import AMBER, BLUE, GREY, RED, inches, styled, write_figure
+from scleraforce.report.files import (
+    AMBER,
+    BLUE,
+    GREY,
+    RED,
+    inches,
+    styled,
+    write_figure,
+)
 from scleraforce.units import from_si, to_si
 
-QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"  # a small library: made in 15 s, then kept in the cache
+QUICK = (
+    Path(__file__).parents[2] / "docs" / "quick.toml"
+)  # a small library: made in 15 s, then kept in the cache
 THICKNESS_M, MODULUS_PA, IOP_PA = 0.6e-3, 0.45e6, to_si(2.0, "mmhg")
-RIGIDITIES = ((0.0, "open", BLUE), (0.008, "sealed, k = 0.008", AMBER), (0.03, "sealed, k = 0.03", RED))
+RIGIDITIES = (
+    (0.0, "open", BLUE),
+    (0.008, "sealed, k = 0.008", AMBER),
+    (0.03, "sealed, k = 0.03", RED),
+)
 
 
 @styled
@@ -32,11 +46,18 @@ def draw() -> Figure:
     for rigidity, name, colour in RIGIDITIES:
         # The library knows forces and pressures over E only: so does the globe.
         globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(MODULUS_PA)
-        ratio, rates = np.full_like(dent_m, IOP_PA / MODULUS_PA), np.full_like(dent_m, globe.rate)
-        sealed.pressures_at_dents(library.tables, thickness_m, dent_m, rates, False, ratio)
+        ratio, rates = (
+            np.full_like(dent_m, IOP_PA / MODULUS_PA),
+            np.full_like(dent_m, globe.rate),
+        )
+        sealed.pressures_at_dents(
+            library.tables, thickness_m, dent_m, rates, False, ratio
+        )
         force_n = library.forces(thickness_m, ratio, dent_m) * MODULUS_PA
         left.plot(dent_m * 1e3, force_n * 1e3, color=colour, label=name)
-        right.plot(dent_m * 1e3, from_si(ratio * MODULUS_PA, "mmhg"), color=colour, label=name)
+        right.plot(
+            dent_m * 1e3, from_si(ratio * MODULUS_PA, "mmhg"), color=colour, label=name
+        )
     left.axhline(30.0, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
     left.set_ylabel("force [mN]")
     right.set_ylabel("pressure under the needle [mmHg]")
@@ -47,4 +68,6 @@ def draw() -> Figure:
 
 
 if __name__ == "__main__":
-    write_figure(draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "open_or_sealed.png"))
+    write_figure(
+        draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "open_or_sealed.png")
+    )

@@ -14,7 +14,9 @@ import scleraforce as sf
 from scleraforce.report.files import write_figure
 from scleraforce.report.frame_figures import draw_residuals
 
-QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"  # a coarse wall, which is pushed in seconds
+QUICK = (
+    Path(__file__).parents[2] / "docs" / "quick.toml"
+)  # a coarse wall, which is pushed in seconds
 FORCES_N = (0.012, 0.024, 0.036, 0.003, 0.008, 0.015, 0.019, 0.026, 0.033, 0.041, 0.050)
 
 
@@ -22,9 +24,13 @@ def draw() -> Figure:
     """Draw read minus measured forces over the measured ones."""
     with tempfile.TemporaryDirectory() as folder:
         recording = sf.phantom(
-            Path(folder) / "eye", sf.read_study(QUICK), thickness_m=650e-6, youngs_modulus_pa=0.3e6,
-            forces_n=FORCES_N, mechanics="finite-strain",
-        )  # fmt: skip
+            Path(folder) / "eye",
+            sf.read_study(QUICK),
+            thickness_m=650e-6,
+            youngs_modulus_pa=0.3e6,
+            forces_n=FORCES_N,
+            mechanics="finite-strain",
+        )
         calibration = sf.calibrate(recording, frames=3)
         evaluation = sf.evaluate(sf.load_model("default"), recording, calibration)
     return draw_residuals(evaluation)

@@ -29,17 +29,26 @@ def draw() -> Figure:
     mesh = graded_mesh(12e-3, THICKNESS_M, CONTACT, core=4, rings=6)
     needle = needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
     path = FiniteWall(mesh, poisson_ratio=0.45).load_path(
-        needle, youngs_modulus_pa=MODULUS_PA, iop_pa=266.0, density_kg_m3=1100.0, max_force_n=FORCES_N[-1]
+        needle,
+        youngs_modulus_pa=MODULUS_PA,
+        iop_pa=266.0,
+        density_kg_m3=1100.0,
+        max_force_n=FORCES_N[-1],
     )
     bent_mm = [path.tip_m(float(force_n)) * 1e3 for force_n in FORCES_N]
-    per_newton_nc = LinearWall(mesh, poisson_ratio=0.45).needle_cnc([CONTACT], NEEDLE_RADIUS_M)[0] / MODULUS_PA
+    per_newton_nc = (
+        LinearWall(mesh, poisson_ratio=0.45).needle_cnc([CONTACT], NEEDLE_RADIUS_M)[0]
+        / MODULUS_PA
+    )
     linear_mm = FORCES_N * tip_displacement(mesh, CONTACT, per_newton_nc) * 1e3
 
     figure = Figure(figsize=inches(120, 75))
     axes = figure.subplots()
     axes.plot(linear_mm, FORCES_N * 1e3, color=BLUE, linestyle="--", label="linear")
     axes.plot(bent_mm, FORCES_N * 1e3, color=RED, label="finite strain")
-    axes.axvline(THICKNESS_M * 1e3, color=GREY, linewidth=0.6, label="the wall's thickness")
+    axes.axvline(
+        THICKNESS_M * 1e3, color=GREY, linewidth=0.6, label="the wall's thickness"
+    )
     axes.set_xlabel("the contact sinks in by [mm]")
     axes.set_ylabel("force [mN]")
     axes.legend()

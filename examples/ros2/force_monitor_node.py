@@ -38,11 +38,18 @@ def pixels_of(message: RosImage) -> np.ndarray:
     """
     kind = ENCODINGS.get(message.encoding)
     if kind is None:
-        raise ValueError(f"encoding {message.encoding!r}; give one of {', '.join(ENCODINGS)}")
+        raise ValueError(
+            f"encoding {message.encoding!r}; give one of {', '.join(ENCODINGS)}"
+        )
     dtype = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
     rows = np.frombuffer(bytes(message.data), dtype=np.uint8)
-    if rows.size < message.height * message.step or message.step < message.width * dtype.itemsize:
-        raise ValueError(f"{rows.size} bytes for {message.height} rows of {message.step}")
+    if (
+        rows.size < message.height * message.step
+        or message.step < message.width * dtype.itemsize
+    ):
+        raise ValueError(
+            f"{rows.size} bytes for {message.height} rows of {message.step}"
+        )
     rows = rows[: message.height * message.step].reshape(message.height, message.step)
     wide = np.ascontiguousarray(rows[:, : message.width * dtype.itemsize])
     return wide.view(dtype).astype(dtype.newbyteorder("="))
@@ -53,11 +60,17 @@ class ForceMonitorNode(Node):
 
     def __init__(self) -> None:
         super().__init__("force_monitor")
-        for name, value in (("host", "127.0.0.1"), ("port", 18944), ("width_mm", 15.0), ("depth_mm", 4.0)):
+        for name, value in (
+            ("host", "127.0.0.1"),
+            ("port", 18944),
+            ("width_mm", 15.0),
+            ("depth_mm", 4.0),
+        ):
             self.declare_parameter(name, value)
         self._host, self._port = self._told("host"), self._told("port")
         self._force, self._low, self._high = (
-            self.create_publisher(WrenchStamped, f"~/{name}", 10) for name in ("force", "force_low", "force_high")
+            self.create_publisher(WrenchStamped, f"~/{name}", 10)
+            for name in ("force", "force_low", "force_high")
         )
         self._withdraw = self.create_publisher(Bool, "~/withdraw", 10)
         self._reason = self.create_publisher(String, "~/reason", 10)
@@ -66,7 +79,10 @@ class ForceMonitorNode(Node):
         self._sent = 0
         self._link = socket.create_connection((self._host, self._port), timeout=5.0)
         self._link.settimeout(None)
-        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._obey, self._hear)]
+        self._threads = [
+            threading.Thread(target=work, daemon=True)
+            for work in (self._obey, self._hear)
+        ]
         for thread in self._threads:
             thread.start()
         self.create_subscription(RosImage, "image", self.take, 10)
@@ -93,13 +109,32 @@ class ForceMonitorNode(Node):
         self._sent += 1
         self._headers[self._sent] = message.header
         self._headers.pop(self._sent - KEPT, None)
-        steps_mm = self._told("width_mm") / message.width, self._told("depth_mm") / message.height
-        matrix = (steps_mm[0], 0.0, 0.0, 0.0, steps_mm[1], 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        steps_mm = (
+            self._told("width_mm") / message.width,
+            self._told("depth_mm") / message.height,
+        )
+        matrix = (
+            steps_mm[0],
+            0.0,
+            0.0,
+            0.0,
+            steps_mm[1],
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+        )
         stamp = message.header.stamp
         data = encode(
-            Image(pixels[None], matrix), "Scanner", version=2, time_s=stamp.sec + stamp.nanosec * 1e-9,
+            Image(pixels[None], matrix),
+            "Scanner",
+            version=2,
+            time_s=stamp.sec + stamp.nanosec * 1e-9,
             message_id=self._sent,
-        )  # fmt: skip
+        )
         with suppress(OSError):  # the order follows from the other connection
             self._link.sendall(data)
 
@@ -129,10 +164,18 @@ class ForceMonitorNode(Node):
     def _tell(self, reading: dict) -> None:
         """Publish a force with the header of its image; a frame without a force publishes nothing."""
         header = self._headers.pop(reading.get("frame_id"), None)
-        if header is None or reading.get("force_mn") is None or reading.get("interval_mn") is None:
+        if (
+            header is None
+            or reading.get("force_mn") is None
+            or reading.get("interval_mn") is None
+        ):
             return
         low_mn, high_mn = reading["interval_mn"]
-        forces = (self._force, reading["force_mn"]), (self._low, low_mn), (self._high, high_mn)
+        forces = (
+            (self._force, reading["force_mn"]),
+            (self._low, low_mn),
+            (self._high, high_mn),
+        )
         for publisher, force_mn in forces:
             message = WrenchStamped()
             message.header = header

@@ -27,7 +27,9 @@ class ForceMonitor(ScriptedLoadableModule):
         parent.title = "Force monitor"
         parent.categories = ["IGT"]
         parent.contributors = ["the scleraforce authors"]
-        parent.helpText = "Shows a scleraforce monitor. Research use only: not a medical device."
+        parent.helpText = (
+            "Shows a scleraforce monitor. Research use only: not a medical device."
+        )
 
 
 class ForceMonitorWidget(ScriptedLoadableModuleWidget):
@@ -77,7 +79,9 @@ class ForceMonitorLogic(ScriptedLoadableModuleLogic):
 
     def connect(self, host, port):
         """Connect to the bridge as a client."""
-        self.connector = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLIGTLConnectorNode", "Force monitor")
+        self.connector = slicer.mrmlScene.AddNewNodeByClass(
+            "vtkMRMLIGTLConnectorNode", "Force monitor"
+        )
         self.connector.SetTypeClient(host, port)
         self.connector.Start()
 
@@ -98,14 +102,21 @@ class ForceMonitorLogic(ScriptedLoadableModuleLogic):
             self._bar().SetAndObserveTransformNodeID(transform.GetID())
         text = slicer.mrmlScene.GetFirstNodeByName(WORDS)
         if text is not None:
-            corner = slicer.app.layoutManager().sliceWidget("Red").sliceView().cornerAnnotation()
+            corner = (
+                slicer.app.layoutManager()
+                .sliceWidget("Red")
+                .sliceView()
+                .cornerAnnotation()
+            )
             corner.SetText(vtk.vtkCornerAnnotation.UpperRight, text.GetText())
 
     def _bar(self):
         """Return the model of the bar, 1 mm high from the origin up; the transform makes 1 mm of each mN."""
         if self.model is None:
             cube = vtk.vtkCubeSource()
-            cube.SetBounds(-WIDTH_MM / 2, WIDTH_MM / 2, -WIDTH_MM / 2, WIDTH_MM / 2, 0.0, 1.0)
+            cube.SetBounds(
+                -WIDTH_MM / 2, WIDTH_MM / 2, -WIDTH_MM / 2, WIDTH_MM / 2, 0.0, 1.0
+            )
             cube.Update()
             self.model = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLModelNode", "Force")
             self.model.SetAndObservePolyData(cube.GetOutput())

@@ -18,7 +18,16 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, Transform, encode
+from scleraforce.openigtlink import (
+    Decoder,
+    Image,
+    Message,
+    Received,
+    Status,
+    Text,
+    Transform,
+    encode,
+)
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import draw_overlay
 from scleraforce.segmentation.wall import find_wall
@@ -74,9 +83,13 @@ class Latest:
             if reading is None or self._ended:
                 return None
             frame_id = reading.get("frame_id")
-            self._changed.wait_for(lambda: self._ended or frame_id in self._frames, FRAME_WAIT_S)
+            self._changed.wait_for(
+                lambda: self._ended or frame_id in self._frames, FRAME_WAIT_S
+            )
             newest = next(reversed(self._frames.values()), None)
-            return None if self._ended else (reading, self._frames.get(frame_id, newest))
+            return (
+                None if self._ended else (reading, self._frames.get(frame_id, newest))
+            )
 
 
 class Viewers:
@@ -135,8 +148,14 @@ def relay(source: socket.socket, target: socket.socket, latest: Latest) -> None:
 def notice(event: Received, latest: Latest) -> None:
     """Keep what is shown."""
     message, device = event.message, event.header.device
-    if isinstance(message, Image) and message.pixels.ndim == 3 and len(message.pixels) == 1:
-        own = replace(message, pixels=message.pixels.copy())  # the decoder's own are overwritten
+    if (
+        isinstance(message, Image)
+        and message.pixels.ndim == 3
+        and len(message.pixels) == 1
+    ):
+        own = replace(
+            message, pixels=message.pixels.copy()
+        )  # the decoder's own are overwritten
         latest.saw(own, event.message_id or int(from_si(event.header.time_s, "us")))
     elif isinstance(message, Status) and device == "ForceMonitor":
         latest.status = message.message
@@ -148,8 +167,12 @@ def notice(event: Received, latest: Latest) -> None:
 def shown(image: Image) -> Image:
     """Return a frame in colour with its wall drawn in, where the sender placed it."""
     pixels = np.asarray(image.pixels[0])
-    lateral_mm, depth_mm = (float(np.linalg.norm(image.matrix[3 * n : 3 * n + 3])) for n in (0, 1))
-    scale = PixelScale(lateral_m=lateral_mm * MM, depth_m=depth_mm * MM, refractive_index=1.0)
+    lateral_mm, depth_mm = (
+        float(np.linalg.norm(image.matrix[3 * n : 3 * n + 3])) for n in (0, 1)
+    )
+    scale = PixelScale(
+        lateral_m=lateral_mm * MM, depth_m=depth_mm * MM, refractive_index=1.0
+    )
     picture = draw_overlay(pixels, find_wall(pixels, scale))
     return Image(np.ascontiguousarray(picture[None, ..., ::-1]), image.matrix)
 
@@ -191,7 +214,9 @@ def serve_scanner(scanner: socket.socket, monitor: Address, latest: Latest) -> N
             for end in (scanner, link):
                 end.settimeout(None)
                 end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            back = threading.Thread(target=relay, args=(link, scanner, latest), daemon=True)
+            back = threading.Thread(
+                target=relay, args=(link, scanner, latest), daemon=True
+            )
             back.start()
             relay(scanner, link, latest)
             back.join()
@@ -205,10 +230,15 @@ def accept(listener: socket.socket, take: Callable[[socket.socket], None]) -> No
 
 
 @contextmanager
-def run(scanner_port: int, slicer_port: int, monitor: Address) -> Iterator[tuple[int, int]]:
+def run(
+    scanner_port: int, slicer_port: int, monitor: Address
+) -> Iterator[tuple[int, int]]:
     """Run the bridge on 127.0.0.1 until the block ends; gives its two ports (0 takes free ones)."""
     latest, viewers = Latest(), Viewers()
-    listeners = [socket.create_server(("127.0.0.1", port)) for port in (scanner_port, slicer_port)]
+    listeners = [
+        socket.create_server(("127.0.0.1", port))
+        for port in (scanner_port, slicer_port)
+    ]
     takes = (lambda link: serve_scanner(link, monitor, latest), viewers.add)
     for listener, take in zip(listeners, takes, strict=True):
         threading.Thread(target=accept, args=(listener, take), daemon=True).start()
@@ -227,13 +257,21 @@ def run(scanner_port: int, slicer_port: int, monitor: Address) -> Iterator[tuple
 def main() -> None:
     """Run the bridge until Ctrl-C."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--scanner-port", type=int, default=18946, help="where the scanner connects")
-    parser.add_argument("--slicer-port", type=int, default=18947, help="where 3D Slicer connects")
+    parser.add_argument(
+        "--scanner-port", type=int, default=18946, help="where the scanner connects"
+    )
+    parser.add_argument(
+        "--slicer-port", type=int, default=18947, help="where 3D Slicer connects"
+    )
     parser.add_argument("--monitor-host", default="127.0.0.1")
     parser.add_argument("--monitor-port", type=int, default=18944)
     given = parser.parse_args()
-    with run(given.scanner_port, given.slicer_port, (given.monitor_host, given.monitor_port)) as ports:
-        sys.stdout.write(f"scanner: 127.0.0.1:{ports[0]}, 3D Slicer: 127.0.0.1:{ports[1]}\n")
+    with run(
+        given.scanner_port, given.slicer_port, (given.monitor_host, given.monitor_port)
+    ) as ports:
+        sys.stdout.write(
+            f"scanner: 127.0.0.1:{ports[0]}, 3D Slicer: 127.0.0.1:{ports[1]}\n"
+        )
         sys.stdout.flush()
         threading.Event().wait()
 

@@ -16,7 +16,9 @@ def main(recording: Path, calibration: Path, picture: Path) -> None:
     viewer = napari.Viewer()
     viewer.window.resize(*SIZE)
     viewer.open(recording, plugin="napari-scleraforce")
-    _, panel = viewer.window.add_plugin_dock_widget("napari-scleraforce", "Walls and forces")
+    _, panel = viewer.window.add_plugin_dock_widget(
+        "napari-scleraforce", "Walls and forces"
+    )
     assert isinstance(panel, Panel)
     panel.calibration.value = calibration
     viewer.dims.set_current_step(0, viewer.dims.nsteps[0] - 1)

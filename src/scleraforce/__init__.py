@@ -13,7 +13,13 @@ if TYPE_CHECKING:
     from scleraforce.library.store import open_library
     from scleraforce.notebook.calibrating import calibrate
     from scleraforce.notebook.exporting import export
-    from scleraforce.notebook.frames import evaluate, load_model, read, save_wall, segment
+    from scleraforce.notebook.frames import (
+        evaluate,
+        load_model,
+        read,
+        save_wall,
+        segment,
+    )
     from scleraforce.notebook.importing import import_recording
     from scleraforce.notebook.monitoring import monitor
     from scleraforce.notebook.training import generate, library_of, train
@@ -25,24 +31,51 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
-    "InputError", "Plane", "Study", "__version__", "calibrate", "evaluate", "export", "generate", "import_recording",
-    "library_of", "load_model", "monitor", "open_dataset", "open_library", "parse_study", "phantom", "read",
-    "read_frame", "read_recording", "read_study", "save_wall", "segment", "simulate", "train",
-]  # fmt: skip
+    "InputError",
+    "Plane",
+    "Study",
+    "__version__",
+    "calibrate",
+    "evaluate",
+    "export",
+    "generate",
+    "import_recording",
+    "library_of",
+    "load_model",
+    "monitor",
+    "open_dataset",
+    "open_library",
+    "parse_study",
+    "phantom",
+    "read",
+    "read_frame",
+    "read_recording",
+    "read_study",
+    "save_wall",
+    "segment",
+    "simulate",
+    "train",
+]
 
 # ONNX Runtime keeps a device id and a queue of events in the user's cache and sends them over the network. It reads
 # this when it is imported, and only then. This line precedes that import, and child processes inherit it.
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 _MODULES = {
-    "learning.dataset": ("open_dataset",), "errors": ("InputError",), "library.store": ("open_library",),
-    "notebook.calibrating": ("calibrate",), "notebook.exporting": ("export",),
+    "learning.dataset": ("open_dataset",),
+    "errors": ("InputError",),
+    "library.store": ("open_library",),
+    "notebook.calibrating": ("calibrate",),
+    "notebook.exporting": ("export",),
     "notebook.frames": ("evaluate", "load_model", "read", "save_wall", "segment"),
-    "notebook.importing": ("import_recording",), "notebook.monitoring": ("monitor",),
+    "notebook.importing": ("import_recording",),
+    "notebook.monitoring": ("monitor",),
     "notebook.training": ("generate", "library_of", "train"),
-    "notebook.virtual": ("phantom", "simulate"), "recording.folder": ("Plane", "read_recording"),
-    "recording.images": ("read_frame",), "study": ("Study", "parse_study", "read_study"),
-}  # fmt: skip
+    "notebook.virtual": ("phantom", "simulate"),
+    "recording.folder": ("Plane", "read_recording"),
+    "recording.images": ("read_frame",),
+    "study": ("Study", "parse_study", "read_study"),
+}
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 # Hidden from type checkers, to which it would make every name valid.
@@ -51,7 +84,9 @@ if not TYPE_CHECKING:
     def __getattr__(name: str) -> object:
         """Import a public name (PEP 562), once."""
         if name == "__version__":
-            from importlib.metadata import version  # its imports take a tenth of a second
+            from importlib.metadata import (
+                version,
+            )  # its imports take a tenth of a second
 
             value = version("scleraforce")
         elif name in _MODULE_OF:
@@ -59,7 +94,9 @@ if not TYPE_CHECKING:
 
             value = getattr(import_module(f"scleraforce.{_MODULE_OF[name]}"), name)
         else:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}; docs/python.md lists what it offers")
+            raise AttributeError(
+                f"module {__name__!r} has no attribute {name!r}; docs/python.md lists what it offers"
+            )
         globals()[name] = value
         return value
 

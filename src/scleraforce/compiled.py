@@ -17,7 +17,9 @@ from typing import Any, TypeVar, cast
 KEY_LETTERS = 32  # of the hash, in a file name
 ROOT = Path(__file__).parent
 # Imports that may decide machine code: modules of the packages with loops.
-IMPORT = re.compile(r"^from scleraforce\.((?:library|mechanics|segmentation)[\w.]*) import (.+)$", re.M)
+IMPORT = re.compile(
+    r"^from scleraforce\.((?:library|mechanics|segmentation)[\w.]*) import (.+)$", re.M
+)
 
 Loops = TypeVar("Loops", bound=Callable[..., object])
 
@@ -39,9 +41,15 @@ def compiled_part(loops: Loops, counts: bool = True) -> Loops:
     """Return a function of loops that only other compiled functions call: it is compiled and cached within them."""
     from numba import njit
 
-    options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _part_compiler()}
+    options: Any = {
+        "no_cpython_wrapper": True,
+        "no_cfunc_wrapper": True,
+        "pipeline_class": _part_compiler(),
+    }
     options["_nrt"] = counts
-    dispatcher: Any = njit(nogil=True, fastmath=False, error_model="numpy", **options)(loops)
+    dispatcher: Any = njit(nogil=True, fastmath=False, error_model="numpy", **options)(
+        loops
+    )
     return cast(Loops, dispatcher)
 
 
@@ -56,15 +64,25 @@ def compiled_in_place(loops: Loops) -> Loops:
 @cache
 def _part_compiler() -> Any:
     """Return Numba's compiler of parts: LLVM optimises each only within its callers, not once more for every level."""
-    codegen, compiler = (import_module(f"numba.core.{name}") for name in ("codegen", "compiler"))
+    codegen, compiler = (
+        import_module(f"numba.core.{name}") for name in ("codegen", "compiler")
+    )
 
     class Part(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
         def finalize(self) -> None:
             for library in dict.fromkeys(self._linking_libraries):
                 self._reload_init.update(library._reload_init)
-                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-            environments = [each.name for each in self._final_module.global_variables if "NumbaEnv" in each.name]
-            named = "\n".join(f'@"{name}" = common global i8* null' for name in environments)
+                self._final_module.link_in(
+                    library._get_module_for_linking(), preserve=True
+                )
+            environments = [
+                each.name
+                for each in self._final_module.global_variables
+                if "NumbaEnv" in each.name
+            ]
+            named = "\n".join(
+                f'@"{name}" = common global i8* null' for name in environments
+            )
             self._codegen._add_module(codegen.ll.parse_assembly(named))
             self._finalize_dynamic_globals()
             self._finalized = True
@@ -87,7 +105,8 @@ def _code_file() -> Any:
     parse each function's form for the linker, which only the compilation of a caller needs.
     """
     event, caching, codegen, environment, runtime = (
-        import_module(f"numba.core.{name}") for name in ("event", "caching", "codegen", "environment", "runtime")
+        import_module(f"numba.core.{name}")
+        for name in ("event", "caching", "codegen", "environment", "runtime")
     )
 
     def environment_of(module: str, constants: list[Any], name: str) -> Any:
@@ -102,13 +121,19 @@ def _code_file() -> Any:
 
     class Unpickler(pickle.Unpickler):
         def find_class(self, module: str, name: str) -> Any:
-            return environment_of if name == "_rebuild_env" else super().find_class(module, name)
+            return (
+                environment_of
+                if name == "_rebuild_env"
+                else super().find_class(module, name)
+            )
 
     class Locator(caching._CacheLocator):  # type: ignore[misc, name-defined]  # Numba has hardly any types
         """The folder of a module's machine code, the same for every copy of the package with the same sources."""
 
         def __init__(self, loops: Callable[..., object], _: str) -> None:
-            self._folder = str(_code_cache(loops.__module__.removeprefix("scleraforce.")))
+            self._folder = str(
+                _code_cache(loops.__module__.removeprefix("scleraforce."))
+            )
             self._line = loops.__code__.co_firstlineno
 
         @classmethod
@@ -164,10 +189,15 @@ def _code_file() -> Any:
         def load_overload(self, signature: Any, target_context: Any) -> Any:
             runtime.rtsys.initialize(target_context)
             target = target_context.codegen()
-            before, target._library_class = target._library_class, Library  # under the lock of Numba's compiler
+            before, target._library_class = (
+                target._library_class,
+                Library,
+            )  # under the lock of Numba's compiler
             try:
                 return self._load_overload(signature, target_context)
-            except Exception:  # a damaged file may raise anything: the function is compiled anew
+            except (
+                Exception
+            ):  # a damaged file may raise anything: the function is compiled anew
                 return None
             finally:
                 target._library_class = before
@@ -192,10 +222,16 @@ def _code_file() -> Any:
 
 @cache
 def _code_cache(module: str) -> Path:
-    from platformdirs import user_cache_path  # imported here: what compiles nothing need not wait for it
+    from platformdirs import (
+        user_cache_path,
+    )  # imported here: what compiles nothing need not wait for it
 
     content = b"".join(file.read_bytes() for file in sorted(_deciding(module)))
-    return user_cache_path("scleraforce") / "compiled" / f"{module}-{sha256(content).hexdigest()[:KEY_LETTERS]}"
+    return (
+        user_cache_path("scleraforce")
+        / "compiled"
+        / f"{module}-{sha256(content).hexdigest()[:KEY_LETTERS]}"
+    )
 
 
 def _deciding(module: str) -> set[Path]:
@@ -208,5 +244,7 @@ def _deciding(module: str) -> set[Path]:
             found.add(file)
             for imported, names in IMPORT.findall(file.read_text(encoding="utf-8")):
                 waiting.append(imported)
-                waiting += (f"{imported}.{part.split()[0]}" for part in names.split(","))  # of a package: its modules
+                waiting += (
+                    f"{imported}.{part.split()[0]}" for part in names.split(",")
+                )  # of a package: its modules
     return found

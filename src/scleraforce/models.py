@@ -30,8 +30,11 @@ FOLDER = Path(__file__).parent / "shipped"
 SHIPPED_READER, SHIPPED_LIVING = FOLDER / "default", FOLDER / "living"
 SHIPPED_PAPER, SHIPPED_WALL_FINDER = FOLDER / "paper", FOLDER / "wall_finder"
 SHIPPED = {
-    "default": SHIPPED_READER, "living": SHIPPED_LIVING, "paper": SHIPPED_PAPER, "wall-finder": SHIPPED_WALL_FINDER
-}  # fmt: skip
+    "default": SHIPPED_READER,
+    "living": SHIPPED_LIVING,
+    "paper": SHIPPED_PAPER,
+    "wall-finder": SHIPPED_WALL_FINDER,
+}
 
 
 def model_folder(given: Path) -> Path:
@@ -51,21 +54,32 @@ def model_name(folder: Path) -> str:
     >>> model_name(SHIPPED_READER), model_name(Path("models/mine"))
     ('default', 'models/mine')
     """
-    return next((name for name, shipped in SHIPPED.items() if shipped == folder), str(folder))
+    return next(
+        (name for name, shipped in SHIPPED.items() if shipped == folder), str(folder)
+    )
 
 
 MODEL_FORMAT = 1
-NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = "model.onnx", "study.toml", "card.md", "model.json"
+NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = (
+    "model.onnx",
+    "study.toml",
+    "card.md",
+    "model.json",
+)
 LIBRARY_FILE = "library.npz"
 COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
 WALL_FINDER = "wall-finder"
 # Of each kind, beside model.json.
-FILES: dict[str, tuple[str, ...]] = dict.fromkeys(("classifier", "reader", "raw-reader", WALL_FINDER), COMMON_FILES)
+FILES: dict[str, tuple[str, ...]] = dict.fromkeys(
+    ("classifier", "reader", "raw-reader", WALL_FINDER), COMMON_FILES
+)
 FILES["reader"] = (*COMMON_FILES, LIBRARY_FILE)
 
 
 Files = Mapping[str, bytes]  # contents by name
-Interface = Mapping[str, tuple[str, list[int]]]  # type and shape of each input or output
+Interface = Mapping[
+    str, tuple[str, list[int]]
+]  # type and shape of each input or output
 
 
 @dataclass(frozen=True)
@@ -86,21 +100,42 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
     """Read a model folder of some kinds, or the shipped one of that name, and check its files; raises `ModelError`."""
     path = model_folder(path)
     if not path.is_dir():
-        bundled, makes = ", ".join(SHIPPED), "`scleraforce train DATASET --out MODEL` makes a folder"
-        raise ModelError(f"{path}: no such folder, and not a bundled model ({bundled}); {makes}")
+        bundled, makes = (
+            ", ".join(SHIPPED),
+            "`scleraforce train DATASET --out MODEL` makes a folder",
+        )
+        raise ModelError(
+            f"{path}: no such folder, and not a bundled model ({bundled}); {makes}"
+        )
     record = _read_record(path / RECORD_FILE)
     if record["kind"] not in kinds:
-        raise ModelError(f"{path}: kind: found {record['kind']!r}, a {' or '.join(kinds)} is needed here")
-    places, hashes = {name: path / name for name in FILES[record["kind"]]}, record["files"]
-    if path == SHIPPED_LIVING:  # the libraries of both bundled readers are large, and equal but for rounding
+        raise ModelError(
+            f"{path}: kind: found {record['kind']!r}, a {' or '.join(kinds)} is needed here"
+        )
+    places, hashes = (
+        {name: path / name for name in FILES[record["kind"]]},
+        record["files"],
+    )
+    if (
+        path == SHIPPED_LIVING
+    ):  # the libraries of both bundled readers are large, and equal but for rounding
         places[LIBRARY_FILE] = SHIPPED_READER / LIBRARY_FILE
-        hashes = {**hashes, LIBRARY_FILE: _read_record(SHIPPED_READER / RECORD_FILE)["files"].get(LIBRARY_FILE)}
-    files = {name: read_bytes(place, KINDS["model file"]) for name, place in places.items()}
+        hashes = {
+            **hashes,
+            LIBRARY_FILE: _read_record(SHIPPED_READER / RECORD_FILE)["files"].get(
+                LIBRARY_FILE
+            ),
+        }
+    files = {
+        name: read_bytes(place, KINDS["model file"]) for name, place in places.items()
+    }
     for name, content in files.items():
         expected, found = hashes.get(name), sha256(content)
         if expected != found:
             wrong = f"SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of {path / RECORD_FILE}"
-            raise ModelError(f"{places[name]}: {wrong}; the file was changed after training: train the model again")
+            raise ModelError(
+                f"{places[name]}: {wrong}; the file was changed after training: train the model again"
+            )
     return ModelFolder(path, MappingProxyType(files), MappingProxyType(record))
 
 
@@ -111,10 +146,14 @@ def _read_record(path: Path) -> dict[str, Any]:
         raise ModelError(f"{path}: {fault}") from fault
     if not isinstance(record, dict) or record.get("format") != MODEL_FORMAT:
         found = reprlib.repr(record.get("format") if isinstance(record, dict) else None)
-        raise ModelError(f"{path}: format: found {found}, this version reads {MODEL_FORMAT}; train the model again")
+        raise ModelError(
+            f"{path}: format: found {found}, this version reads {MODEL_FORMAT}; train the model again"
+        )
     if record.get("kind") not in list(FILES):
         found = reprlib.repr(record.get("kind"))
-        raise ModelError(f"{path}: kind: found {found}, this version reads {', '.join(FILES)}")
+        raise ModelError(
+            f"{path}: kind: found {found}, this version reads {', '.join(FILES)}"
+        )
     if not isinstance(record.get("files"), dict):
         raise ModelError(f"{path}: files: expected the SHA-256 of each file by name")
     return record
@@ -126,26 +165,44 @@ def check_place(out: Path) -> None:
         raise ModelError(f"{out}: exists already; remove it or choose another folder")
     above = next(folder for folder in out.absolute().parents if folder.exists())
     try:
-        Path(mkdtemp(prefix=".scleraforce-", dir=above)).rmdir()  # permissions alone do not tell, for some file systems
+        Path(
+            mkdtemp(prefix=".scleraforce-", dir=above)
+        ).rmdir()  # permissions alone do not tell, for some file systems
     except OSError as fault:
-        raise ModelError(f"{out}: cannot be made: {above}: {fault.strerror}; choose another folder") from fault
+        raise ModelError(
+            f"{out}: cannot be made: {above}: {fault.strerror}; choose another folder"
+        ) from fault
 
 
 def write_folder(
-    out: Path, network: bytes, study_toml: str, card: str, record: Mapping[str, Any], more: Files = MappingProxyType({})
+    out: Path,
+    network: bytes,
+    study_toml: str,
+    card: str,
+    record: Mapping[str, Any],
+    more: Files = MappingProxyType({}),
 ) -> None:
     """Write a model folder whole or not at all; raises `ModelError`, or `InputError` if the disk refuses it."""
     check_place(out)
-    files = {NETWORK_FILE: network, STUDY_FILE: study_toml.encode(), CARD_FILE: card.encode(), **more}
+    files = {
+        NETWORK_FILE: network,
+        STUDY_FILE: study_toml.encode(),
+        CARD_FILE: card.encode(),
+        **more,
+    }
     hashes = {name: sha256(content) for name, content in files.items()}
-    record_json = json.dumps({"format": MODEL_FORMAT, **record, "files": hashes}, indent=2, allow_nan=False)
+    record_json = json.dumps(
+        {"format": MODEL_FORMAT, **record, "files": hashes}, indent=2, allow_nan=False
+    )
     write_whole_folder({**files, RECORD_FILE: (record_json + "\n").encode()}, out)
 
 
 def folder_study(folder: ModelFolder) -> Study:
     """Return the study of a model folder; raises `ModelError`."""
     try:
-        return parse_study(folder.files[STUDY_FILE].decode(), str(folder.path / STUDY_FILE))
+        return parse_study(
+            folder.files[STUDY_FILE].decode(), str(folder.path / STUDY_FILE)
+        )
     except (StudyError, UnicodeDecodeError) as fault:
         raise ModelError(str(fault)) from fault
 
@@ -161,15 +218,25 @@ def network_session(network: bytes, place: str, threads: int) -> "InferenceSessi
     options.inter_op_num_threads = 1
     options.log_severity_level = 4
     if EXTERNAL in network:
-        raise ModelError(f"{place}: asks for data in other files; ours have all in this one")
+        raise ModelError(
+            f"{place}: asks for data in other files; ours have all in this one"
+        )
     try:
         # There is no other provider to fall back to, and it would print to standard output that it does.
-        return onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"], enable_fallback=0)
-    except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own
-        raise ModelError(f"{place}: not a network that ONNX Runtime reads: {fault}") from fault
+        return onnxruntime.InferenceSession(
+            network, options, providers=["CPUExecutionProvider"], enable_fallback=0
+        )
+    except (
+        Exception
+    ) as fault:  # ONNX Runtime's exceptions have no common base of their own
+        raise ModelError(
+            f"{place}: not a network that ONNX Runtime reads: {fault}"
+        ) from fault
 
 
-def folder_session(folder: ModelFolder, threads: int) -> tuple["InferenceSession", dict[str, str]]:
+def folder_session(
+    folder: ModelFolder, threads: int
+) -> tuple["InferenceSession", dict[str, str]]:
     """Return a session of a folder's network and the network's metadata; raises `ModelError`."""
     place = str(folder.path / NETWORK_FILE)
     session = network_session(folder.files[NETWORK_FILE], place, threads)
@@ -185,26 +252,42 @@ def check_provenance(folder: ModelFolder, metadata: Mapping[str, str]) -> None:
     stated = metadata.get("study_sha256")
     if stated != sha256(folder.files[STUDY_FILE]):
         place = folder.path / NETWORK_FILE
-        raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")
+        raise ModelError(
+            f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again"
+        )
 
 
-def check_interface(session: "InferenceSession", inputs: Interface, outputs: Interface, place: str) -> None:
+def check_interface(
+    session: "InferenceSession", inputs: Interface, outputs: Interface, place: str
+) -> None:
     """Check types and shapes, without the first axis, of a network's inputs and outputs; raises `ModelError`."""
-    sides = (("inputs", session.get_inputs(), inputs), ("outputs", session.get_outputs(), outputs))
+    sides = (
+        ("inputs", session.get_inputs(), inputs),
+        ("outputs", session.get_outputs(), outputs),
+    )
     for which, items, wanted in sides:
         found = {item.name: (item.type, item.shape[1:]) for item in items}
         if found != wanted:
-            raise ModelError(f"{place}: {which}: found {found}, its study asks for {wanted}")
+            raise ModelError(
+                f"{place}: {which}: found {found}, its study asks for {wanted}"
+            )
 
 
 def run_network(
-    session: "InferenceSession", outputs: list[str], inputs: dict[str, NDArray[Any]], place: str
+    session: "InferenceSession",
+    outputs: list[str],
+    inputs: dict[str, NDArray[Any]],
+    place: str,
 ) -> list[NDArray[Any]]:
     """Run a network; return its outputs; raises `ModelError`."""
     try:
         answers: list[NDArray[Any]] = session.run(outputs, inputs)
-    except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own
+    except (
+        Exception
+    ) as fault:  # ONNX Runtime's exceptions have no common base of their own
         raise ModelError(f"{place}: the network cannot be run: {fault}") from fault
     if not all(np.isfinite(answer).all() for answer in answers):
-        raise ModelError(f"{place}: the network answers with numbers that are not finite")
+        raise ModelError(
+            f"{place}: the network answers with numbers that are not finite"
+        )
     return answers

@@ -28,7 +28,9 @@ VERSIONS = (1, 2, 3)
 HEADER = struct.Struct(">H12s20sQQQ")
 EXTENDED = struct.Struct(">HHII")
 METADATA_ENTRY = struct.Struct(">HHI")
-MAX_METADATA_BYTES = 16 * 1024  # index and texts; 2,000 entries take a millisecond to read
+MAX_METADATA_BYTES = (
+    16 * 1024
+)  # index and texts; 2,000 entries take a millisecond to read
 FRACTION = 1 << 32
 UTF_8 = 106  # IANA's MIBenum
 ASCII = 3
@@ -49,14 +51,18 @@ class Header:
 def pack_name(name: str, width: int) -> bytes:
     """Return a name as an ASCII field, padded with NUL, or raise ProtocolError."""
     if len(name) > width or not name.isascii() or "\0" in name:
-        raise ProtocolError(f"name {name!r}: must be ASCII of at most {width} characters")
+        raise ProtocolError(
+            f"name {name!r}: must be ASCII of at most {width} characters"
+        )
     return name.encode("ascii").ljust(width, b"\0")
 
 
 def pack_header(header: Header) -> bytes:
     """Return the 58 bytes of a header, or raise ProtocolError."""
     if header.version not in VERSIONS:
-        raise ProtocolError(f"header version {header.version}: must be one of {VERSIONS}")
+        raise ProtocolError(
+            f"header version {header.version}: must be one of {VERSIONS}"
+        )
     if not 0.0 <= header.time_s < FRACTION:
         raise ProtocolError(f"time {header.time_s} s: must be from 0 to below 2^32 s")
     fixed = int(header.time_s * FRACTION)  # exact: a power of two
@@ -70,13 +76,20 @@ def unpack_header(data: bytes | bytearray | memoryview) -> Header:
     type_name = type_field.split(b"\0")[0].decode("latin-1")
     if version not in VERSIONS:
         raise ProtocolError(f"header version {version}: must be one of {VERSIONS}")
-    if not type_name or not type_name.isascii() or not type_name.isprintable() or " " in type_name:
+    if (
+        not type_name
+        or not type_name.isascii()
+        or not type_name.isprintable()
+        or " " in type_name
+    ):
         raise ProtocolError(f"message type {type_name!r}: must be printable ASCII")
     name = device.split(b"\0")[0].decode("ascii", "replace")
     return Header(version, type_name, name, fixed / FRACTION, body_bytes, crc)
 
 
-def wrap_body(content: bytes, version: int, message_id: int, metadata: Mapping[str, str]) -> bytes:
+def wrap_body(
+    content: bytes, version: int, message_id: int, metadata: Mapping[str, str]
+) -> bytes:
     """Put the extended header before the content and the metadata behind it (nothing in version 1)."""
     if version == 1:
         if metadata or message_id:
@@ -85,24 +98,39 @@ def wrap_body(content: bytes, version: int, message_id: int, metadata: Mapping[s
     pairs = [(key.encode(), value.encode()) for key, value in metadata.items()]
     if not 0 <= message_id < FRACTION:
         raise ProtocolError(f"message id {message_id}: must fit into 32 bits")
-    _check_metadata_size(2 + sum(METADATA_ENTRY.size + len(key) + len(value) for key, value in pairs))
-    entries = b"".join(METADATA_ENTRY.pack(len(key), UTF_8, len(value)) for key, value in pairs)
+    _check_metadata_size(
+        2 + sum(METADATA_ENTRY.size + len(key) + len(value) for key, value in pairs)
+    )
+    entries = b"".join(
+        METADATA_ENTRY.pack(len(key), UTF_8, len(value)) for key, value in pairs
+    )
     index = struct.pack(">H", len(pairs)) + entries
     texts = b"".join(key + value for key, value in pairs)
-    return EXTENDED.pack(EXTENDED.size, len(index), len(texts), message_id) + content + index + texts
+    return (
+        EXTENDED.pack(EXTENDED.size, len(index), len(texts), message_id)
+        + content
+        + index
+        + texts
+    )
 
 
-def split_body(body: memoryview, version: int) -> tuple[memoryview, int, dict[str, str]]:
+def split_body(
+    body: memoryview, version: int
+) -> tuple[memoryview, int, dict[str, str]]:
     """Split a body into content, message id and metadata; raise ProtocolError if the sizes contradict each other."""
     if version == 1:
         return body, 0, {}
     if len(body) < EXTENDED.size:
-        raise ProtocolError(f"body of {len(body)} bytes: too short for an extended header")
+        raise ProtocolError(
+            f"body of {len(body)} bytes: too short for an extended header"
+        )
     extended, index_bytes, text_bytes, message_id = EXTENDED.unpack_from(body)
     _check_metadata_size(index_bytes + text_bytes)
     end = len(body) - index_bytes - text_bytes
     if extended < EXTENDED.size or end < extended:
-        raise ProtocolError(f"extended header: {extended} + {index_bytes} + {text_bytes} bytes in {len(body)}")
+        raise ProtocolError(
+            f"extended header: {extended} + {index_bytes} + {text_bytes} bytes in {len(body)}"
+        )
     metadata = _metadata(body[end : end + index_bytes], body[end + index_bytes :])
     return body[extended:end], message_id, metadata
 
@@ -116,23 +144,34 @@ def _metadata(index: memoryview, texts: memoryview) -> dict[str, str]:
     """Return keys and values; the texts follow each other in the order of the index."""
     if len(index) < 2:
         if len(index) or len(texts):
-            raise ProtocolError(f"metadata: index of {len(index)} bytes for texts of {len(texts)}")
+            raise ProtocolError(
+                f"metadata: index of {len(index)} bytes for texts of {len(texts)}"
+            )
         return {}
     (count,) = struct.unpack_from(">H", index)
     if len(index) != 2 + count * METADATA_ENTRY.size:
-        raise ProtocolError(f"metadata: {count} entries in an index of {len(index)} bytes")
+        raise ProtocolError(
+            f"metadata: {count} entries in an index of {len(index)} bytes"
+        )
     metadata, place = {}, 0
     for key_bytes, _, value_bytes in METADATA_ENTRY.iter_unpack(index[2:]):
         middle, end = place + key_bytes, place + key_bytes + value_bytes
         if end > len(texts):
-            raise ProtocolError(f"metadata: an entry ends at byte {end} of {len(texts)}")
-        key, value = (bytes(texts[at:to]).decode("utf-8", "replace") for at, to in ((place, middle), (middle, end)))
+            raise ProtocolError(
+                f"metadata: an entry ends at byte {end} of {len(texts)}"
+            )
+        key, value = (
+            bytes(texts[at:to]).decode("utf-8", "replace")
+            for at, to in ((place, middle), (middle, end))
+        )
         metadata[key], place = value, end
     return metadata
 
 
 HEAD = struct.Struct(">HBBBB3H12f3H3H")
-SCALARS: dict[int, np.dtype[Any]] = dict(enumerate(map(np.dtype, ("int8", "uint8", "int16", "uint16")), start=2))
+SCALARS: dict[int, np.dtype[Any]] = dict(
+    enumerate(map(np.dtype, ("int8", "uint8", "int16", "uint16")), start=2)
+)
 CODES = {dtype: code for code, dtype in SCALARS.items()}
 ORDERS: dict[int, Literal["<", ">"]] = {1: ">", 2: "<"}
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -160,15 +199,34 @@ def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
     pixels = image.pixels
     if pixels.ndim not in (3, 4) or pixels.dtype not in CODES or not pixels.size:
         kind = f"{pixels.dtype} {pixels.shape}"
-        raise ProtocolError(f"pixels {kind}: must be 8 or 16 bit, (slice, row, column[, component])")
+        raise ProtocolError(
+            f"pixels {kind}: must be 8 or 16 bit, (slice, row, column[, component])"
+        )
     part, components = pixels.shape[2::-1], pixels.shape[3] if pixels.ndim == 4 else 1
     size, elements = image.size or part, len(image.matrix)
     _check_place(size, image.offset, part)
     if max(size) > 0xFFFF or components > 0xFF or elements != 12:
-        raise ProtocolError(f"image of {size}, {components} components, {elements} matrix elements: out of range")
+        raise ProtocolError(
+            f"image of {size}, {components} components, {elements} matrix elements: out of range"
+        )
     order, code = 2 if little_endian else 1, CODES[pixels.dtype]
-    head = HEAD.pack(1, components, code, order, image.coordinates, *size, *image.matrix, *image.offset, *part)
-    return head + np.ascontiguousarray(pixels, dtype=pixels.dtype.newbyteorder(ORDERS[order])).tobytes()
+    head = HEAD.pack(
+        1,
+        components,
+        code,
+        order,
+        image.coordinates,
+        *size,
+        *image.matrix,
+        *image.offset,
+        *part,
+    )
+    return (
+        head
+        + np.ascontiguousarray(
+            pixels, dtype=pixels.dtype.newbyteorder(ORDERS[order])
+        ).tobytes()
+    )
 
 
 def unpack_image(body: memoryview) -> Image:
@@ -176,8 +234,18 @@ def unpack_image(body: memoryview) -> Image:
     if len(body) < HEAD.size:
         raise ProtocolError(f"IMAGE: {len(body)} bytes, must be at least {HEAD.size}")
     version, components, code, order, coordinates, *rest = HEAD.unpack_from(body)
-    size, matrix, offset, part = tuple(rest[:3]), tuple(rest[3:15]), tuple(rest[15:18]), tuple(rest[18:])
-    if version not in (1, 2) or code not in SCALARS or order not in ORDERS or not components:
+    size, matrix, offset, part = (
+        tuple(rest[:3]),
+        tuple(rest[3:15]),
+        tuple(rest[15:18]),
+        tuple(rest[18:]),
+    )
+    if (
+        version not in (1, 2)
+        or code not in SCALARS
+        or order not in ORDERS
+        or not components
+    ):
         kind = f"scalar type {code}, byte order {order}, {components} components"
         raise ProtocolError(f"IMAGE: version {version}, {kind}")
     if not all(map(math.isfinite, matrix)):
@@ -186,7 +254,9 @@ def unpack_image(body: memoryview) -> Image:
     dtype = SCALARS[code].newbyteorder(ORDERS[order])
     stated = math.prod(part) * components * dtype.itemsize
     if len(body) - HEAD.size != stated:
-        raise ProtocolError(f"IMAGE: {len(body) - HEAD.size} bytes of pixels, must be {stated}")
+        raise ProtocolError(
+            f"IMAGE: {len(body) - HEAD.size} bytes of pixels, must be {stated}"
+        )
     shape = part[::-1] if components == 1 else (*part[::-1], components)
     received = np.frombuffer(body, dtype=dtype, offset=HEAD.size)
     pixels = np.require(received, SCALARS[code], "A").reshape(shape)
@@ -194,10 +264,17 @@ def unpack_image(body: memoryview) -> Image:
     return Image(pixels, matrix, size, offset, coordinates)
 
 
-def _check_place(size: tuple[int, ...], offset: tuple[int, ...], part: tuple[int, ...]) -> None:
-    inside = all(o >= 0 and p > 0 and o + p <= s for s, o, p in zip(size, offset, part, strict=True))
+def _check_place(
+    size: tuple[int, ...], offset: tuple[int, ...], part: tuple[int, ...]
+) -> None:
+    inside = all(
+        o >= 0 and p > 0 and o + p <= s
+        for s, o, p in zip(size, offset, part, strict=True)
+    )
     if not inside:
-        raise ProtocolError(f"IMAGE: a part of {part} at {offset} does not lie in {size}")
+        raise ProtocolError(
+            f"IMAGE: a part of {part} at {offset} does not lie in {size}"
+        )
 
 
 STATUS = struct.Struct(">Hq20s")
@@ -246,7 +323,10 @@ class Transform:
     @property
     def travel_mm(self) -> float:
         """The translation along its own z axis."""
-        return sum(axis * place for axis, place in zip(self.matrix[6:9], self.matrix[9:12], strict=True))
+        return sum(
+            axis * place
+            for axis, place in zip(self.matrix[6:9], self.matrix[9:12], strict=True)
+        )
 
 
 @dataclass(frozen=True)
@@ -260,9 +340,14 @@ Message = Image | Status | Text | Sensor | Transform | Query
 
 
 def encode(
-    message: Message, device: str, *, version: int = 1, time_s: float = 0.0, message_id: int = 0,
+    message: Message,
+    device: str,
+    *,
+    version: int = 1,
+    time_s: float = 0.0,
+    message_id: int = 0,
     metadata: Mapping[str, str] = NO_METADATA,
-) -> bytes:  # fmt: skip
+) -> bytes:
     """Return a whole message as bytes, with a header of the peer's version, 1 to 3.
 
     The name of the device is ASCII, at most 20 characters. Version 1 has neither message id nor metadata. What does
@@ -270,7 +355,10 @@ def encode(
     """
     name, content = _pack(message)
     body = wrap_body(content, version, message_id, metadata)
-    return pack_header(Header(version, name, device, time_s, len(body), ecma_182(body))) + body
+    return (
+        pack_header(Header(version, name, device, time_s, len(body), ecma_182(body)))
+        + body
+    )
 
 
 def _pack(message: Message) -> tuple[str, bytes]:
@@ -281,12 +369,20 @@ def _pack(message: Message) -> tuple[str, bytes]:
                 return "IMAGE", pack_image(message)
             case Status(code, subcode, name, text):
                 if len(text.encode()) > MAX_TEXT_BYTES:
-                    raise ProtocolError(f"STATUS: a message of {len(text.encode())} bytes, at most {MAX_TEXT_BYTES}")
-                return "STATUS", STATUS.pack(code, subcode, pack_name(name, 20)) + text.encode() + b"\0"
+                    raise ProtocolError(
+                        f"STATUS: a message of {len(text.encode())} bytes, at most {MAX_TEXT_BYTES}"
+                    )
+                return "STATUS", STATUS.pack(
+                    code, subcode, pack_name(name, 20)
+                ) + text.encode() + b"\0"
             case Text(text):
-                return "STRING", STRING.pack(ASCII if text.isascii() else UTF_8, len(text.encode())) + text.encode()
+                return "STRING", STRING.pack(
+                    ASCII if text.isascii() else UTF_8, len(text.encode())
+                ) + text.encode()
             case Sensor(values, unit, status):
-                return "SENSOR", SENSOR.pack(len(values), status, unit) + struct.pack(f">{len(values)}d", *values)
+                return "SENSOR", SENSOR.pack(len(values), status, unit) + struct.pack(
+                    f">{len(values)}d", *values
+                )
             case Transform(matrix):
                 return "TRANSFORM", TRANSFORM.pack(*matrix)
             case Query(name):
@@ -302,16 +398,24 @@ def query_of(name: str) -> Query | None:
 
 
 def _status(content: memoryview) -> Status:
-    _need("STATUS", STATUS.size <= len(content) <= STATUS.size + MAX_TEXT_BYTES + 1, len(content))
+    _need(
+        "STATUS",
+        STATUS.size <= len(content) <= STATUS.size + MAX_TEXT_BYTES + 1,
+        len(content),
+    )
     code, subcode, name = STATUS.unpack_from(content)
-    return Status(code, subcode, _until_nul(name), _until_nul(bytes(content[STATUS.size :])))
+    return Status(
+        code, subcode, _until_nul(name), _until_nul(bytes(content[STATUS.size :]))
+    )
 
 
 def _text(content: memoryview) -> Text:
     _need("STRING", len(content) >= STRING.size, len(content))
     _, length = STRING.unpack_from(content)
     _need("STRING", len(content) >= STRING.size + length, len(content))
-    return Text(bytes(content[STRING.size : STRING.size + length]).decode("utf-8", "replace"))
+    return Text(
+        bytes(content[STRING.size : STRING.size + length]).decode("utf-8", "replace")
+    )
 
 
 def _sensor(content: memoryview) -> Sensor:
@@ -329,7 +433,13 @@ def _transform(content: memoryview) -> Transform:
 
 
 SPOKEN: Mapping[str, Callable[[memoryview], Message]] = MappingProxyType(
-    {"IMAGE": unpack_image, "STATUS": _status, "STRING": _text, "SENSOR": _sensor, "TRANSFORM": _transform}
+    {
+        "IMAGE": unpack_image,
+        "STATUS": _status,
+        "STRING": _text,
+        "SENSOR": _sensor,
+        "TRANSFORM": _transform,
+    }
 )
 
 
@@ -343,7 +453,9 @@ def _until_nul(field: bytes) -> str:
 
 
 MAX_BODY_BYTES = 16 * 1024 * 1024  # a 16-bit volume of 2048 x 2048 x 2
-HEADERS_BYTES = 4096  # lent at once for headers, so that one `received` stays below a millisecond
+HEADERS_BYTES = (
+    4096  # lent at once for headers, so that one `received` stays below a millisecond
+)
 PASSED_BYTES = 64 * 1024  # lent at once for a body that is skipped
 
 
@@ -413,7 +525,12 @@ class Decoder:
         self._start_body(np.empty(0, dtype=np.uint8), 0)
 
     def _start_body(self, body: Bytes, left: int) -> None:
-        self._body, self._room, self._left, self._crc = body, memoryview(body.data), left, 0
+        self._body, self._room, self._left, self._crc = (
+            body,
+            memoryview(body.data),
+            left,
+            0,
+        )
 
     @property
     def broken(self) -> bool:
@@ -433,7 +550,11 @@ class Decoder:
         self._refuse_if_broken()
         if self.state is DecoderState.BODY:
             return self._room[-self._left :]
-        return self._scratch[: HEADERS_BYTES if self.state is DecoderState.HEADER else min(self._left, PASSED_BYTES)]
+        return self._scratch[
+            : HEADERS_BYTES
+            if self.state is DecoderState.HEADER
+            else min(self._left, PASSED_BYTES)
+        ]
 
     def received(self, count: int) -> tuple[PeerEvent, ...]:
         """Take the first `count` bytes of the lent buffer; return the events that are complete, in order."""
@@ -452,7 +573,9 @@ class Decoder:
 
     def _refuse_if_broken(self) -> None:
         if self.broken:
-            raise ProtocolError("the stream is broken: close the connection and start a new decoder")
+            raise ProtocolError(
+                "the stream is broken: close the connection and start a new decoder"
+            )
 
     def _take(self, rest: memoryview) -> tuple[PeerEvent, ...]:
         events = []
@@ -479,7 +602,9 @@ class Decoder:
         try:
             self._header = unpack_header(self._head)
             if self._header.body_bytes > self.max_body_bytes:
-                raise ProtocolError(f"body of {self._header.body_bytes} bytes: at most {self.max_body_bytes}")
+                raise ProtocolError(
+                    f"body of {self._header.body_bytes} bytes: at most {self.max_body_bytes}"
+                )
         except ProtocolError as error:
             self.state = DecoderState.ERROR
             return Broken(str(error))
@@ -500,16 +625,25 @@ class Decoder:
 
     def _end(self) -> PeerEvent:
         """Return the event of a complete body; the decoder keeps no reference to the body."""
-        header, body, crc, kept = self._header, self._body, self._crc, self.state is DecoderState.BODY
+        header, body, crc, kept = (
+            self._header,
+            self._body,
+            self._crc,
+            self.state is DecoderState.BODY,
+        )
         self.state = DecoderState.HEADER
         self._start_body(np.empty(0, dtype=np.uint8), 0)
         if not kept:
             asked = query_of(header.type)
             return Unknown(header) if asked is None else Received(header, asked)
         if crc != header.crc:
-            return BadChecksum(header, f"{header.type}: checksum {crc:016x}, not {header.crc:016x}")
+            return BadChecksum(
+                header, f"{header.type}: checksum {crc:016x}, not {header.crc:016x}"
+            )
         try:
-            content, message_id, metadata = split_body(memoryview(body.data), header.version)
+            content, message_id, metadata = split_body(
+                memoryview(body.data), header.version
+            )
             return Received(header, SPOKEN[header.type](content), message_id, metadata)
         except ProtocolError as error:
             return Malformed(header, str(error))

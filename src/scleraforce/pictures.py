@@ -19,10 +19,14 @@ def grey_picture(pixels: NDArray[Any]) -> Bytes:
     """Return a frame (row, column) as a grey picture, stretched between percentiles of its lit pixels."""
     lit = pixels[pixels > 0]
     low, high = np.percentile(lit, [DARKEST, BRIGHTEST]) if len(lit) else (0.0, 1.0)
-    return np.clip((pixels - low) * (255.0 / max(high - low, 1.0)), 0, 255).astype(np.uint8)
+    return np.clip((pixels - low) * (255.0 / max(high - low, 1.0)), 0, 255).astype(
+        np.uint8
+    )
 
 
-def html_card(title: str, facts: Mapping[str, str], picture: Bytes | None = None) -> str:
+def html_card(
+    title: str, facts: Mapping[str, str], picture: Bytes | None = None
+) -> str:
     """Return a title, a table of facts and a picture, grey or blue-green-red, as HTML in the colours of its page."""
     rows = "".join(
         f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(fact)}</td></tr>'

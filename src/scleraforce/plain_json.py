@@ -16,7 +16,9 @@ def finite(value: Any) -> Any:
         return value if isfinite(value) else None
     if isinstance(value, (list, tuple)):
         return [finite(entry) for entry in value]
-    if not isinstance(value, str | int | None) and isinstance(value, Mapping):  # the cheaper question first
+    if not isinstance(value, str | int | None) and isinstance(
+        value, Mapping
+    ):  # the cheaper question first
         return {key: finite(entry) for key, entry in value.items()}
     return value
 
@@ -30,7 +32,11 @@ def parse_json(content: str | bytes) -> Any:
     """
     try:
         return json.loads(
-            content, parse_constant=_refuse, parse_float=_finite_float, parse_int=_short_int, object_pairs_hook=_once
+            content,
+            parse_constant=_refuse,
+            parse_float=_finite_float,
+            parse_int=_short_int,
+            object_pairs_hook=_once,
         )
     except RecursionError as fault:
         raise ValueError("not JSON: nested too deep") from fault
@@ -49,7 +55,9 @@ def _finite_float(digits: str) -> float:
 
 
 def _short_int(digits: str) -> int:
-    if len(digits) > 40:  # floats hold longer ones, but nothing that is counted here needs them
+    if (
+        len(digits) > 40
+    ):  # floats hold longer ones, but nothing that is counted here needs them
         raise ValueError(f"{digits[:20]}... has {len(digits)} digits")
     return int(digits)
 

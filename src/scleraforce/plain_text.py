@@ -8,6 +8,10 @@ def wrapped(text: str, start: str = "") -> str:
     if not text:
         return start.rstrip()
     return fill(
-        text, 80, initial_indent=start, subsequent_indent=" " * len(start), break_long_words=False,
+        text,
+        80,
+        initial_indent=start,
+        subsequent_indent=" " * len(start),
+        break_long_words=False,
         break_on_hyphens=False,
-    )  # fmt: skip
+    )

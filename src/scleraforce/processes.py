@@ -12,7 +12,13 @@ import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import partial
@@ -71,20 +77,28 @@ def _submitting_to_cluster(work: bytes, workers: ClusterWorkers) -> Iterator[Sub
             found = f"{workers.scheduler}: its workers die one after the other ({fault}); see their logs"
             raise SolverError(found) from fault
         except (CancelledError, CommClosedError) as fault:
-            raise SolverError(f"{workers.scheduler}: the scheduler has ended; run the same command again") from fault
+            raise SolverError(
+                f"{workers.scheduler}: the scheduler has ended; run the same command again"
+            ) from fault
 
 
 def _connected(scheduler: str) -> Any:
     try:
         import distributed
     except ImportError as fault:
-        raise InputError("--scheduler: Dask is not installed; run pip install 'scleraforce[cluster]'") from fault
+        raise InputError(
+            "--scheduler: Dask is not installed; run pip install 'scleraforce[cluster]'"
+        ) from fault
     client: Any = distributed.Client  # without type annotations
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost scheduler is reported above
+    logging.getLogger("distributed").setLevel(
+        logging.CRITICAL
+    )  # a lost scheduler is reported above
     try:
         return client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as fault:
-        raise InputError(f"--scheduler: no Dask scheduler answers at {scheduler} ({fault})") from fault
+        raise InputError(
+            f"--scheduler: no Dask scheduler answers at {scheduler} ({fault})"
+        ) from fault
 
 
 # A process is started by `python -c`, which would take a `signal.py` of the current folder for the standard library's.
@@ -118,7 +132,10 @@ def work_units(
     ahead = max(LEAST_AHEAD, AHEAD * workers) if on_cluster else 1
     waiting = dict[Future[Result], tuple[int, int]]()
     with ExitStack() as stack:
-        lanes = [stack.enter_context(_submitting(prepare, workers if on_cluster else 1)) for _ in runs]
+        lanes = [
+            stack.enter_context(_submitting(prepare, workers if on_cluster else 1))
+            for _ in runs
+        ]
 
         def ask(lane: int) -> None:
             if (unit := next_unit(runs, lane)) is not None:
@@ -135,13 +152,19 @@ def work_units(
 
 
 def work_in_order(
-    prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int, ahead: int
+    prepare: Callable[[], Callable[[int], Result]],
+    units: Sequence[int],
+    workers: int,
+    ahead: int,
 ) -> Generator[Result, None, None]:
     """Work on units as `work_units`; yield the results in the order of the units.
 
     At most `ahead` units are done or worked on before the caller asks for them.
     """
-    with _submitting(prepare, workers if isinstance(workers, ClusterWorkers) else min(workers, len(units))) as submit:
+    with _submitting(
+        prepare,
+        workers if isinstance(workers, ClusterWorkers) else min(workers, len(units)),
+    ) as submit:
         coming = iter(units)
         waiting = deque(submit(unit) for unit in islice(coming, ahead))
         while waiting:
@@ -159,7 +182,9 @@ def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
 
 
 @contextmanager
-def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> Iterator[Submit]:
+def _submitting(
+    prepare: Callable[[], Callable[[int], Any]], workers: int
+) -> Iterator[Submit]:
     """Give a function that submits a unit to an executor of some workers, which end with the block."""
     work = pickle.dumps((scleraforce.__version__, prepare))
     if isinstance(workers, ClusterWorkers):
@@ -173,7 +198,9 @@ def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> It
         file = Path(folder) / "work"
         file.write_bytes(work)
         with no_interrupts():  # semaphores start the resource tracker
-            executor = ProcessPoolExecutor(max(workers, 1), context, _end_with_parent, (watched,))
+            executor = ProcessPoolExecutor(
+                max(workers, 1), context, _end_with_parent, (watched,)
+            )
         with executor, held:
 
             def start_and_submit(unit: int) -> "Future[Any]":
@@ -181,12 +208,16 @@ def _submitting(prepare: Callable[[], Callable[[int], Any]], workers: int) -> It
                     with one_thread(), _environment(OWN_MODULES), no_interrupts():
                         return executor.submit(_do, file, unit)
                 except OSError as fault:
-                    raise SolverError(f"a worker could not be started ({fault.strerror or fault})") from fault
+                    raise SolverError(
+                        f"a worker could not be started ({fault.strerror or fault})"
+                    ) from fault
 
             try:
                 yield start_and_submit
             except BrokenProcessPool as fault:
-                raise SolverError("a worker ended abruptly; fewer --workers need less memory") from fault
+                raise SolverError(
+                    "a worker ended abruptly; fewer --workers need less memory"
+                ) from fault
 
 
 def _end_with_parent(parent: Connection) -> None:
@@ -223,9 +254,13 @@ def _do(work: bytes | Path, unit: int) -> Any:
     """Do a unit, in a worker; `work` is what this package pickled, or the file that holds it."""
     try:
         if getattr(_prepared, "work", None) != work:
-            version, prepare = pickle.loads(work if isinstance(work, bytes) else work.read_bytes())
+            version, prepare = pickle.loads(
+                work if isinstance(work, bytes) else work.read_bytes()
+            )
             if version != (own := scleraforce.__version__):
-                raise InputError(f"a worker has scleraforce {own}, this process {version}; install the same")
+                raise InputError(
+                    f"a worker has scleraforce {own}, this process {version}; install the same"
+                )
             _prepared.work, _prepared.do = work, prepare()
         result = _prepared.do(unit)
         if isinstance(work, bytes):

@@ -15,9 +15,26 @@ if TYPE_CHECKING:
 STANDARD_GRAVITY_M_S2 = 9.80665
 
 HumanUnit = Literal[
-    "mm", "um", "mn", "mpa", "kpa", "mmhg", "deg", "ms", "us", "per_mm", "mn_per_s", "mn_per_min", "mnm", "percent",
-    "mm2", "kpa_per_mm", "mmhg13_per_ul", "mb", "gb",
-]  # fmt: skip
+    "mm",
+    "um",
+    "mn",
+    "mpa",
+    "kpa",
+    "mmhg",
+    "deg",
+    "ms",
+    "us",
+    "per_mm",
+    "mn_per_s",
+    "mn_per_min",
+    "mnm",
+    "percent",
+    "mm2",
+    "kpa_per_mm",
+    "mmhg13_per_ul",
+    "mb",
+    "gb",
+]
 
 # Suffix of a name in human units -> (suffix in SI, factor).
 SI_PER_UNIT: dict[HumanUnit, tuple[str, float]] = {
@@ -37,7 +54,10 @@ SI_PER_UNIT: dict[HumanUnit, tuple[str, float]] = {
     "percent": ("fraction", 1e-2),
     "mm2": ("m2", 1e-6),
     "kpa_per_mm": ("pa_per_m", 1e6),
-    "mmhg13_per_ul": ("pa13_per_m3", 133.322387415 ** (1.0 / 3.0) * 1e9),  # mmHg^(1/3) per ul: of a sealed globe
+    "mmhg13_per_ul": (
+        "pa13_per_m3",
+        133.322387415 ** (1.0 / 3.0) * 1e9,
+    ),  # mmHg^(1/3) per ul: of a sealed globe
     "mb": ("bytes", 1e6),
     "gb": ("bytes", 1e9),
 }

@@ -11,16 +11,34 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from scleraforce.errors import CalibrationError, FrameError, InputError, ModelError, RecordingError, StudyError
+from scleraforce.errors import (
+    CalibrationError,
+    FrameError,
+    InputError,
+    ModelError,
+    RecordingError,
+    StudyError,
+)
 
 MIB = 2**20
-OPEN_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)  # of Unix, of Windows
+OPEN_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(
+    os, "O_BINARY", 0
+)  # of Unix, of Windows
 # What editors on Windows write; UTF-32 is before UTF-16, whose mark is the beginning of its own.
 BYTE_ORDER_MARKS = {
-    codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF32_LE: "utf-32-le", codecs.BOM_UTF32_BE: "utf-32-be",
-    codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be", b"": "utf-8",
-}  # fmt: skip
-NOUNS = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
+    codecs.BOM_UTF8: "utf-8",
+    codecs.BOM_UTF32_LE: "utf-32-le",
+    codecs.BOM_UTF32_BE: "utf-32-be",
+    codecs.BOM_UTF16_LE: "utf-16-le",
+    codecs.BOM_UTF16_BE: "utf-16-be",
+    b"": "utf-8",
+}
+NOUNS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
 
 
 @dataclass(frozen=True)
@@ -33,21 +51,40 @@ class FileKind:
     error: type[InputError]
 
 
-MODEL_HINT = ("a model folder has model.onnx, study.toml, card.md and model.json, and a reader's folder has "
-              "library.npz as well")  # fmt: skip
+MODEL_HINT = (
+    "a model folder has model.onnx, study.toml, card.md and model.json, and a reader's folder has "
+    "library.npz as well"
+)
 KINDS = {
-    "study": FileKind("study file", MIB, "`scleraforce init DIR` writes a study file", StudyError),
-    "recording": FileKind("recording.toml", MIB, "a recording folder has a recording.toml", RecordingError),
-    "frames": FileKind("frames.csv", 64 * MIB, "a recording folder has a frames.csv", RecordingError),
+    "study": FileKind(
+        "study file", MIB, "`scleraforce init DIR` writes a study file", StudyError
+    ),
+    "recording": FileKind(
+        "recording.toml", MIB, "a recording folder has a recording.toml", RecordingError
+    ),
+    "frames": FileKind(
+        "frames.csv", 64 * MIB, "a recording folder has a frames.csv", RecordingError
+    ),
     "walls": FileKind("walls.csv", 64 * MIB, "", RecordingError),
     "forces": FileKind("forces.csv", 1024 * MIB, "", RecordingError),
     "frame": FileKind("frame", 256 * MIB, "", FrameError),
-    "calibration": FileKind("calibration file", 64 * MIB, "`scleraforce calibrate` writes this file", CalibrationError),
+    "calibration": FileKind(
+        "calibration file",
+        64 * MIB,
+        "`scleraforce calibrate` writes this file",
+        CalibrationError,
+    ),
     "model record": FileKind("model.json", MIB, MODEL_HINT, ModelError),
     "model file": FileKind("file of a model folder", 256 * MIB, MODEL_HINT, ModelError),
-    "store metadata": FileKind("zarr.json of a data set or library", 16 * MIB, "", InputError),
-    "store chunk": FileKind("chunk of a data set or library", 1024 * MIB, "", InputError),
-    "truth": FileKind("truth.json", 64 * MIB, "virtual acquisitions have it", RecordingError),
+    "store metadata": FileKind(
+        "zarr.json of a data set or library", 16 * MIB, "", InputError
+    ),
+    "store chunk": FileKind(
+        "chunk of a data set or library", 1024 * MIB, "", InputError
+    ),
+    "truth": FileKind(
+        "truth.json", 64 * MIB, "virtual acquisitions have it", RecordingError
+    ),
     "result": FileKind("JSON result of an earlier run", 64 * MIB, "", InputError),
 }
 
@@ -57,12 +94,16 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
     hint = f"; {kind.hint}" if kind.hint else ""
     try:
         # A pipe that nobody writes to would hold up a plain open() for ever.
-        descriptor = os.open(path, os.O_RDONLY | OPEN_FLAGS | getattr(os, "O_NONBLOCK", 0))
+        descriptor = os.open(
+            path, os.O_RDONLY | OPEN_FLAGS | getattr(os, "O_NONBLOCK", 0)
+        )
         try:
             found = os.fstat(descriptor)
             check_regular(path, found, kind)
             with open(descriptor, "rb", closefd=False) as file:
-                data = file.read(found.st_size + 1)  # one more byte tells of a file that grows meanwhile
+                data = file.read(
+                    found.st_size + 1
+                )  # one more byte tells of a file that grows meanwhile
         finally:
             os.close(descriptor)
     except OSError as fault:
@@ -77,7 +118,9 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
 def check_regular(path: Path, found: os.stat_result, kind: FileKind) -> None:
     """Check that a path is a regular file of an allowed size."""
     if not stat.S_ISREG(found.st_mode):
-        raise kind.error(f"{path}: {NOUNS.get(stat.S_IFMT(found.st_mode), 'no regular file')}; give a regular file")
+        raise kind.error(
+            f"{path}: {NOUNS.get(stat.S_IFMT(found.st_mode), 'no regular file')}; give a regular file"
+        )
     if found.st_size > kind.max_bytes:
         limit = f"more than {kind.max_bytes // MIB} MiB, which is more than a {kind.noun} may have (docs/files.md)"
         raise kind.error(f"{path}: {limit}")
@@ -93,7 +136,9 @@ def read_text(path: Path, kind: FileKind) -> str:
     except UnicodeDecodeError as fault:
         line = data[: fault.start].count(b"\n") + 1
         byte = f"byte 0x{data[fault.start]:02x}"
-        raise kind.error(f"{path}:{line}: not {encoding.upper()} text ({byte}); save the file as UTF-8") from fault
+        raise kind.error(
+            f"{path}:{line}: not {encoding.upper()} text ({byte}); save the file as UTF-8"
+        ) from fault
 
 
 def hash_sources(*places: str) -> str:
@@ -119,7 +164,9 @@ def renamed_when_whole(path: Path) -> Iterator[Path]:
     """
     part = path.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
     try:
-        os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN_FLAGS, 0o666))
+        os.close(
+            os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN_FLAGS, 0o666)
+        )
         yield part
         part.replace(path)
     except OSError as fault:

@@ -19,25 +19,47 @@ import scleraforce as sf
 pytestmark = NEEDS_CHROMIUM
 FORCES_N = (0.012, 0.024, 0.036, 0.004, 0.015, 0.034)
 LONG_MS = 120_000
-ANSWERS = {"width_mm": "15", "depth_mm": "4", "refractive_index": "1", "bits": "12", "eye": "mine", "gauge": "22",
-           "gap_mm": "0.5", "thickness_um": "650", "iop_mmhg": "2", "clock_offset_s": "0"}  # fmt: skip
+ANSWERS = {
+    "width_mm": "15",
+    "depth_mm": "4",
+    "refractive_index": "1",
+    "bits": "12",
+    "eye": "mine",
+    "gauge": "22",
+    "gap_mm": "0.5",
+    "thickness_um": "650",
+    "iop_mmhg": "2",
+    "clock_offset_s": "0",
+}
 
 
 @pytest.fixture(scope="module")
 def eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("eye") / "eye-a"
-    sf.phantom(path, eye="eye-a", forces_n=list(FORCES_N), thickness_m=650e-6, youngs_modulus_pa=0.3e6, globe="open")
+    sf.phantom(
+        path,
+        eye="eye-a",
+        forces_n=list(FORCES_N),
+        thickness_m=650e-6,
+        youngs_modulus_pa=0.3e6,
+        globe="open",
+    )
     return path
 
 
 @pytest.fixture
 def files(eye: Path, tmp_path: Path) -> list[str]:
     """A laboratory's own: a stack without a scale, a log in ms and mN, and the frames' times."""
-    frames = [cv2.imread(str(path), cv2.IMREAD_UNCHANGED) for path in sorted((eye / "frames").iterdir())]
+    frames = [
+        cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        for path in sorted((eye / "frames").iterdir())
+    ]
     tifffile.imwrite(tmp_path / "scan.tif", np.array(frames), photometric="minisblack")
     log = np.loadtxt(eye / "forces.csv", delimiter=",", skiprows=1)
     table = np.column_stack([1e3 * log[:, 0], -1e3 * log[:, 3]])
-    np.savetxt(tmp_path / "log.csv", table, "%.2f", ",", header="clock,pull", comments="")
+    np.savetxt(
+        tmp_path / "log.csv", table, "%.2f", ",", header="clock,pull", comments=""
+    )
     (tmp_path / "times.csv").write_bytes((eye / "frames.csv").read_bytes())
     return [str(tmp_path / name) for name in ("scan.tif", "log.csv", "times.csv")]
 
@@ -64,7 +86,9 @@ def import_(page: Page, files: list[str], out: str) -> None:
     page.uncheck("#sources li:has-text('times.csv') input")
     page.fill("[data-column=time] input", "clock:ms")
     page.fill("[data-column=fz] input", "pull:mN")
-    expect(page.locator("#source-size")).to_have_text("6 frames of 512 x 512 pixels (depth x lateral)")
+    expect(page.locator("#source-size")).to_have_text(
+        "6 frames of 512 x 512 pixels (depth x lateral)"
+    )
     expect(page.locator("[data-name=gauge]")).to_have_class("missing")
     for name, text in ANSWERS.items():
         page.fill(f"[data-name={name}] input", text)
@@ -72,7 +96,9 @@ def import_(page: Page, files: list[str], out: str) -> None:
     page.select_option("[data-name=contact_sign] select", "1")
     page.select_option("[data-name=globe] select", "open")
     page.fill("#import-out", out)
-    expect(page.locator("#import-command")).to_contain_text(f"--gap-mm=0.5 --out={out}".partition(" ")[0])
+    expect(page.locator("#import-command")).to_contain_text(
+        f"--gap-mm=0.5 --out={out}".partition(" ")[0]
+    )
     expect(page.locator("#import-command")).to_contain_text(f"--out={out}")
     page.click("#import-run")
     expect(page.locator("#frames")).to_be_visible()
@@ -106,7 +132,9 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
 
     found.click("[data-step=correct]")
     expect(found.locator("#accept")).to_be_enabled()
-    before = sf.read(sf.load_model("default"), folder / "mine" / "frames" / "0001.png").segmentation
+    before = sf.read(
+        sf.load_model("default"), folder / "mine" / "frames" / "0001.png"
+    ).segmentation
     drag(found, 0.05)
     expect(found.locator("#draft")).to_have_text("draft saved")
     found.keyboard.press("Control+z")
@@ -118,12 +146,16 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     found.keyboard.press("ArrowUp")
     expect(handle).to_have_attribute("aria-valuetext", f"row {row + 9:.1f}")
     found.keyboard.press("ArrowLeft")
-    expect(handle).to_have_attribute("aria-label", f"surface, column {round(5.5 * 512 / 13)}")
+    expect(handle).to_have_attribute(
+        "aria-label", f"surface, column {round(5.5 * 512 / 13)}"
+    )
     found.keyboard.press("Control+z")
     found.keyboard.press("Control+z")
     found.click("#accept")
     expect(found.locator("#verdict")).to_contain_text("wall: corrected")
-    after = sf.read(sf.load_model("default"), folder / "mine" / "frames" / "0001.png").segmentation
+    after = sf.read(
+        sf.load_model("default"), folder / "mine" / "frames" / "0001.png"
+    ).segmentation
     assert before is not None
     assert after is not None
     assert after.source == "corrected"
@@ -140,7 +172,9 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     )
     found.click("#calibrate-run")
     expect(found.locator("#calibrate-result tbody tr")).to_have_count(1)
-    mean_mpa = json.loads((folder / "calibration.json").read_text())["eyes"]["mine"]["mean_mpa"]
+    mean_mpa = json.loads((folder / "calibration.json").read_text())["eyes"]["mine"][
+        "mean_mpa"
+    ]
     expect(found.locator("#calibrate-result tbody")).to_contain_text(f"{mean_mpa:.3f}")
 
     found.click("[data-step=read]")
@@ -158,7 +192,10 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
         found.click("#read-result button:has-text('SVG') >> nth=0")
     assert Path(caught.value.path()).read_text().startswith("<svg")
     found.reload()
-    for step, rows in (("calibrate", 1), ("read", len(FORCES_N))):  # the last results are shown again
+    for step, rows in (
+        ("calibrate", 1),
+        ("read", len(FORCES_N)),
+    ):  # the last results are shown again
         found.click(f"[data-step={step}]")
         expect(found.locator(f"#{step}-result tbody tr")).to_have_count(rows)
     found.click("#read-result tbody tr >> nth=0")
@@ -166,10 +203,16 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     assert complaints == []
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(400, "light"), (400, "dark"), (1280, "dark")])
-def test_the_page_fits_its_window(browser: Browser, eye: Path, width: int, scheme: Any) -> None:
+@pytest.mark.parametrize(
+    ("width", "scheme"), [(400, "light"), (400, "dark"), (1280, "dark")]
+)
+def test_the_page_fits_its_window(
+    browser: Browser, eye: Path, width: int, scheme: Any
+) -> None:
     with running_app(eye.parent) as client:
-        context = browser.new_context(viewport={"width": width, "height": 800}, color_scheme=scheme)
+        context = browser.new_context(
+            viewport={"width": width, "height": 800}, color_scheme=scheme
+        )
         page = context.new_page()
         page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
         expect(page.locator("#verdict")).not_to_have_text("", timeout=LONG_MS)
@@ -185,7 +228,11 @@ def test_keys_go_through_the_frames(browser: Browser, eye: Path) -> None:
         page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
         place = page.locator("#place")
         expect(place).to_contain_text("1 of 6", timeout=LONG_MS)
-        for key, shown in (("ArrowRight", "2 of 6"), ("ArrowRight", "3 of 6"), ("ArrowLeft", "2 of 6")):
+        for key, shown in (
+            ("ArrowRight", "2 of 6"),
+            ("ArrowRight", "3 of 6"),
+            ("ArrowLeft", "2 of 6"),
+        ):
             page.keyboard.press(key)
             expect(place).to_contain_text(shown, timeout=LONG_MS)
         page.keyboard.press(" ")
@@ -193,7 +240,9 @@ def test_keys_go_through_the_frames(browser: Browser, eye: Path) -> None:
         page.close()
 
 
-def test_a_draft_stays_with_its_frame_and_faults_are_shown(browser: Browser, eye: Path, tmp_path: Path) -> None:
+def test_a_draft_stays_with_its_frame_and_faults_are_shown(
+    browser: Browser, eye: Path, tmp_path: Path
+) -> None:
     shutil.copytree(eye, tmp_path / "mine")
     files = [entry.file for entry in sf.read_recording(eye).frames]
     (tmp_path / "mine" / "frames" / files[1]).write_bytes(b"\x89PNG damaged")
@@ -209,7 +258,9 @@ def test_a_draft_stays_with_its_frame_and_faults_are_shown(browser: Browser, eye
         page.click("#accept")
         page.keyboard.press("ArrowLeft")
         expect(page.locator("#verdict")).to_contain_text("mN", timeout=LONG_MS)
-        assert [path.name for path in (tmp_path / "mine" / "walls").iterdir()] == [f".{Path(files[0]).stem}.draft.json"]
+        assert [path.name for path in (tmp_path / "mine" / "walls").iterdir()] == [
+            f".{Path(files[0]).stem}.draft.json"
+        ]
         page.click("[data-step=read]")
         page.check("#read .recordings input")
         page.click("#read-run")
@@ -217,7 +268,9 @@ def test_a_draft_stays_with_its_frame_and_faults_are_shown(browser: Browser, eye
         page.close()
 
 
-def test_a_duplicated_tab_is_read_only_and_an_empty_folder_has_no_faults(page: tuple[Page, Path, list[str]]) -> None:
+def test_a_duplicated_tab_is_read_only_and_an_empty_folder_has_no_faults(
+    page: tuple[Page, Path, list[str]],
+) -> None:
     found, _, complaints = page
     expect(found.locator("#import")).to_be_visible()
     with found.expect_popup() as opened:

@@ -16,13 +16,18 @@ Start = Callable[[str], Job]
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Start:
     def start(code: str) -> Job:
-        monkeypatch.setattr("scleraforce.app.commands.COMMAND", (sys.executable, "-c", f"import sys, time; {code}"))
+        monkeypatch.setattr(
+            "scleraforce.app.commands.COMMAND",
+            (sys.executable, "-c", f"import sys, time; {code}"),
+        )
         return Job.started(["help"], tmp_path, tmp_path / "kept" / "help.json")
 
     return start
 
 
-def test_much_standard_error_neither_blocks_nor_hides_the_last_bar(started: Start, tmp_path: Path) -> None:
+def test_much_standard_error_neither_blocks_nor_hides_the_last_bar(
+    started: Start, tmp_path: Path
+) -> None:
     job = started("print('\\rframes:  50%|' * 100_000, file=sys.stderr); print('[1]')")
     wait_until(lambda: job.done)
     assert (job.title, job.share, job.fault) == ("frames", 0.5, None)
@@ -30,7 +35,9 @@ def test_much_standard_error_neither_blocks_nor_hides_the_last_bar(started: Star
     assert (kept["command"], kept["result"]) == ("scleraforce help", [1])
 
 
-def test_a_result_that_cannot_be_kept_is_a_fault(started: Start, tmp_path: Path) -> None:
+def test_a_result_that_cannot_be_kept_is_a_fault(
+    started: Start, tmp_path: Path
+) -> None:
     (tmp_path / "kept").write_text("a file in place of the folder")
     job = started("print('[1]')")
     wait_until(lambda: job.done)
@@ -38,7 +45,9 @@ def test_a_result_that_cannot_be_kept_is_a_fault(started: Start, tmp_path: Path)
 
 
 def test_a_command_is_stopped_as_by_ctrl_c(started: Start) -> None:
-    job = started("print('\\rframes:  10%|', file=sys.stderr, flush=True); time.sleep(600)")
+    job = started(
+        "print('\\rframes:  10%|', file=sys.stderr, flush=True); time.sleep(600)"
+    )
     wait_until(lambda: bool(job.title))
     job.cancel()
     wait_until(lambda: job.done)

@@ -44,21 +44,36 @@ def app(folder: Path) -> Iterator[Client]:
         yield client.open()
 
 
-def refusal(app: Client, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, str]:
+def refusal(
+    app: Client, method: str, path: str, body: Any = None, **headers: str
+) -> tuple[int, str]:
     status, text, _ = app.ask(method, path, body, **headers)
     return status, text.decode()
 
 
-def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_do_not_get(app: Client) -> None:
+def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_do_not_get(
+    app: Client,
+) -> None:
     status, _, headers = app.ask("GET", f"/?token={'t' * 32}", Cookie="")
     assert (status, headers["location"]) == (303, "/")
-    assert {"httponly", "samesite=strict"} <= {part.strip().lower() for part in headers["set-cookie"].split(";")}
+    assert {"httponly", "samesite=strict"} <= {
+        part.strip().lower() for part in headers["set-cookie"].split(";")
+    }
     assert "t" * 32 not in headers["set-cookie"]
-    assert headers["set-cookie"].startswith(f"scleraforce-{app.port}=")  # apps on two ports are open at once
+    assert headers["set-cookie"].startswith(
+        f"scleraforce-{app.port}="
+    )  # apps on two ports are open at once
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/main.js", "/api/state", "/?token=wrong", "/api/frame?name=small&file=0000.png"]
+    "path",
+    [
+        "/",
+        "/main.js",
+        "/api/state",
+        "/?token=wrong",
+        "/api/frame?name=small&file=0000.png",
+    ],
 )
 def test_nothing_is_answered_without_the_cookie(app: Client, path: str) -> None:
     assert refusal(app, "GET", path, Cookie="")[0] == 403
@@ -92,7 +107,9 @@ def test_a_tab_that_is_silent_loses_its_place(monkeypatch: pytest.MonkeyPatch) -
     assert not holder.is_held_by("a")
 
 
-def test_the_folder_is_listed_and_files_that_cannot_be_read_say_why(app: Client) -> None:
+def test_the_folder_is_listed_and_files_that_cannot_be_read_say_why(
+    app: Client,
+) -> None:
     state = app.json("GET", "/api/state")
     assert [entry["name"] for entry in state["recordings"]] == ["small"]
     sources = {entry["name"]: entry for entry in state["sources"]}
@@ -102,7 +119,10 @@ def test_the_folder_is_listed_and_files_that_cannot_be_read_say_why(app: Client)
     assert "empty" not in sources
 
 
-@pytest.mark.parametrize("name", ["..", "../outside", "link", "/etc", "small/../../outside", "\0", "x" * 5000, ""])
+@pytest.mark.parametrize(
+    "name",
+    ["..", "../outside", "link", "/etc", "small/../../outside", "\0", "x" * 5000, ""],
+)
 def test_paths_that_lead_out_are_refused(app: Client, name: str) -> None:
     assert refusal(app, "GET", f"/api/recording?name={quote(name)}")[0] == 422
     assert refusal(app, "POST", "/api/sources", {"operands": [name]})[0] == 422
@@ -110,20 +130,30 @@ def test_paths_that_lead_out_are_refused(app: Client, name: str) -> None:
     assert refusal(app, "POST", "/api/run", run)[0] == 422
 
 
-def test_a_recording_is_summed_up_and_its_frames_are_pictures(app: Client, folder: Path) -> None:
+def test_a_recording_is_summed_up_and_its_frames_are_pictures(
+    app: Client, folder: Path
+) -> None:
     found = app.json("GET", "/api/recording?name=small")
-    assert (found["rows"], found["columns"], found["files"][0]) == (ROWS, COLUMNS, "0000.png")
+    assert (found["rows"], found["columns"], found["files"][0]) == (
+        ROWS,
+        COLUMNS,
+        "0000.png",
+    )
     _, text, headers = app.ask("GET", "/api/frame?name=small&file=0000.png&height=12")
     assert headers["content-type"] == "image/png"
     (folder / "small.png").write_bytes(text)
     assert read_frame(folder / "small.png").shape == (12, 16)
     (folder / "small.png").unlink()
-    assert refusal(app, "GET", "/api/frame?name=small&file=../../recording.toml")[0] == 422
+    assert (
+        refusal(app, "GET", "/api/frame?name=small&file=../../recording.toml")[0] == 422
+    )
 
 
 def test_a_dropped_file_is_kept_once_and_whole(app: Client, folder: Path) -> None:
     data = b"time_s,fz_n\n0,0\n1,0\n" * 3
-    assert app.json("PUT", "/api/source?name=push.csv", data) == {"name": "sources/push.csv"}
+    assert app.json("PUT", "/api/source?name=push.csv", data) == {
+        "name": "sources/push.csv"
+    }
     assert (folder / "sources" / "push.csv").read_bytes() == data
     status, text = refusal(app, "PUT", "/api/source?name=push.csv", b"other")
     assert (status, text) == (422, "push.csv: exists already; choose another name")
@@ -131,15 +161,37 @@ def test_a_dropped_file_is_kept_once_and_whole(app: Client, folder: Path) -> Non
         assert refusal(app, "PUT", f"/api/source?name={name}", data)[0] == 422
     assert refusal(app, "PUT", "/api/source?name=empty.csv", b"")[0] == 422
     with ThreadPoolExecutor() as pool:
-        answers = list(pool.map(lambda n: refusal(app, "PUT", "/api/source?name=twice.csv", b"%d" % n)[0], range(6)))
+        answers = list(
+            pool.map(
+                lambda n: refusal(app, "PUT", "/api/source?name=twice.csv", b"%d" % n)[
+                    0
+                ],
+                range(6),
+            )
+        )
     assert sorted(answers) == [200] + [422] * 5
-    with socket.create_connection((HOST, app.port)) as link:  # an upload that breaks off
-        head = {"Host": f"{HOST}:{app.port}", "Origin": f"http://{HOST}:{app.port}", "Cookie": app.cookie,
-                "X-Tab": app.tab, "Content-Length": "1000"}  # fmt: skip
+    with socket.create_connection(
+        (HOST, app.port)
+    ) as link:  # an upload that breaks off
+        head = {
+            "Host": f"{HOST}:{app.port}",
+            "Origin": f"http://{HOST}:{app.port}",
+            "Cookie": app.cookie,
+            "X-Tab": app.tab,
+            "Content-Length": "1000",
+        }
         lines = "".join(f"{key}: {value}\r\n" for key, value in head.items())
-        link.sendall(f"PUT /api/source?name=cut.csv HTTP/1.1\r\n{lines}\r\ntime_s".encode())
-        wait_until(lambda: any(name.endswith(".part") for name in os.listdir(folder / "sources")))
-    wait_until(lambda: sorted(os.listdir(folder / "sources")) == ["push.csv", "twice.csv"])
+        link.sendall(
+            f"PUT /api/source?name=cut.csv HTTP/1.1\r\n{lines}\r\ntime_s".encode()
+        )
+        wait_until(
+            lambda: any(
+                name.endswith(".part") for name in os.listdir(folder / "sources")
+            )
+        )
+    wait_until(
+        lambda: sorted(os.listdir(folder / "sources")) == ["push.csv", "twice.csv"]
+    )
 
 
 def test_a_request_that_is_not_a_dropped_file_is_small(app: Client) -> None:
@@ -149,24 +201,45 @@ def test_a_request_that_is_not_a_dropped_file_is_small(app: Client) -> None:
 
 def test_the_token_of_the_opened_browser_is_valid_once(folder: Path) -> None:
     with running_app(folder, once="o" * 32) as client:
-        assert [client.ask("GET", f"/?token={'o' * 32}")[0] for _ in range(2)] == [303, 403]
-        assert [client.ask("GET", f"/?token={'t' * 32}")[0] for _ in range(2)] == [303, 303]
+        assert [client.ask("GET", f"/?token={'o' * 32}")[0] for _ in range(2)] == [
+            303,
+            403,
+        ]
+        assert [client.ask("GET", f"/?token={'t' * 32}")[0] for _ in range(2)] == [
+            303,
+            303,
+        ]
 
 
-def test_links_out_of_the_folder_are_neither_read_nor_written(app: Client, folder: Path, tmp_path: Path) -> None:
+def test_links_out_of_the_folder_are_neither_read_nor_written(
+    app: Client, folder: Path, tmp_path: Path
+) -> None:
     outside = write_small_recording(tmp_path / "outside", frames=2)
     linked = write_small_recording(folder / "linked", frames=2)
     (linked / "walls").symlink_to(tmp_path)
     wall = {"outer": [4.0] * COLUMNS, "inner": [9.0] * COLUMNS, "unseen": []}
     for path in ("draft", "wall"):
-        assert refusal(app, "PUT", f"/api/{path}?name=linked&file=0000.png", wall)[0] == 422
+        assert (
+            refusal(app, "PUT", f"/api/{path}?name=linked&file=0000.png", wall)[0]
+            == 422
+        )
     assert os.listdir(tmp_path) == ["outside"]
     (linked / "walls").unlink()
     (linked / "frames" / "0001.png").unlink()
     (linked / "frames" / "0001.png").symlink_to(outside / "frames" / "0001.png")
     assert refusal(app, "GET", "/api/frame?name=linked&file=0001.png")[0] == 422
-    assert refusal(app, "POST", "/api/sources", {"operands": ["linked/frames"]})[0] == 422
-    assert refusal(app, "POST", "/api/run", {"command": "evaluate", "operands": ["default", "linked"]})[0] == 422
+    assert (
+        refusal(app, "POST", "/api/sources", {"operands": ["linked/frames"]})[0] == 422
+    )
+    assert (
+        refusal(
+            app,
+            "POST",
+            "/api/run",
+            {"command": "evaluate", "operands": ["default", "linked"]},
+        )[0]
+        == 422
+    )
     shutil.rmtree(linked)
 
 
@@ -178,19 +251,33 @@ def test_links_out_of_the_folder_are_neither_read_nor_written(app: Client, folde
         {"outer": [float("nan")] * COLUMNS, "inner": [9.0] * COLUMNS, "unseen": []},
     ],
 )
-def test_a_wall_that_does_not_fit_its_frame_is_refused(app: Client, folder: Path, wall: Any) -> None:
+def test_a_wall_that_does_not_fit_its_frame_is_refused(
+    app: Client, folder: Path, wall: Any
+) -> None:
     for path in ("draft", "wall"):
-        assert refusal(app, "PUT", f"/api/{path}?name=small&file=0000.png", wall)[0] == 422
+        assert (
+            refusal(app, "PUT", f"/api/{path}?name=small&file=0000.png", wall)[0] == 422
+        )
     assert not (folder / "small" / "walls").exists()
 
 
 @pytest.mark.parametrize(
     "answers",
-    [{"bits": "abc"}, {"bits": 1.5}, {"bits": True}, {"width_mm": "1"}, {"eye": 1.0}, {"by_arrival": 1.0},
-     {"secret": 1}, {"width_mm": float("nan")}],
-)  # fmt: skip
+    [
+        {"bits": "abc"},
+        {"bits": 1.5},
+        {"bits": True},
+        {"width_mm": "1"},
+        {"eye": 1.0},
+        {"by_arrival": 1.0},
+        {"secret": 1},
+        {"width_mm": float("nan")},
+    ],
+)
 def test_answers_of_another_name_or_type_are_refused(app: Client, answers: Any) -> None:
-    status, text = refusal(app, "POST", "/api/sources", {"operands": ["log.csv"], "options": answers})
+    status, text = refusal(
+        app, "POST", "/api/sources", {"operands": ["log.csv"], "options": answers}
+    )
     assert (status, {*text.partition(":")[0].split(".")} >= {*answers}) == (422, True)
 
 
@@ -198,7 +285,9 @@ def test_a_request_without_operands_is_refused(app: Client) -> None:
     assert refusal(app, "POST", "/api/sources", {"operands": []})[0] == 422
 
 
-def test_entries_that_change_or_cannot_be_read_are_listed_as_they_are_now(tmp_path: Path) -> None:
+def test_entries_that_change_or_cannot_be_read_are_listed_as_they_are_now(
+    tmp_path: Path,
+) -> None:
     recording = write_small_recording(tmp_path / "small", frames=1)
     (tmp_path / "loop").symlink_to("loop")
     folder, before = Folder(tmp_path), (recording / "recording.toml").read_text()
@@ -210,14 +299,25 @@ def test_entries_that_change_or_cannot_be_read_are_listed_as_they_are_now(tmp_pa
 def test_frames_of_one_stem_are_not_corrected(tmp_path: Path) -> None:
     path = write_small_recording(tmp_path / "small", frames=2)
     (path / "frames" / "0001.png").rename(path / "frames" / "0000.tif")
-    (path / "frames.csv").write_text((path / "frames.csv").read_text().replace("0001.png", "0000.tif"))
-    with pytest.raises(InputError, match=r"0000.tif: walls/0000.png would be the wall of 0000.png too"):
+    (path / "frames.csv").write_text(
+        (path / "frames.csv").read_text().replace("0001.png", "0000.tif")
+    )
+    with pytest.raises(
+        InputError, match=r"0000.tif: walls/0000.png would be the wall of 0000.png too"
+    ):
         check_alone(read_recording(path), "0000.tif")
 
 
 def test_commands_are_shown_as_they_would_be_typed(app: Client) -> None:
-    run = {"command": "evaluate", "operands": ["default", "small"], "options": {"html": "a page.html"}}
-    assert app.json("POST", "/api/words", run)["command"] == "scleraforce evaluate default small '--html=a page.html'"
+    run = {
+        "command": "evaluate",
+        "operands": ["default", "small"],
+        "options": {"html": "a page.html"},
+    }
+    assert (
+        app.json("POST", "/api/words", run)["command"]
+        == "scleraforce evaluate default small '--html=a page.html'"
+    )
     run = {
         "command": "calibrate",
         "operands": ["small"],
@@ -226,8 +326,13 @@ def test_commands_are_shown_as_they_would_be_typed(app: Client) -> None:
     }
     words = "scleraforce calibrate small --frames=3 --without-force --out=e.json"
     assert app.json("POST", "/api/words", run)["command"] == words
-    run = {"command": "import", "operands": ["small", "log.csv"], "out": "eye", "planes": {"small": "across:0:90"},
-           "options": {"clock_offset_s": 1764325500.125}}  # fmt: skip
+    run = {
+        "command": "import",
+        "operands": ["small", "log.csv"],
+        "out": "eye",
+        "planes": {"small": "across:0:90"},
+        "options": {"clock_offset_s": 1764325500.125},
+    }
     words = "import log.csv --plane=across:0:90 small --clock-offset-s=1764325500.125 --out=eye"
     assert app.json("POST", "/api/words", run)["command"] == f"scleraforce {words}"
 
@@ -242,15 +347,23 @@ def test_commands_are_shown_as_they_would_be_typed(app: Client) -> None:
         ({"operands": ["missing"]}, "does not exist"),
     ],
 )
-def test_other_commands_options_and_existing_files_are_refused(app: Client, change: Any, fault: str) -> None:
+def test_other_commands_options_and_existing_files_are_refused(
+    app: Client, change: Any, fault: str
+) -> None:
     run = {"command": "calibrate", "operands": ["small"], "out": "e.json", **change}
     assert fault in app.json("POST", "/api/words", run)["fault"]
     assert refusal(app, "POST", "/api/run", run)[0] == 422
 
 
-def test_a_command_that_fails_tells_its_line_and_leaves_nothing(app: Client, folder: Path) -> None:
+def test_a_command_that_fails_tells_its_line_and_leaves_nothing(
+    app: Client, folder: Path
+) -> None:
     before = sorted(os.listdir(folder))
-    job = app.json("POST", "/api/run", {"command": "calibrate", "operands": ["small"], "out": "e.json"})["job"]
+    job = app.json(
+        "POST",
+        "/api/run",
+        {"command": "calibrate", "operands": ["small"], "out": "e.json"},
+    )["job"]
     wait_until(lambda: app.json("GET", "/api/state?tab=tab-1")["job"]["done"])
     ended = app.json("GET", "/api/state")["job"]
     assert ended["number"] == job
@@ -261,20 +374,26 @@ def test_a_command_that_fails_tells_its_line_and_leaves_nothing(app: Client, fol
     assert sorted(os.listdir(folder)) == before
 
 
-def test_a_wall_that_is_accepted_is_a_mask_with_its_author_and_frame(tmp_path: Path) -> None:
+def test_a_wall_that_is_accepted_is_a_mask_with_its_author_and_frame(
+    tmp_path: Path,
+) -> None:
     recording = write_small_recording(tmp_path / "small", frames=2)
     outer, inner = [4.3] * COLUMNS, [9.6] * (COLUMNS - 1) + [None]
     mask = mask_between(outer, inner, [0, 1], ROWS, COLUMNS)
     assert (mask[:, 0] == 128).all()
     assert np.flatnonzero(mask[:, 5] == 255).tolist() == [5, 6, 7, 8, 9]
-    assert np.flatnonzero(mask[:, -1] == 255)[-1] == ROWS - 1  # an inner boundary that is not seen
+    assert (
+        np.flatnonzero(mask[:, -1] == 255)[-1] == ROWS - 1
+    )  # an inner boundary that is not seen
     write_wall(recording, "0000.png", mask, "somebody", "2026-01-02T03:04:05Z")
     walls = RecordedWalls(recording)
     np.testing.assert_array_equal(walls.wall("0000.png"), mask)
     assert walls.wall("0001.png") is None
     assert ",somebody,2026-01-02T03:04:05Z," in (recording / "walls.csv").read_text()
     write_wall(recording, "0001.png", mask, "other", "2026-01-02T03:04:06Z")
-    (recording / "frames" / "0001.png").write_bytes((recording / "frames" / "0000.png").read_bytes())
+    (recording / "frames" / "0001.png").write_bytes(
+        (recording / "frames" / "0000.png").read_bytes()
+    )
     changed = RecordedWalls(recording)
     assert changed.wall("0001.png") is None
     assert "another version" in " ".join(changed.notes)
@@ -282,7 +401,9 @@ def test_a_wall_that_is_accepted_is_a_mask_with_its_author_and_frame(tmp_path: P
     assert RecordedWalls(recording).wall("0000.png") is None
 
 
-def test_walls_of_the_users_own_keep_counting_when_the_app_adds_one(tmp_path: Path) -> None:
+def test_walls_of_the_users_own_keep_counting_when_the_app_adds_one(
+    tmp_path: Path,
+) -> None:
     recording = write_small_recording(tmp_path / "small", frames=2)
     mask = np.zeros((ROWS, COLUMNS), np.uint8)
     mask[5:9] = 255
@@ -300,10 +421,14 @@ def test_a_draft_is_kept_for_its_frame_alone(tmp_path: Path) -> None:
     write_draft(recording, "0000.png", drawn)
     assert read_draft(recording, "0000.png") == drawn
     assert read_draft(recording, "0001.png") is None
-    (recording.path / "walls" / ".0001.draft.json").write_text('{"outer": [NaN')  # damaged
+    (recording.path / "walls" / ".0001.draft.json").write_text(
+        '{"outer": [NaN'
+    )  # damaged
     assert read_draft(recording, "0001.png") is None
     remove_draft(recording, "0001.png")
-    (recording.path / "frames" / "0000.png").write_bytes((recording.path / "frames" / "0001.png").read_bytes())
+    (recording.path / "frames" / "0000.png").write_bytes(
+        (recording.path / "frames" / "0001.png").read_bytes()
+    )
     assert read_draft(recording, "0000.png") is None
     remove_draft(recording, "0000.png")
     assert os.listdir(recording.path / "walls") == []

@@ -34,7 +34,9 @@ def test_the_offset_of_the_clocks_is_found_from_the_dents(offset_s: float) -> No
 def test_frames_of_a_resting_needle_propose_the_middle_of_the_rest() -> None:
     log_s = np.arange(0.0, 80.0, 0.01)
     levels = np.array([1.0, 4.0, 2.0, 6.0, 3.0, 7.0, 5.0, 2.0])
-    force_n = 1e-3 * levels[(log_s // 10.0).astype(int)] * (log_s % 10.0 > 4.0)  # rests of 6 s after 4 s of nothing
+    force_n = (
+        1e-3 * levels[(log_s // 10.0).astype(int)] * (log_s % 10.0 > 4.0)
+    )  # rests of 6 s after 4 s of nothing
     found = proposed_offset_s(np.arange(8) * 10.0, levels, log_s, force_n)
     assert found is not None
     assert found[0] == pytest.approx(7.0, abs=0.1)
@@ -44,7 +46,13 @@ def test_the_offset_in_a_log_of_half_an_hour_is_as_exact() -> None:
     offset_s = 1234.5
     log_s = np.arange(0.0, 1800.0, 0.01)
     frame_s = np.arange(0.0, 40.0, 0.5)
-    force_n = np.interp(log_s - offset_s, np.arange(0.0, 40.0, 0.01), pushes(np.arange(0.0, 40.0, 0.01)), 0.0, 0.0)
+    force_n = np.interp(
+        log_s - offset_s,
+        np.arange(0.0, 40.0, 0.01),
+        pushes(np.arange(0.0, 40.0, 0.01)),
+        0.0,
+        0.0,
+    )
     found = proposed_offset_s(frame_s, pushes(frame_s), log_s, force_n)
     assert found is not None
     assert found[0] == pytest.approx(offset_s, abs=0.15)
@@ -52,14 +60,20 @@ def test_the_offset_in_a_log_of_half_an_hour_is_as_exact() -> None:
 
 def test_no_offset_is_proposed_from_few_or_equal_dents() -> None:
     log_s = np.arange(0.0, 10.0, 0.01)
-    assert proposed_offset_s(np.arange(5.0), np.arange(5.0), log_s, pushes(log_s)) is None
+    assert (
+        proposed_offset_s(np.arange(5.0), np.arange(5.0), log_s, pushes(log_s)) is None
+    )
     assert proposed_offset_s(np.arange(8.0), np.ones(8), log_s, pushes(log_s)) is None
 
 
-def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(tmp_path: Path) -> None:
+def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(
+    tmp_path: Path,
+) -> None:
     stack = np.random.default_rng(0).integers(0, 4096, (5, 32, 48), dtype=np.uint16)
     tifffile.imwrite(tmp_path / "scan.tif", stack, photometric="minisblack")
-    (tmp_path / "log.csv").write_text("Clock,Pull\n" + "".join(f"{n * 10},{n}\n" for n in range(400)))
+    (tmp_path / "log.csv").write_text(
+        "Clock,Pull\n" + "".join(f"{n * 10},{n}\n" for n in range(400))
+    )
     paths, sources = [tmp_path / "scan.tif", tmp_path / "log.csv"], Sources()
     asked = sources.look(paths, [], Checked())
     assert asked["option"] == "--column"
@@ -70,37 +84,65 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(tmp_path:
     assert "width_mm" not in found["missing"]
     assert found["stated"]["axis"]["value"] == "fz"
     assert max(found["log"]["fz"]["high"]) == pytest.approx(399.0)
-    some = sources.look(paths, [], Checked(first_frame=2, last_frame=3, columns=columns))
+    some = sources.look(
+        paths, [], Checked(first_frame=2, last_frame=3, columns=columns)
+    )
     assert some["frames"] == 2
     with pytest.raises(InputError, match="--last-frame: frames 1 to 6 of 5"):
         sources.look(paths, [], Checked(last_frame=6, columns=columns))
-    assert sources.picture(paths, [], Checked(columns=columns), 4).startswith(b"\x89PNG")
+    assert sources.picture(paths, [], Checked(columns=columns), 4).startswith(
+        b"\x89PNG"
+    )
     with pytest.raises(InputError, match="frame 6: there are 5"):
         sources.picture(paths, [], Checked(columns=columns), 5)
 
 
-def test_stacks_of_two_planes_are_one_scan_without_a_gap_to_give(tmp_path: Path) -> None:
+def test_stacks_of_two_planes_are_one_scan_without_a_gap_to_give(
+    tmp_path: Path,
+) -> None:
     for name in ("along", "across"):
-        tifffile.imwrite(tmp_path / f"{name}.tif", np.ones((3, 32, 48), np.uint16), photometric="minisblack")
+        tifffile.imwrite(
+            tmp_path / f"{name}.tif",
+            np.ones((3, 32, 48), np.uint16),
+            photometric="minisblack",
+        )
     paths, sources = [tmp_path / "along.tif", tmp_path / "across.tif"], Sources()
     joined = sources.look(paths, [], Checked())
     assert (joined["frames"], "gap_mm" in joined["missing"]) == (6, True)
-    crossed = sources.look(paths, [parse_plane("along:0:0"), parse_plane("across:0:90")], Checked())
+    crossed = sources.look(
+        paths, [parse_plane("along:0:0"), parse_plane("across:0:90")], Checked()
+    )
     assert (crossed["frames"], "gap_mm" in crossed["missing"]) == (3, False)
 
 
-def test_a_frame_with_gaps_is_shown_and_one_without_a_wall_has_no_dent(tmp_path: Path) -> None:
+def test_a_frame_with_gaps_is_shown_and_one_without_a_wall_has_no_dent(
+    tmp_path: Path,
+) -> None:
     stack = np.random.default_rng(0).random((8, 32, 48), dtype=np.float32)
     stack[1, :5], stack[2] = np.nan, np.nan
     np.save(tmp_path / "scan.npy", stack)
-    (tmp_path / "log.csv").write_text("time_s,fz_n\n" + "".join(f"{n / 100},0\n" for n in range(400)))
+    (tmp_path / "log.csv").write_text(
+        "time_s,fz_n\n" + "".join(f"{n / 100},0\n" for n in range(400))
+    )
     paths, sources = [tmp_path / "scan.npy", tmp_path / "log.csv"], Sources()
-    given: dict[str, Any] = {"axes": "frame,depth,lateral", "width_mm": 15.0, "depth_mm": 4.0, "rate_hz": 10.0}
+    given: dict[str, Any] = {
+        "axes": "frame,depth,lateral",
+        "width_mm": 15.0,
+        "depth_mm": 4.0,
+        "rate_hz": 10.0,
+    }
     for number in range(3):
-        picture = cv2.imdecode(np.frombuffer(sources.picture(paths, [], Checked(**given), number), np.uint8), 0)
+        picture = cv2.imdecode(
+            np.frombuffer(
+                sources.picture(paths, [], Checked(**given), number), np.uint8
+            ),
+            0,
+        )
         assert bool(picture.any()) == (number != 2)
     found = sources.clocks(paths, [], Checked(**given))
     assert found["dent_mm"] == [None] * 8
     for wrong in ({"axis": "fx"}, {"width_mm": -1.0}):
-        with pytest.raises(InputError, match=r"fx is not in the force log|give the frames' size"):
+        with pytest.raises(
+            InputError, match=r"fx is not in the force log|give the frames' size"
+        ):
             sources.clocks(paths, [], Checked(**given | wrong))

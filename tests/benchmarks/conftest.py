@@ -6,7 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, THICKNESS_M, image, recording_toml, tip_of, wall_section
+from analytic_frames import (
+    GAP_M,
+    IOP_PA,
+    LIBRARY,
+    MODULUS_PA,
+    THICKNESS_M,
+    image,
+    recording_toml,
+    tip_of,
+    wall_section,
+)
 from small_models import write_fixed_reader
 
 from scleraforce.recording.folder import RecordingInfo
@@ -37,17 +47,36 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A reader whose network always says the same small force, and a recording of a wall under such a force."""
     pytest.importorskip("torch")
     folder = tmp_path_factory.mktemp("benchmark")
-    write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
+    write_fixed_reader(
+        folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)]
+    )
     wall = wall_section(tip_of(FORCE_N))
-    shown = [image(wall, seed) for seed in range(FRAMES)]  # no scanner shows a picture again
-    info = parse_record(RecordingInfo, recording_toml("mine", needle="polar_angle_rad = 0.6", globe=""), "a test")
+    shown = [
+        image(wall, seed) for seed in range(FRAMES)
+    ]  # no scanner shows a picture again
+    info = parse_record(
+        RecordingInfo,
+        recording_toml("mine", needle="polar_angle_rad = 0.6", globe=""),
+        "a test",
+    )
     writer = RecordingWriter(folder / "eye", info, "Of a test.")
     for number in range(FRAMES):
         writer.add(f"{number:04}.png", 0.01 * number, shown[number])
     writer.close()
-    eye = {"thickness_m": THICKNESS_M, "iop_pa": IOP_PA, "youngs_modulus_pa": MODULUS_PA, "gap_m": GAP_M}
-    frames = [{"file": f"{number:04}.png", "force_n": FORCE_N} for number in range(FRAMES)]
-    truth = {"eye": {**eye, "polar_rad": 0.6}, "globe": {"kind": "open"}, "frames": frames}
+    eye = {
+        "thickness_m": THICKNESS_M,
+        "iop_pa": IOP_PA,
+        "youngs_modulus_pa": MODULUS_PA,
+        "gap_m": GAP_M,
+    }
+    frames = [
+        {"file": f"{number:04}.png", "force_n": FORCE_N} for number in range(FRAMES)
+    ]
+    truth = {
+        "eye": {**eye, "polar_rad": 0.6},
+        "globe": {"kind": "open"},
+        "frames": frames,
+    }
     (folder / "eye" / "truth.json").write_text(json.dumps(truth))
     return folder
 

@@ -30,28 +30,58 @@ from provenance.stamps import new_stamp, read_stamps
 from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.mechanics.contact import Section
-from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_info
+from scleraforce.recording.folder import (
+    EyeInfo,
+    ForceInfo,
+    NeedleInfo,
+    OctInfo,
+    RecordingInfo,
+    read_info,
+)
 from scleraforce.study import OctStudy, Study, format_record
 from scleraforce.units import to_si
 
 STUDY = Study()
 
 
-def frame(target, predicted, usable=True, *, by_log=None, true_mn=20.0, read_mn=None, interval_mn=None, in_window=True):
+def frame(
+    target,
+    predicted,
+    usable=True,
+    *,
+    by_log=None,
+    true_mn=20.0,
+    read_mn=None,
+    interval_mn=None,
+    in_window=True,
+):
     logged = target if by_log is None else by_log
     return AnsweredFrame(
-        "eye", "0001.png", logged, true_mn + 0.5, target, true_mn, in_window, predicted, usable, read_mn, interval_mn
+        "eye",
+        "0001.png",
+        logged,
+        true_mn + 0.5,
+        target,
+        true_mn,
+        in_window,
+        predicted,
+        usable,
+        read_mn,
+        interval_mn,
     )
 
 
 def test_scores_of_a_few_frames_are_as_counted_by_hand():
-    found = score([
-        frame(0, 0, true_mn=2.0, read_mn=3.0, interval_mn=(1.0, 3.5)),
-        frame(1, 2, by_log=2, true_mn=29.0, read_mn=31.0, interval_mn=(30.0, 32.0)),
-        frame(2, 0, true_mn=40.0, read_mn=4.0, interval_mn=(3.0, 5.0)),
-        frame(2, 2, true_mn=50.0, read_mn=50.0, interval_mn=(49.0, 51.0)),
-        frame(2, 2, usable=False, true_mn=55.0, in_window=False), frame(0, 2, usable=False, true_mn=1.0),
-    ])  # fmt: skip
+    found = score(
+        [
+            frame(0, 0, true_mn=2.0, read_mn=3.0, interval_mn=(1.0, 3.5)),
+            frame(1, 2, by_log=2, true_mn=29.0, read_mn=31.0, interval_mn=(30.0, 32.0)),
+            frame(2, 0, true_mn=40.0, read_mn=4.0, interval_mn=(3.0, 5.0)),
+            frame(2, 2, true_mn=50.0, read_mn=50.0, interval_mn=(49.0, 51.0)),
+            frame(2, 2, usable=False, true_mn=55.0, in_window=False),
+            frame(0, 2, usable=False, true_mn=1.0),
+        ]
+    )
     assert (found.accuracy.hits, found.accuracy.total) == (3, 6)
     assert (found.usable_accuracy.hits, found.usable_accuracy.total) == (2, 4)
     assert (found.log_accuracy.hits, found.log_accuracy.total) == (4, 6)
@@ -67,7 +97,9 @@ def test_scores_of_a_few_frames_are_as_counted_by_hand():
     assert math.isnan(score([frame(1, 1)]).mae_mn)
     above = [
         frame(2, 1, true_mn=36.0, read_mn=25.0, interval_mn=(20.0, 29.9)),
-        frame(2, 1, true_mn=36.0, read_mn=25.0, interval_mn=(20.0, 30.1)),  # its interval says that it may be class 2
+        frame(
+            2, 1, true_mn=36.0, read_mn=25.0, interval_mn=(20.0, 30.1)
+        ),  # its interval says that it may be class 2
         frame(2, 2, true_mn=36.0, usable=False),
     ]
     assert (score(above).as_safe.hits, score(above).as_safe.total) == (1, 3)
@@ -76,9 +108,14 @@ def test_scores_of_a_few_frames_are_as_counted_by_hand():
 
 def test_the_stretch_makes_nine_in_ten_frames_hold_with_equal_weight_of_the_eyes():
     """Half widths: 2 mN upwards, 1 mN downwards."""
-    below = [frame(1, 1, true_mn=20.0 - 0.1 * n, read_mn=20.0, interval_mn=(19.0, 22.0)) for n in range(1, 11)]
+    below = [
+        frame(1, 1, true_mn=20.0 - 0.1 * n, read_mn=20.0, interval_mn=(19.0, 22.0))
+        for n in range(1, 11)
+    ]
     assert score(below).stretch == pytest.approx(0.9)
-    above = [replace(one, true_mn=20.0 + 0.1 * n) for n, one in enumerate(below, start=1)]
+    above = [
+        replace(one, true_mn=20.0 + 0.1 * n) for n, one in enumerate(below, start=1)
+    ]
     assert score(above).stretch == pytest.approx(0.45)
     alone = replace(below[0], eye="other", true_mn=23.0)
     assert score([*below, alone]).stretch == pytest.approx(1.5)
@@ -86,14 +123,21 @@ def test_the_stretch_makes_nine_in_ten_frames_hold_with_equal_weight_of_the_eyes
 
 
 RANGES = {
-    "youngs_modulus_pa": (0.2e6, 0.5e6), "thickness_m": (0.45e-3, 0.85e-3),
-    "iop_pa": (to_si(1.0, "mmhg"), to_si(4.0, "mmhg")), "polar_rad": (math.radians(25), math.radians(45)),
+    "youngs_modulus_pa": (0.2e6, 0.5e6),
+    "thickness_m": (0.45e-3, 0.85e-3),
+    "iop_pa": (to_si(1.0, "mmhg"), to_si(4.0, "mmhg")),
+    "polar_rad": (math.radians(25), math.radians(45)),
     "gap_m": (0.4e-3, 0.9e-3),
-}  # fmt: skip
+}
 OWN_RANGES = {
     "needle": {"gap_m": (0.0, 0.4 * 0.7e-3)},  # of the largest needle
-    "limbus": {"polar_rad": (math.asin(5.5 / 12) + 2 / 12, math.asin(0.5) + 5 / 12)},  # 37 to 54 deg
-    "living": {"youngs_modulus_pa": (1e6, 2e6), "iop_pa": (to_si(10.0, "mmhg"), to_si(25.0, "mmhg"))},
+    "limbus": {
+        "polar_rad": (math.asin(5.5 / 12) + 2 / 12, math.asin(0.5) + 5 / 12)
+    },  # 37 to 54 deg
+    "living": {
+        "youngs_modulus_pa": (1e6, 2e6),
+        "iop_pa": (to_si(10.0, "mmhg"), to_si(25.0, "mmhg")),
+    },
 }
 
 
@@ -104,17 +148,30 @@ def test_eyes_of_each_group_fill_its_ranges():
             values = np.array([getattr(drawn.eye, name) for drawn in eyes])
             assert low <= values.min() < low + 0.15 * (high - low), group
             assert high - 0.15 * (high - low) < values.max() <= high, group
-        assert all(len(drawn.shares) == 20 and min(drawn.shares) >= 0 and max(drawn.shares) < 1 for drawn in eyes)
+        assert all(
+            len(drawn.shares) == 20 and min(drawn.shares) >= 0 and max(drawn.shares) < 1
+            for drawn in eyes
+        )
         assert len({drawn.eye.id for drawn in eyes}) == 50
-        tensions = [drawn.eye.iop_pa * 12e-3 / (drawn.eye.youngs_modulus_pa * drawn.eye.thickness_m) for drawn in eyes]
+        tensions = [
+            drawn.eye.iop_pa
+            * 12e-3
+            / (drawn.eye.youngs_modulus_pa * drawn.eye.thickness_m)
+            for drawn in eyes
+        ]
         assert max(tensions) < 0.1, group  # far from the burst
         assert {drawn.tell_globe for drawn in eyes} == {group != "untold"}
         _, _, width_mm = group.partition("narrow-")
-        assert {drawn.study.oct.width_m for drawn in eyes} <= {1e-3 * float(width_mm or 15), 16e-3}
+        assert {drawn.study.oct.width_m for drawn in eyes} <= {
+            1e-3 * float(width_mm or 15),
+            16e-3,
+        }
 
 
 @pytest.mark.slow
-def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imaged_there(tmp_path):
+def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imaged_there(
+    tmp_path,
+):
     drawn = draw_eyes("moving", 1, STUDY)[0]
     mesh = replace(drawn.study.mesh, core=2, rings=6)
     drawn = replace(drawn, study=replace(drawn.study, mesh=mesh), shares=(0.1, 0.2))
@@ -129,7 +186,9 @@ def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imag
 
 
 @pytest.mark.slow
-def test_an_eye_that_a_worker_of_a_cluster_sends_is_the_one_made_here_from_the_same_sources(tmp_path, monkeypatch):
+def test_an_eye_that_a_worker_of_a_cluster_sends_is_the_one_made_here_from_the_same_sources(
+    tmp_path, monkeypatch
+):
     drawn = draw_eyes("plain", 1, Study(oct=OctStudy(columns=128, rows=96)))[0]
     coarse = replace(drawn.study, mesh=replace(drawn.study.mesh, core=2, rings=4))
     drawn, there, here = (
@@ -139,7 +198,10 @@ def test_an_eye_that_a_worker_of_a_cluster_sends_is_the_one_made_here_from_the_s
     sent = recordings._making((drawn,))(0)
     recordings._write_sent(there, drawn, sent)
     recordings.make_eye(here, drawn)
-    assert recordings.read_made(there, drawn).files == recordings.read_made(here, drawn).files
+    assert (
+        recordings.read_made(there, drawn).files
+        == recordings.read_made(here, drawn).files
+    )
     assert contents(there.path / "recordings") == contents(here.path / "recordings")
     monkeypatch.setattr(recordings, "hash_sources", lambda *_: "another")
     with pytest.raises(ScleraforceError, match="a worker has other sources"):
@@ -150,8 +212,15 @@ def test_leaning_needles_are_calibrated_in_another_recording_at_another_lean():
     for group in ("leaning", "sliding"):
         for drawn in draw_eyes(group, 5, STUDY):
             other = drawn.calibrating
-            assert (other.eye, other.lean, other.calibrating) == (drawn.eye, drawn.calibrated_at, other)
-            assert (other.name, drawn.name) == (f"{drawn.eye.id}-calibration", drawn.eye.id)
+            assert (other.eye, other.lean, other.calibrating) == (
+                drawn.eye,
+                drawn.calibrated_at,
+                other,
+            )
+            assert (other.name, drawn.name) == (
+                f"{drawn.eye.id}-calibration",
+                drawn.eye.id,
+            )
             assert other.lean.angle_rad != drawn.lean.angle_rad
             assert other.lean.friction == drawn.lean.friction
             assert (drawn.lean.friction is None) == (group == "leaning")
@@ -161,7 +230,11 @@ def test_a_dent_follows_the_part_of_the_force_along_the_normal():
     """A needle that sticks pushes along itself; of one that slides, friction has a share in what it feels."""
     drawn = draw_eyes("plain", 1, STUDY)[0]
     study = replace(drawn.study, mesh=replace(drawn.study.mesh, core=2, rings=6))
-    leans = {Lean(0.0, 0.0): 1.0, Lean(0.7, 1.0): cos(0.7), Lean(0.7, 1.0, 0.3): 1.0 / (cos(0.7) + 0.3 * sin(0.7))}
+    leans = {
+        Lean(0.0, 0.0): 1.0,
+        Lean(0.7, 1.0): cos(0.7),
+        Lean(0.7, 1.0, 0.3): 1.0 / (cos(0.7) + 0.3 * sin(0.7)),
+    }
     upright, *leaning = (bend_leaning(drawn.eye, study, lean, 0.015) for lean in leans)
     for path, part in zip(leaning, list(leans.values())[1:], strict=True):
         assert path.tip_m(0.01) == pytest.approx(upright.tip_m(0.01 * part), rel=0.05)
@@ -172,7 +245,10 @@ def test_plain_and_harder_eyes_are_the_same_in_every_run():
     drawn = {group: draw_eyes(group, 1, STUDY)[0] for group in ("plain", "harder")}
     moduli = [eye.eye.youngs_modulus_pa for eye in drawn.values()]
     assert moduli == pytest.approx([486877.3112293596, 486136.88590328314], rel=1e-12)
-    assert [round(eye.shares[0], 9) for eye in drawn.values()] == [0.868201516, 0.878665688]
+    assert [round(eye.shares[0], 9) for eye in drawn.values()] == [
+        0.868201516,
+        0.878665688,
+    ]
     assert [eye.seed for eye in drawn.values()] == [1593491782, 920424444]
     assert draw_eyes("harder", 5, STUDY)[:3] == draw_eyes("harder", 3, STUDY)
 
@@ -181,43 +257,83 @@ def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
     eyes = draw_eyes("sealed", 2, STUDY)
     files = tuple(f"{number:04}.png" for number in range(1, 6))
     made = MadeEye(files, 0.05, np.full(5, 0.02), np.zeros(5), np.zeros((5, 2)), 1.0)
-    used = {drawn.eye.id: SimpleNamespace(frames=[SimpleNamespace(file=file) for file in files[1:4]]) for drawn in eyes}
-    known = {"target": 1, "measured_force_mn": 20.0, "predicted": 1, "usable": True, "excluded": None}
+    used = {
+        drawn.eye.id: SimpleNamespace(
+            frames=[SimpleNamespace(file=file) for file in files[1:4]]
+        )
+        for drawn in eyes
+    }
+    known = {
+        "target": 1,
+        "measured_force_mn": 20.0,
+        "predicted": 1,
+        "usable": True,
+        "excluded": None,
+    }
 
     def evaluated(_out, command):
-        return {"frames": [{"eye": command[2].name, "file": file, **known} for file in files]}
+        return {
+            "frames": [
+                {"eye": command[2].name, "file": file, **known} for file in files
+            ]
+        }
 
     monkeypatch.setattr(readings, "read_made", lambda *_: made)
     monkeypatch.setattr(readings, "calibrated_eyes", lambda *_: used)
-    monkeypatch.setattr(readings, "_calibration", lambda *_: tmp_path / "calibration.json")
+    monkeypatch.setattr(
+        readings, "_calibration", lambda *_: tmp_path / "calibration.json"
+    )
     monkeypatch.setattr(readings, "answers", evaluated)
-    for method in (Method("fit", "", tmp_path), Method("paper", "", tmp_path, calibrated=False)):
+    for method in (
+        Method("fit", "", tmp_path),
+        Method("paper", "", tmp_path, calibrated=False),
+    ):
         answered = readings.read_frames(FiguresFolder(tmp_path), eyes, method)
         assert [(entry.eye, entry.file) for entry in answered] == [
             (drawn.eye.id, file) for drawn in eyes for file in ("0001.png", "0005.png")
         ]
     elsewhere = [replace(drawn, calibrated_at=Lean(0.1, 0.0)) for drawn in eyes]
-    assert len(readings.read_frames(FiguresFolder(tmp_path), elsewhere, method)) == 2 * len(files)
+    assert len(
+        readings.read_frames(FiguresFolder(tmp_path), elsewhere, method)
+    ) == 2 * len(files)
 
 
 def test_tables_and_picture_have_every_group(tmp_path):
     method = Method("fit", "the reader's fit", tmp_path)
     read = frame(1, 1, true_mn=12.0, read_mn=12.5, interval_mn=(11.0, 14.0))
     refused = frame(2, 2, usable=False, true_mn=40.0)
-    answers = {group: [refused] if group == "living" else [*[read] * 9, refused] for group in GROUPS}
+    answers = {
+        group: [refused] if group == "living" else [*[read] * 9, refused]
+        for group in GROUPS
+    }
     moduli = [ModulusErrors(3, (0.01, -0.02), 1)]
     results = [
         GroupResult(group, 2, len(frames), 0, 0, 0, {method: score(frames)}, moduli)
         for group, frames in answers.items()
     ]
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in as_markdown(results).splitlines()]
-    read_mn = {row[0]: dict(zip(COLUMNS, row[1:], strict=True)) for row in rows if len(row) == 1 + len(COLUMNS)}
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in as_markdown(results).splitlines()
+    ]
+    read_mn = {
+        row[0]: dict(zip(COLUMNS, row[1:], strict=True))
+        for row in rows
+        if len(row) == 1 + len(COLUMNS)
+    }
     for name, group in GROUPS.items():
-        assert read_mn[name]["force error, mN"].endswith(f"(goal {group.error_mn:g})" if group.error_mn else "0.50")
+        assert read_mn[name]["force error, mN"].endswith(
+            f"(goal {group.error_mn:g})" if group.error_mn else "0.50"
+        )
     assert read_mn["living"]["not usable, %"] == "100.0, 1 whole eyes"
     found = json.loads(json.dumps(as_json(results), allow_nan=False))
-    assert found["plain"]["methods"]["fit"]["as_safe"] == {"share": 0.0, "hits": 0, "of": 1}
-    shown = [axes for axes in draw_forces(answers, (5.0, 30.0)).axes if axes.get_visible()]
+    assert found["plain"]["methods"]["fit"]["as_safe"] == {
+        "share": 0.0,
+        "hits": 0,
+        "of": 1,
+    }
+    shown = [
+        axes for axes in draw_forces(answers, (5.0, 30.0)).axes if axes.get_visible()
+    ]
     assert [axes.get_title(loc="left") for axes in shown] == list(GROUPS)
 
 
@@ -225,11 +341,23 @@ def test_the_lowest_point_of_a_boundary_is_sought_between_the_black_bands():
     drawn = draw_eyes("plain", 1, STUDY)[0]
     shown = plan_phantom(drawn.eye, drawn.forces_n(0.06), STUDY, drawn.seed).frames[0]
     lateral = np.linspace(-10e-3, 10e-3, 2001)
-    outer = np.stack([lateral, np.where(np.abs(lateral) > 8e-3, 9e-3, 2e-3 - np.abs(lateral) / 10)], axis=1)
-    outer_m, inner_m = lowest_m(shown, Section(outer, outer + np.array([0.0, 0.7e-3])), STUDY)
+    outer = np.stack(
+        [lateral, np.where(np.abs(lateral) > 8e-3, 9e-3, 2e-3 - np.abs(lateral) / 10)],
+        axis=1,
+    )
+    outer_m, inner_m = lowest_m(
+        shown, Section(outer, outer + np.array([0.0, 0.7e-3])), STUDY
+    )
     assert outer_m == pytest.approx(2e-3 + shown.pose.depth_m, abs=1e-6)
     assert inner_m == pytest.approx(2.7e-3 + shown.pose.depth_m, abs=1e-6)
-    made = MadeEye(("a", "b"), 0.06, np.zeros(2), np.zeros(2), np.array([[3.9e-3, 4.5e-3], [4.1e-3, 4.9e-3]]), 1.0)
+    made = MadeEye(
+        ("a", "b"),
+        0.06,
+        np.zeros(2),
+        np.zeros(2),
+        np.array([[3.9e-3, 4.5e-3], [4.1e-3, 4.9e-3]]),
+        1.0,
+    )
     assert made.in_window(4e-3).tolist() == [True, False]
 
 
@@ -238,13 +366,19 @@ def test_processes_end_with_whoever_waits_for_them(tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        in_processes(leave_a_mark_or_wait, [tmp_path / "first", tmp_path / "waits"], 2, stop)
+        in_processes(
+            leave_a_mark_or_wait, [tmp_path / "first", tmp_path / "waits"], 2, stop
+        )
     assert not multiprocessing.active_children()
 
 
-def test_a_result_is_made_anew_with_other_words_another_input_or_another_behaviour(tmp_path, monkeypatch):
+def test_a_result_is_made_anew_with_other_words_another_input_or_another_behaviour(
+    tmp_path, monkeypatch
+):
     runs = []
-    monkeypatch.setattr(commands, "_run", lambda words: runs.append(words) or '{"frames": []}')
+    monkeypatch.setattr(
+        commands, "_run", lambda words: runs.append(words) or '{"frames": []}'
+    )
     given, out = tmp_path / "given", tmp_path / "answers" / "kept.json"
     given.mkdir()
     (given / "model.json").write_text("one")
@@ -288,34 +422,59 @@ def test_new_tables_replace_the_old_ones(tmp_path):
     page.write_text(f"above\n\n{BEGIN}\n{END}\n\nbelow\n")
     insert_tables("| old |\n", stamp, page)
     insert_tables("| new |\n", stamp, page)
-    assert page.read_text() == f"above\n\n{BEGIN}\n\n{stamp}\n\n| new |\n\n{END}\n\nbelow\n"
+    assert (
+        page.read_text()
+        == f"above\n\n{BEGIN}\n\n{stamp}\n\n| new |\n\n{END}\n\nbelow\n"
+    )
     assert list(read_stamps(page)) == [stamp]
     page.write_text("no marks")
     with pytest.raises(ScleraforceError, match="expected one line"):
         insert_tables("| new |\n", stamp, page)
 
 
-def test_figures_are_out_of_date_where_an_entry_that_decides_them_has_moved(tmp_path, monkeypatch, capsys):
+def test_figures_are_out_of_date_where_an_entry_that_decides_them_has_moved(
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.setattr(provenance_behaviour, "KEPT", tmp_path / "behaviour.json")
-    then, now = ({"paper slices": item([1.0]), "default samples": item([value])} for value in (1.0, 2.0))
-    for command, moved in (("make figures", ["default samples"]), ("scleraforce train DATASET --search", [])):
+    then, now = (
+        {"paper slices": item([1.0]), "default samples": item([value])}
+        for value in (1.0, 2.0)
+    )
+    for command, moved in (
+        ("make figures", ["default samples"]),
+        ("scleraforce train DATASET --search", []),
+    ):
         stamp = new_stamp(command)
         assert provenance_behaviour.moved_since(stamp, now) is None
         provenance_behaviour.keep(stamp, then)
         assert provenance_behaviour.moved_since(stamp, then) == []
         assert provenance_behaviour.moved_since(stamp, now) == moved
-        assert provenance_behaviour.moved_since(replace(stamp, commit="another"), now) is None
+        assert (
+            provenance_behaviour.moved_since(replace(stamp, commit="another"), now)
+            is None
+        )
     monkeypatch.setattr(provenance_main, "behaviour", lambda: now)
     monkeypatch.setattr("sys.argv", ["provenance"])
     assert provenance_main.main() == 0
     assert "benchmarks/RESULTS.md: make bench, " in capsys.readouterr().out
 
 
-def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(tmp_path) -> None:
+def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(
+    tmp_path,
+) -> None:
     info = RecordingInfo(
         eye=EyeInfo("eye", thickness_m=600e-6, iop_pa=300.0, globe="open"),
-        oct=OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3, plane_direction_rad=0.3),
-        needle=NeedleInfo(gauge=22, slice_gap_m=0.5e-3, polar_angle_rad=0.6, lean_rad=0.4),
+        oct=OctInfo(
+            columns=512,
+            rows=512,
+            bits=12,
+            width_m=15e-3,
+            depth_m=4e-3,
+            plane_direction_rad=0.3,
+        ),
+        needle=NeedleInfo(
+            gauge=22, slice_gap_m=0.5e-3, polar_angle_rad=0.6, lean_rad=0.4
+        ),
         force=ForceInfo("fz", -1),
     )
     drawn = draw_eyes("plain", 1, STUDY)[0]
@@ -329,18 +488,32 @@ def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(tmp_p
     folder.made(drawn).write_bytes(b"its values")
     declared = declare(folder, [drawn]).recording(drawn)
     assert declare(folder, [drawn]).made(drawn).read_bytes() == b"its values"
-    assert sorted(path.name for path in declared.rglob("*")) == ["0001.png", "frames", "recording.toml"]
+    assert sorted(path.name for path in declared.rglob("*")) == [
+        "0001.png",
+        "frames",
+        "recording.toml",
+    ]
     assert (declared / "frames" / "0001.png").read_bytes() == b"a frame"
     assert read_info(recording / "recording.toml") == info
     assert read_info(declared / "recording.toml") != info
 
     rng, reader = np.random.default_rng(3), STUDY.reader
     said = [as_declared(info, reader, rng) for _ in range(400)]
-    assert {(each.eye.globe, each.needle.gauge, each.oct.plane_tilt_rad) for each in said} == {("open", 22, 0.0)}
+    assert {
+        (each.eye.globe, each.needle.gauge, each.oct.plane_tilt_rad) for each in said
+    } == {("open", 22, 0.0)}
     for value, true, sd in (
         (lambda each: each.eye.iop_pa, 300.0, 300.0 * reader.iop_noise_fraction),
-        (lambda each: each.eye.thickness_m, 600e-6, 600e-6 * reader.thickness_noise_fraction),
-        (lambda each: each.needle.slice_gap_m, 0.5e-3, 0.5e-3 * reader.gap_noise_fraction),
+        (
+            lambda each: each.eye.thickness_m,
+            600e-6,
+            600e-6 * reader.thickness_noise_fraction,
+        ),
+        (
+            lambda each: each.needle.slice_gap_m,
+            0.5e-3,
+            0.5e-3 * reader.gap_noise_fraction,
+        ),
         (lambda each: each.needle.polar_angle_rad, 0.6, reader.pole_noise_rad),
         (lambda each: each.needle.lean_rad, 0.4, reader.pole_noise_rad),
         (lambda each: each.oct.plane_direction_rad, 0.3, reader.pole_noise_rad),

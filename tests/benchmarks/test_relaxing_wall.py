@@ -17,12 +17,19 @@ NEEDLE = needle_at(MESH, CONTACT, NEEDLE_RADIUS_M)
 
 def felt_n(tissue: PronySeries, iop_pa: float, time_s: list[float]) -> np.ndarray:
     wall = RelaxingWall(FiniteWall(MESH, NU), NEEDLE, MODULUS_PA, tissue)
-    return MODULUS_PA * pushed(wall, iop_pa / MODULUS_PA, TIP_M, np.array(time_s))[:, -1]
+    return (
+        MODULUS_PA * pushed(wall, iop_pa / MODULUS_PA, TIP_M, np.array(time_s))[:, -1]
+    )
 
 
 def elastic_n(modulus_pa: float, iop_pa: float) -> float:
     path = FiniteWall(MESH, NU).load_path(
-        NEEDLE, youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, density_kg_m3=0.0, max_force_n=np.inf, max_tip_m=TIP_M
+        NEEDLE,
+        youngs_modulus_pa=modulus_pa,
+        iop_pa=iop_pa,
+        density_kg_m3=0.0,
+        max_force_n=np.inf,
+        max_tip_m=TIP_M,
     )
     return float(path.forces_n[-1])
 
@@ -38,4 +45,6 @@ def test_under_pressure_a_long_hold_ends_at_the_force_of_the_relaxed_modulus() -
     tissue, iop_pa = PronySeries((0.27, 0.33), (0.4, 4.3)), 1333.0
     found_n = felt_n(tissue, iop_pa, [0.0, 0.5 * RAMP_S, RAMP_S, 3.0, 30.0, 1000.0])
     assert found_n[-1] == pytest.approx(elastic_n(0.4 * MODULUS_PA, iop_pa), rel=1e-4)
-    assert found_n[-1] > 1.1 * 0.4 * found_n[2]  # the pressure's part of the force stays
+    assert (
+        found_n[-1] > 1.1 * 0.4 * found_n[2]
+    )  # the pressure's part of the force stays

@@ -23,34 +23,66 @@ from speed.run import Run, in_turns
 
 ROOT = Path(__file__).parents[2]
 ROW = Row(
-    what="ours, default", value=0.5, unit="s", spread=(0.4, 0.75), beside="theirs", beside_value=0.25, goal=0.4,
-    settings="one thread", more={"unknowns": 43929.0, "error, %": -1.0},
-)  # fmt: skip
+    what="ours, default",
+    value=0.5,
+    unit="s",
+    spread=(0.4, 0.75),
+    beside="theirs",
+    beside_value=0.25,
+    goal=0.4,
+    settings="one thread",
+    more={"unknowns": 43929.0, "error, %": -1.0},
+)
 RESULTS = Results(
-    made="*Made by hand.*", quick=False, machine={"cores": "2"}, seconds=90.0,
-    tables={"static_solve": Table("Solve", "In turns.", (ROW,)), "wire": failed_table("wire", "code 1")},
-)  # fmt: skip
+    made="*Made by hand.*",
+    quick=False,
+    machine={"cores": "2"},
+    seconds=90.0,
+    tables={
+        "static_solve": Table("Solve", "In turns.", (ROW,)),
+        "wire": failed_table("wire", "code 1"),
+    },
+)
 PARTS = (
-    "static_solve", "another_load", "finite_strain", "axisymmetric", "dataset", "classifier", "reader_training",
-    "frame", "network", "wire", "commands", "pipeline",
-)  # fmt: skip
+    "static_solve",
+    "another_load",
+    "finite_strain",
+    "axisymmetric",
+    "dataset",
+    "classifier",
+    "reader_training",
+    "frame",
+    "network",
+    "wire",
+    "commands",
+    "pipeline",
+)
 
 
-def test_a_page_has_each_row_beside_its_goal_and_names_a_failed_part(tmp_path: Path) -> None:
+def test_a_page_has_each_row_beside_its_goal_and_names_a_failed_part(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "results.json").write_text(json.dumps(RESULTS.as_json()))
     main(["--render", "--out", str(tmp_path)], standalone_mode=False)
     page = (tmp_path / "RESULTS.md").read_text(encoding="utf-8")
-    assert "| ours, default | 0.5 s | 0.4 to 0.75 | theirs: 0.25 s | 2 | 0.4 s, **missed** | 43,929 | -1 |" in page
+    assert (
+        "| ours, default | 0.5 s | 0.4 to 0.75 | theirs: 0.25 s | 2 | 0.4 s, **missed** | 43,929 | -1 |"
+        in page
+    )
     assert "## Wire\n\n**This part failed**: code 1" in page
     pages = (page, as_markdown(replace(RESULTS, quick=True)))
     assert ["figures say only" in each for each in pages] == [False, True]
-    assert "| 0.5 s (not of this run) |" in as_markdown(with_row(replace(ROW, source="NUMBERS, another day")))
+    assert "| 0.5 s (not of this run) |" in as_markdown(
+        with_row(replace(ROW, source="NUMBERS, another day"))
+    )
     assert "| - |" in as_markdown(with_row(replace(ROW, value=None)))
     assert (tmp_path / "static_solves.png").stat().st_size > 10_000
 
 
 def with_row(row: Row) -> Results:
-    return replace(RESULTS, tables={"static_solve": Table("Solve", "In turns.", (row,))})
+    return replace(
+        RESULTS, tables={"static_solve": Table("Solve", "In turns.", (row,))}
+    )
 
 
 def test_invalid_requests_are_refused(tmp_path: Path) -> None:
@@ -59,32 +91,48 @@ def test_invalid_requests_are_refused(tmp_path: Path) -> None:
         (["nothing"], "'nothing' is not one of 'static_solve'"),
         (["wire", "--out", "somewhere"], "PARTs are printed, and nothing is written"),
         (["--render", "--out", "nowhere"], "nowhere/results.json: No such file"),
-        (["--render", "--out", str(tmp_path)], "results.json: not the figures of a run"),
+        (
+            ["--render", "--out", str(tmp_path)],
+            "results.json: not the figures of a run",
+        ),
     ):
         with pytest.raises((click.UsageError, InputError), match=said):
             main(words, standalone_mode=False)
     assert not (tmp_path / "RESULTS.md").exists()
 
 
-def test_work_is_done_in_turns_and_its_spread_leaves_a_tenth_on_either_side(tmp_path: Path) -> None:
+def test_work_is_done_in_turns_and_its_spread_leaves_a_tenth_on_either_side(
+    tmp_path: Path,
+) -> None:
     done: list[str] = []
     taken = in_turns({"a": lambda: done.append("a"), "b": lambda: done.append("b")}, 2)
     assert done == ["a", "b", "a", "b"]
     assert [len(times) for times in taken.values()] == [2, 2]
-    assert spread([float(number) for number in range(11)]) == {"value": 5.0, "spread": (1.0, 9.0)}
-    assert [Run(quick, tmp_path, ("tests",)).full("reproduce") for quick in (True, False)] == [True, False]
+    assert spread([float(number) for number in range(11)]) == {
+        "value": 5.0,
+        "spread": (1.0, 9.0),
+    }
+    assert [
+        Run(quick, tmp_path, ("tests",)).full("reproduce") for quick in (True, False)
+    ] == [True, False]
 
 
 def test_the_time_of_a_whole_training_follows_from_a_part_of_it() -> None:
     """5 s once, 2 s an epoch, 1 s an eye: three of ten epochs and two of four eyes are timed."""
     study = replace(Study(), reader=replace(Study().reader, epochs=10, interval_eyes=4))
-    assert whole_seconds(study, 100.0, [103.0, 105.0, 107.0], [110.0, 111.0], 113.0) == pytest.approx(29.0)
+    assert whole_seconds(
+        study, 100.0, [103.0, 105.0, 107.0], [110.0, 111.0], 113.0
+    ) == pytest.approx(29.0)
 
 
 def test_the_page_is_rendered_from_the_stored_figures() -> None:
-    plain = json.loads((ROOT / "benchmarks" / "results.json").read_text(encoding="utf-8"))
+    plain = json.loads(
+        (ROOT / "benchmarks" / "results.json").read_text(encoding="utf-8")
+    )
     page = (ROOT / "benchmarks" / "RESULTS.md").read_text(encoding="utf-8")
-    assert page == as_markdown(Results.from_json(plain)), "after a change of the page: python -m speed --render"
+    assert page == as_markdown(Results.from_json(plain)), (
+        "after a change of the page: python -m speed --render"
+    )
     assert tuple(plain["tables"]) == PARTS
 
 
@@ -93,7 +141,10 @@ def test_another_benchmark_waits_until_the_first_is_done(tmp_path: Path) -> None
     mark = tmp_path / "mark"
     with alone():
         waiting = subprocess.Popen(
-            [sys.executable, "-c", child, str(mark)], env=environment(tmp_path), stderr=subprocess.PIPE, text=True
+            [sys.executable, "-c", child, str(mark)],
+            env=environment(tmp_path),
+            stderr=subprocess.PIPE,
+            text=True,
         )
         assert waiting.stderr
         assert waiting.stderr.readline() == "waiting for another benchmark to end\n"
@@ -117,8 +168,12 @@ def test_a_quick_run_measures_every_row(tmp_path: Path) -> None:
     rows = [row for table in plain["tables"].values() for row in table["rows"]]
     for row in rows:
         absent = "is not installed" in row["settings"]
-        assert absent or (row["value"] is not None and isfinite(row["value"]) and row["value"] > 0.0), row
-        assert all(value is not None and isfinite(value) for value in row["more"].values()), row
+        assert absent or (
+            row["value"] is not None and isfinite(row["value"]) and row["value"] > 0.0
+        ), row
+        assert all(
+            value is not None and isfinite(value) for value in row["more"].values()
+        ), row
     assert sum(row["goal"] is not None for row in rows) == 17
     assert page == as_markdown(Results.from_json(plain))
     assert (tmp_path / "out" / "static_solves.png").stat().st_size > 10_000
@@ -128,5 +183,13 @@ def test_a_quick_run_measures_every_row(tmp_path: Path) -> None:
 
 def environment(folder: Path) -> dict[str, str]:
     """Return an environment with the benchmarks' modules and a cache of its own."""
-    paths = [str(ROOT / "benchmarks"), str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "XDG_CACHE_HOME": str(folder / "cache")}
+    paths = [
+        str(ROOT / "benchmarks"),
+        str(ROOT / "src"),
+        os.environ.get("PYTHONPATH", ""),
+    ]
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+        "XDG_CACHE_HOME": str(folder / "cache"),
+    }

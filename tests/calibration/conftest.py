@@ -33,7 +33,9 @@ class Laboratory:
     @staticmethod
     @cache
     def wall(thickness_m: float) -> LinearWall:
-        mesh = build_mesh(STUDY.eye.radius_m, thickness_m, STUDY.mesh.divisions, STUDY.mesh.level)
+        mesh = build_mesh(
+            STUDY.eye.radius_m, thickness_m, STUDY.mesh.divisions, STUDY.mesh.level
+        )
         return LinearWall(mesh, STUDY.eye.poisson_ratio)
 
     @staticmethod
@@ -43,17 +45,30 @@ class Laboratory:
 
     def stated(self, eye: PhantomEye, polar_sd_rad: float = 0.0) -> EyeConstants:
         return EyeConstants(
-            iop_pa=eye.iop_pa, thickness_m=eye.thickness_m, gap_m=eye.gap_m, polar_rad=eye.polar_rad,
-            polar_sd_rad=polar_sd_rad, direction_rad=eye.direction_rad, tilt_rad=eye.tilt_rad,
-        )  # fmt: skip
+            iop_pa=eye.iop_pa,
+            thickness_m=eye.thickness_m,
+            gap_m=eye.gap_m,
+            polar_rad=eye.polar_rad,
+            polar_sd_rad=polar_sd_rad,
+            direction_rad=eye.direction_rad,
+            tilt_rad=eye.tilt_rad,
+        )
 
     def frames(
-        self, eye: PhantomEye, forces_n: list[float], rng: np.random.Generator, noise_m: float = 5e-6
+        self,
+        eye: PhantomEye,
+        forces_n: list[float],
+        rng: np.random.Generator,
+        noise_m: float = 5e-6,
     ) -> list[tuple[Pose, Boundaries, float]]:
         """Poses, boundaries and forces of an eye that shifts by up to 0.2 mm between frames, and is turned a little."""
-        sections = virtual_sections(self.wall(eye.thickness_m), eye, forces_n, self.study)
+        sections = virtual_sections(
+            self.wall(eye.thickness_m), eye, forces_n, self.study
+        )
         made = moving(sections, rng, noise_m, self.study)
-        return [(*frame, force_n) for frame, force_n in zip(made, forces_n, strict=True)]
+        return [
+            (*frame, force_n) for frame, force_n in zip(made, forces_n, strict=True)
+        ]
 
 
 @pytest.fixture(scope="session")
@@ -64,9 +79,14 @@ def laboratory() -> Laboratory:
 @pytest.fixture(scope="session")
 def eye() -> PhantomEye:
     return PhantomEye(
-        id="virtual", thickness_m=0.7e-3, youngs_modulus_pa=0.27e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6,
+        id="virtual",
+        thickness_m=0.7e-3,
+        youngs_modulus_pa=0.27e6,
+        iop_pa=266.0,
+        gap_m=0.5e-3,
+        polar_rad=0.6,
         azimuth_rad=0.4,
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="session")
@@ -78,12 +98,19 @@ def library() -> Library:
 @pytest.fixture(scope="session")
 def made_up() -> PhantomEye:
     return PhantomEye(
-        id="made-up", thickness_m=0.7e-3, youngs_modulus_pa=0.27e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.0
+        id="made-up",
+        thickness_m=0.7e-3,
+        youngs_modulus_pa=0.27e6,
+        iop_pa=266.0,
+        gap_m=0.5e-3,
+        polar_rad=0.0,
     )  # on the pole: it is one of revolution
 
 
 @pytest.fixture(scope="session")
-def made_up_folder(made_up: PhantomEye, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made_up_folder(
+    made_up: PhantomEye, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     """A recording of the made-up eye under 2, 30, 12, 45, 20 and 38 mN."""
     path = tmp_path_factory.mktemp("made-up") / "made-up"
 

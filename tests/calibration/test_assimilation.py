@@ -9,19 +9,37 @@ from hypothesis import given, strategies as st
 
 from scleraforce.calibration.assimilation import begin_with, eye_filter, moments, step
 from scleraforce.calibration.eye_model import ParameterSpace, stated_wall
-
-from scleraforce.calibration.registration import (  # isort: skip
-    BY_DEPTH, BY_LATERAL, BY_POLAR, BY_ROTATION, first_belief, frame_prior, predict_frame, register, updated_belief,
-)  # fmt: skip
+from scleraforce.calibration.registration import (
+    BY_DEPTH,
+    BY_LATERAL,
+    BY_POLAR,
+    BY_ROTATION,
+    first_belief,
+    frame_prior,
+    predict_frame,
+    register,
+    updated_belief,
+)
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library.placement import Places
 
 FORCES = [float(force) for force in np.random.default_rng(0).uniform(6e-3, 58e-3, 24)]
 
 
-def calibrate(laboratory: Any, model: Any, frames: list[Any], study: Any = None, parameters: Any = ("e",)) -> Any:
+def calibrate(
+    laboratory: Any,
+    model: Any,
+    frames: list[Any],
+    study: Any = None,
+    parameters: Any = ("e",),
+) -> Any:
     """Return the session after each frame; the force sensor has neither offset nor drift."""
-    session = begin_with(model, study or laboratory.study.calibration, parameters, np.diag([1e-18, 1e-18]))
+    session = begin_with(
+        model,
+        study or laboratory.study.calibration,
+        parameters,
+        np.diag([1e-18, 1e-18]),
+    )
     sessions = []
     for _, boundaries, force_n in frames:
         session = step(session, boundaries, force_n)
@@ -33,25 +51,40 @@ def test_other_sigma_points_and_the_papers_gaussian_prior_give_the_same_modulus(
     laboratory: Any, eye: PhantomEye
 ) -> None:
     frames = laboratory.frames(eye, FORCES[:8], np.random.default_rng(1))
-    model, study = laboratory.model(laboratory.stated(eye)), laboratory.study.calibration
+    model, study = (
+        laboratory.model(laboratory.stated(eye)),
+        laboratory.study.calibration,
+    )
     simplex, star, gaussian = (
-        calibrate(laboratory, model, frames, replace(study, **changed))[-1].modulus.mean_pa
+        calibrate(laboratory, model, frames, replace(study, **changed))[
+            -1
+        ].modulus.mean_pa
         for changed in ({}, {"sigma_points": "star"}, {"positive": False})
     )
     assert star == pytest.approx(simplex, rel=3e-3)
     assert gaussian == pytest.approx(eye.youngs_modulus_pa, rel=0.02)
 
 
-def test_an_outlying_point_is_gated_and_does_not_move_the_modulus(laboratory: Any, eye: PhantomEye) -> None:
+def test_an_outlying_point_is_gated_and_does_not_move_the_modulus(
+    laboratory: Any, eye: PhantomEye
+) -> None:
     frames = laboratory.frames(eye, FORCES[:4], np.random.default_rng(3))
     model = laboratory.model(laboratory.stated(eye))
     clean = calibrate(laboratory, model, frames)
     pose, seen, force_n = frames[2]
     depth = seen.depth_m.copy()
-    depth[1, np.abs(seen.lateral_m - clean[2].last.observation.lateral_m[6]) < 0.35e-3] += 0.2e-3
-    hurt = calibrate(laboratory, model, [*frames[:2], (pose, replace(seen, depth_m=depth), force_n), frames[3]])
+    depth[
+        1, np.abs(seen.lateral_m - clean[2].last.observation.lateral_m[6]) < 0.35e-3
+    ] += 0.2e-3
+    hurt = calibrate(
+        laboratory,
+        model,
+        [*frames[:2], (pose, replace(seen, depth_m=depth), force_n), frames[3]],
+    )
     assert hurt[2].last.result.gated == (6,)
-    assert hurt[-1].modulus.mean_pa == pytest.approx(clean[-1].modulus.mean_pa, rel=0.01)
+    assert hurt[-1].modulus.mean_pa == pytest.approx(
+        clean[-1].modulus.mean_pa, rel=0.01
+    )
 
 
 def test_an_eye_that_softens_with_force_makes_the_filter_report_that_it_diverges(
@@ -66,34 +99,60 @@ def test_an_eye_that_softens_with_force_makes_the_filter_report_that_it_diverges
 
 
 @pytest.mark.slow
-def test_errors_that_all_frames_share_are_not_averaged_away(laboratory: Any, eye: PhantomEye) -> None:
-    model, study = laboratory.model(laboratory.stated(eye)), laboratory.study.calibration
+def test_errors_that_all_frames_share_are_not_averaged_away(
+    laboratory: Any, eye: PhantomEye
+) -> None:
+    model, study = (
+        laboratory.model(laboratory.stated(eye)),
+        laboratory.study.calibration,
+    )
     frames = laboratory.frames(eye, FORCES, np.random.default_rng(5), noise_m=1e-6)
     session = calibrate(laboratory, model, frames)[-1]
     assert session.modulus.sd_pa > study.model_error_fraction * eye.youngs_modulus_pa
     exact = eye_filter(model, replace(study, model_error_fraction=0.0))
     assert moments(exact, session.state)[1][0] < 0.4 * session.modulus.sd_pa
     # 1 mN on all forces is an error of E that the followed sensitivity foretells
-    shifted = [(pose, boundaries, force_n - 0.5e-3) for pose, boundaries, force_n in frames]
-    moved = calibrate(laboratory, model, shifted)[-1].state.posterior.mean[0] - session.state.posterior.mean[0]
+    shifted = [
+        (pose, boundaries, force_n - 0.5e-3) for pose, boundaries, force_n in frames
+    ]
+    moved = (
+        calibrate(laboratory, model, shifted)[-1].state.posterior.mean[0]
+        - session.state.posterior.mean[0]
+    )
     assert moved == pytest.approx(0.5e-3 * session.state.sensitivity[0, 0], rel=0.25)
 
 
 @given(mean=st.floats(1e-3, 1e6), ratio=st.floats(0.01, 3.0), positive=st.booleans())
-def test_prior_has_the_moments_that_were_asked_for(mean: float, ratio: float, positive: bool) -> None:
-    numbers = np.array([mean]), np.array([ratio * mean]), np.array([positive]), np.array([False])
+def test_prior_has_the_moments_that_were_asked_for(
+    mean: float, ratio: float, positive: bool
+) -> None:
+    numbers = (
+        np.array([mean]),
+        np.array([ratio * mean]),
+        np.array([positive]),
+        np.array([False]),
+    )
     space = ParameterSpace(("x",), *numbers)
     (found_mean,), (found_sd,) = space.moments(*space.prior())
     assert found_mean == pytest.approx(mean)
     assert found_sd == pytest.approx(ratio * mean)
 
 
-def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(laboratory: Any, eye: PhantomEye) -> None:
-    model, study = laboratory.model(laboratory.stated(eye)), laboratory.study.calibration
+def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(
+    laboratory: Any, eye: PhantomEye
+) -> None:
+    model, study = (
+        laboratory.model(laboratory.stated(eye)),
+        laboratory.study.calibration,
+    )
     belief = first_belief(model)
-    for _, boundaries, force_n in laboratory.frames(eye, [0.03] * 12, np.random.default_rng(1)):
+    for _, boundaries, force_n in laboratory.frames(
+        eye, [0.03] * 12, np.random.default_rng(1)
+    ):
         prior = frame_prior(belief, study)
-        belief = updated_belief(belief, prior, register(model, boundaries, force_n, 0.3e6, prior, 0.0))
+        belief = updated_belief(
+            belief, prior, register(model, boundaries, force_n, 0.3e6, prior, 0.0)
+        )
         assert np.linalg.eigvalsh(belief.covariance).min() > -1e-18
     sd = np.sqrt(np.diag(belief.covariance))
     assert belief.mean[BY_LATERAL] == pytest.approx(0.3e-3, abs=0.15e-3)
@@ -102,15 +161,27 @@ def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(laborato
     assert belief.mean[BY_ROTATION] == pytest.approx(0.01, abs=0.004)
 
 
-def test_derivatives_of_a_prediction_are_quotients_of_differences(laboratory: Any, eye: PhantomEye) -> None:
+def test_derivatives_of_a_prediction_are_quotients_of_differences(
+    laboratory: Any, eye: PhantomEye
+) -> None:
     model = laboratory.model(laboratory.stated(eye))
     places = Places(np.linspace(-5e-3, 5e-3, 12), np.repeat([0, 1], 6))
     nuisance = np.array([0.1e-3, 0.4e-3, 0.02, eye.polar_rad, 10e-6])
     state = stated_wall(model.constants, 0.27e6, 0.03, eye.polar_rad)
     placed = predict_frame(model, state, nuisance, places)
-    for index, size in ((BY_LATERAL, 1e-5), (BY_DEPTH, 1e-5), (BY_ROTATION, 1e-3), (4, 1e-6)):
+    for index, size in (
+        (BY_LATERAL, 1e-5),
+        (BY_DEPTH, 1e-5),
+        (BY_ROTATION, 1e-3),
+        (4, 1e-6),
+    ):
         away = size * np.eye(5)[index]
-        less, more = (predict_frame(model, state, nuisance + end, places).depth_m for end in (-away, away))
+        less, more = (
+            predict_frame(model, state, nuisance + end, places).depth_m
+            for end in (-away, away)
+        )
         difference = (more - less) / (2 * size)
-        np.testing.assert_allclose(placed.jacobian[:, index], difference, atol=0.03 * np.abs(difference).max())
+        np.testing.assert_allclose(
+            placed.jacobian[:, index], difference, atol=0.03 * np.abs(difference).max()
+        )
     assert not placed.jacobian[:, BY_POLAR].any()

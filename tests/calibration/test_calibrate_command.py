@@ -18,11 +18,18 @@ from scleraforce.study import Study, format_study
 
 
 @pytest.fixture(scope="module")
-def folder(laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(
+    laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     folder = tmp_path_factory.mktemp("command")
     wall, study = laboratory.wall(eye.thickness_m), laboratory.study
     plan = plan_phantom(eye, (0.03, 0.015, 0.04), study, 5)
-    write_phantom(folder / "eye", plan, lambda forces: virtual_sections(wall, eye, forces, study), study)
+    write_phantom(
+        folder / "eye",
+        plan,
+        lambda forces: virtual_sections(wall, eye, forces, study),
+        study,
+    )
     (folder / "study.toml").write_text(format_study(study))
     return folder
 
@@ -32,28 +39,49 @@ def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
     folder: Path, capsys: pytest.CaptureFixture[str], eye: PhantomEye
 ) -> None:
     out, plot = folder / "out.json", folder / "out.png"
-    arguments = ["calibrate", str(folder / "eye"), "--study", str(folder / "study.toml"), "--out", str(out)]
-    assert run([*arguments, "--mechanics", "linear", "--plot", str(plot), "--json"]) == 0
+    arguments = [
+        "calibrate",
+        str(folder / "eye"),
+        "--study",
+        str(folder / "study.toml"),
+        "--out",
+        str(out),
+    ]
+    assert (
+        run([*arguments, "--mechanics", "linear", "--plot", str(plot), "--json"]) == 0
+    )
     printed = json.loads(capsys.readouterr().out)
     assert printed.pop("notes") == []
     assert printed == json.loads(out.read_text())
     assert printed["mechanics"] == "linear"
-    assert printed["eyes"]["virtual"]["mean_mpa"] == pytest.approx(eye.youngs_modulus_pa / 1e6, rel=0.04)
+    assert printed["eyes"]["virtual"]["mean_mpa"] == pytest.approx(
+        eye.youngs_modulus_pa / 1e6, rel=0.04
+    )
     assert printed["population"]["mean_mpa"] == printed["eyes"]["virtual"]["mean_mpa"]
     assert plot.read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in folder.iterdir()) == ["eye", "out.json", "out.png", "study.toml"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "eye",
+        "out.json",
+        "out.png",
+        "study.toml",
+    ]
 
 
 @pytest.mark.slow
 def test_finite_strain_is_the_default_and_takes_the_cached_library(
-    made_up_folder: Path, library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    made_up_folder: Path,
+    library: Library,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Another study than the paper's, whose library is bundled (`tests/notebook/test_work.py`)."""
     study, asked = Study(), list[Study]()
     other = replace(study, library=replace(study.library, tips=study.library.tips - 1))
     (tmp_path / "study.toml").write_text(format_study(other))
 
-    def cached(study: Study, *, workers: int | None, progress: Callable[[int], None]) -> Library:
+    def cached(
+        study: Study, *, workers: int | None, progress: Callable[[int], None]
+    ) -> Library:
         assert workers is None
         asked.append(study)
         progress(10)
@@ -61,7 +89,14 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
 
     monkeypatch.setattr("scleraforce.library.store.cached_library", cached)
     out = tmp_path / "out.json"
-    arguments = ["calibrate", str(made_up_folder), "--study", str(tmp_path / "study.toml"), "--out", str(out)]
+    arguments = [
+        "calibrate",
+        str(made_up_folder),
+        "--study",
+        str(tmp_path / "study.toml"),
+        "--out",
+        str(out),
+    ]
     assert run([*arguments, "--frames", "2"]) == 0
     written = read_calibration(out)
     assert written.mechanics == "finite-strain"
@@ -71,7 +106,9 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
     assert [one.library.tips for one in asked] == [study.library.tips - 1]
 
 
-def test_an_existing_file_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_an_existing_file_is_not_overwritten(
+    folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     there = tmp_path / "there.json"
     there.write_text("mine")
     assert run(["calibrate", str(folder / "eye"), "--out", str(there)]) == 2
@@ -79,8 +116,16 @@ def test_an_existing_file_is_not_overwritten(folder: Path, capsys: pytest.Captur
     assert "exists already" in capsys.readouterr().err
 
 
-def test_parameters_that_cannot_be_are_refused_in_one_line(folder: Path, tmp_path: Path, capsys) -> None:
-    arguments = ["calibrate", str(folder / "eye"), "--out", str(tmp_path / "o.json"), "--parameters"]
+def test_parameters_that_cannot_be_are_refused_in_one_line(
+    folder: Path, tmp_path: Path, capsys
+) -> None:
+    arguments = [
+        "calibrate",
+        str(folder / "eye"),
+        "--out",
+        str(tmp_path / "o.json"),
+        "--parameters",
+    ]
     for parameters in ("iop", "e,e", "e,stiffness"):
         assert run([*arguments, parameters]) == 2
         assert "error: --parameters: " in capsys.readouterr().err
@@ -88,5 +133,8 @@ def test_parameters_that_cannot_be_are_refused_in_one_line(folder: Path, tmp_pat
         assert run([*arguments, parameters, "--mechanics", "linear"]) == 2
         printed = capsys.readouterr()
         (line,) = (text for text in printed.err.splitlines() if text.strip())
-        assert line == "error: --parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
+        assert (
+            line
+            == "error: --parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
+        )
         assert (printed.out, list(tmp_path.iterdir())) == ("", [])

@@ -29,11 +29,20 @@ from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Range, ReaderStudy, Study, fixed
 
-ASIDE = EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35), polar_sd_rad=0.0)
+ASIDE = EyeConstants(
+    iop_pa=266.0,
+    thickness_m=0.7e-3,
+    gap_m=0.5e-3,
+    polar_rad=radians(35),
+    polar_sd_rad=0.0,
+)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("direction", "tilt", "force_n"), [(0.0, 0.0, 0.03), (0.5, 0.0, 0.05), (0.3, 0.05, 0.03)])
+@pytest.mark.parametrize(
+    ("direction", "tilt", "force_n"),
+    [(0.0, 0.0, 0.03), (0.5, 0.0, 0.05), (0.3, 0.05, 0.03)],
+)
 def test_predicted_section_is_the_cut_through_the_deformed_mesh(
     laboratory: Any, direction: float, tilt: float, force_n: float
 ) -> None:
@@ -41,9 +50,17 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
     model, wall = laboratory.model(constants), laboratory.wall(0.7e-3)
     contact = Contact(polar_rad=constants.polar_rad)
     displacement = wall.displacement(
-        wall.needle_cnc([contact], 0.35e-3)[0], force_n, youngs_modulus_pa=0.27e6, iop_pa=266.0, density_kg_m3=1100.0
+        wall.needle_cnc([contact], 0.35e-3)[0],
+        force_n,
+        youngs_modulus_pa=0.27e6,
+        iop_pa=266.0,
+        density_kg_m3=1100.0,
     )
-    cut = cut_section(wall.mesh, ScanPlane(contact, gap_m=0.5e-3, direction_rad=direction, tilt_rad=tilt), displacement)
+    cut = cut_section(
+        wall.mesh,
+        ScanPlane(contact, gap_m=0.5e-3, direction_rad=direction, tilt_rad=tilt),
+        displacement,
+    )
     state = stated_wall(constants, 0.27e6, force_n, contact.polar_rad)
     ((outer, inner),) = replace(model, smoothing_m=0.0).curves([state])
     at = np.linspace(-6.5e-3, 6.5e-3, 300)
@@ -53,20 +70,32 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
 
 
 @pytest.mark.slow
-def test_responses_between_thicknesses_belong_to_a_wall_of_that_thickness(laboratory: Any) -> None:
+def test_responses_between_thicknesses_belong_to_a_wall_of_that_thickness(
+    laboratory: Any,
+) -> None:
     stated = replace(ASIDE, polar_rad=0.6)
-    uncertain = laboratory.model(replace(stated, thickness_m=0.65e-3), thickness_uncertain=True)
+    uncertain = laboratory.model(
+        replace(stated, thickness_m=0.65e-3), thickness_uncertain=True
+    )
     exact = laboratory.model(stated)
     names = ("youngs_modulus_pa", "thickness_m")
-    between = parameter_sections(uncertain, names, np.array([[0.27e6, 0.7e-3]]), 0.03, 0.6)[0]
+    between = parameter_sections(
+        uncertain, names, np.array([[0.27e6, 0.7e-3]]), 0.03, 0.6
+    )[0]
     true = parameter_sections(exact, names[:1], np.array([[0.27e6]]), 0.03, 0.6)[0]
     at = np.linspace(-6e-3, 6e-3, 200)
     for boundary in (0, 1):
-        np.testing.assert_allclose(np.interp(at, *between[boundary].T), np.interp(at, *true[boundary].T), atol=2e-6)
+        np.testing.assert_allclose(
+            np.interp(at, *between[boundary].T),
+            np.interp(at, *true[boundary].T),
+            atol=2e-6,
+        )
 
 
 STUDY = Study()
-STATED = replace(ASIDE, polar_rad=0.0)  # on the pole: the made-up eye is one of revolution
+STATED = replace(
+    ASIDE, polar_rad=0.0
+)  # on the pole: the made-up eye is one of revolution
 MODULUS_PA = 0.27e6
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
 
@@ -74,29 +103,48 @@ SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_
 def tip_m(force_n: float, stated: EyeConstants = STATED) -> float:
     """The first tip at which the made-up eye carries a force, on a fine grid."""
     tips = np.linspace(0.0, 7.4e-3, 200_000)
-    forces = MODULUS_PA * analytic.force_ratio(stated.thickness_m, stated.iop_pa / MODULUS_PA, tips)
+    forces = MODULUS_PA * analytic.force_ratio(
+        stated.thickness_m, stated.iop_pa / MODULUS_PA, tips
+    )
     return float(tips[np.argmax(forces >= force_n)])
 
 
 def exact_section(force_n: float, stated: EyeConstants = STATED) -> Section:
     """The made-up eye's section, from the closed form at thousands of rings."""
     rings = np.linspace(0.0, np.pi / 2 - 1e-3, 4000)
-    walls = analytic.curves(stated.thickness_m, stated.iop_pa / MODULUS_PA, tip_m(force_n, stated), rings)
+    walls = analytic.curves(
+        stated.thickness_m, stated.iop_pa / MODULUS_PA, tip_m(force_n, stated), rings
+    )
     sides = []
     for distance, depth in np.moveaxis(walls, -1, 1):
         across = stated.gap_m + np.tan(stated.tilt_rad) * depth
         seen = distance > across
-        lateral, down = np.sqrt(distance[seen] ** 2 - across[seen] ** 2), depth[seen] / np.cos(stated.tilt_rad)
-        sides.append(np.stack([np.append(-lateral[::-1], lateral), np.append(down[::-1], down)], axis=1))
+        lateral, down = (
+            np.sqrt(distance[seen] ** 2 - across[seen] ** 2),
+            depth[seen] / np.cos(stated.tilt_rad),
+        )
+        sides.append(
+            np.stack(
+                [np.append(-lateral[::-1], lateral), np.append(down[::-1], down)],
+                axis=1,
+            )
+        )
     return Section(*sides)
 
 
 def frames(forces_n: Sequence[float], rng: np.random.Generator) -> list[Boundaries]:
     """Boundaries of the made-up eye, which moves."""
-    return [boundaries for _, boundaries in moving([exact_section(force_n) for force_n in forces_n], rng)]
+    return [
+        boundaries
+        for _, boundaries in moving(
+            [exact_section(force_n) for force_n in forces_n], rng
+        )
+    ]
 
 
-def run(begun: assimilation.EyeSession, forces_n: Sequence[float], made: Sequence[Any]) -> assimilation.EyeSession:
+def run(
+    begun: assimilation.EyeSession, forces_n: Sequence[float], made: Sequence[Any]
+) -> assimilation.EyeSession:
     for force_n, boundaries in zip(forces_n, made, strict=True):
         begun = assimilation.step(begun, boundaries, force_n)
     return begun
@@ -106,48 +154,96 @@ def off_m(curves: np.ndarray, force_n: float, stated: EyeConstants) -> float:
     """The largest distance of curves from the exact section."""
     exact = exact_section(force_n, stated)
     sides = zip(curves, (exact.outer, exact.inner), strict=True)
-    return max(np.abs(mine[:, 1] - np.interp(mine[:, 0], *other.T)).max() for mine, other in sides)
+    return max(
+        np.abs(mine[:, 1] - np.interp(mine[:, 0], *other.T)).max()
+        for mine, other in sides
+    )
 
 
-def test_sections_have_the_walls_own_geometry_and_depend_on_thickness_gap_and_pressure(library: Library) -> None:
-    for force_n, tilt_rad in ((0.0, 0.0), (0.02, 0.0), (0.05, 0.0), (0.04, 0.08), (0.04, -0.08)):
+def test_sections_have_the_walls_own_geometry_and_depend_on_thickness_gap_and_pressure(
+    library: Library,
+) -> None:
+    for force_n, tilt_rad in (
+        (0.0, 0.0),
+        (0.02, 0.0),
+        (0.05, 0.0),
+        (0.04, 0.08),
+        (0.04, -0.08),
+    ):
         stated = replace(STATED, tilt_rad=tilt_rad)
         model = library_eye(SHARP, stated, library)
         (curves,) = model.curves([stated_wall(stated, MODULUS_PA, force_n, 0.0)])
         assert off_m(curves, force_n, stated) < 3e-6
     model = library_eye(SHARP, STATED, library)
     names = ("thickness_m", "gap_m", "iop_pa", "youngs_modulus_pa")
-    (curves,) = parameter_sections(model, names, np.array([[0.6e-3, 0.8e-3, 400.0, MODULUS_PA]]), 0.03, 0.0)
-    assert off_m(curves, 0.03, replace(STATED, thickness_m=0.6e-3, gap_m=0.8e-3, iop_pa=400.0)) < 3e-6
+    (curves,) = parameter_sections(
+        model, names, np.array([[0.6e-3, 0.8e-3, 400.0, MODULUS_PA]]), 0.03, 0.0
+    )
+    assert (
+        off_m(
+            curves,
+            0.03,
+            replace(STATED, thickness_m=0.6e-3, gap_m=0.8e-3, iop_pa=400.0),
+        )
+        < 3e-6
+    )
 
 
-def test_sections_continue_smoothly_beyond_the_library_and_report_it(library: Library) -> None:
+def test_sections_continue_smoothly_beyond_the_library_and_report_it(
+    library: Library,
+) -> None:
     model = library_eye(SHARP, STATED, library)
-    end = float(library.largest_force_ratio(np.array([0.7e-3]), np.array([266.0 / MODULUS_PA]))[0]) * MODULUS_PA
+    end = (
+        float(
+            library.largest_force_ratio(
+                np.array([0.7e-3]), np.array([266.0 / MODULUS_PA])
+            )[0]
+        )
+        * MODULUS_PA
+    )
     forces = end * np.exp([-0.03, 0.0, 0.03, 0.3, 1.2])
-    states = [replace(stated_wall(STATED, MODULUS_PA, float(force), 0.0), gap_m=0.0) for force in forces]
+    states = [
+        replace(stated_wall(STATED, MODULUS_PA, float(force), 0.0), gap_m=0.0)
+        for force in forces
+    ]
     dent = model.curves(states)[:, 0, :, 1].max(axis=1)
     assert dent[2] - dent[1] == pytest.approx(dent[1] - dent[0], rel=0.03)
-    assert dent[4] - dent[1] == pytest.approx(1.2 * (dent[2] - dent[1]) / 0.03, rel=0.01)
+    assert dent[4] - dent[1] == pytest.approx(
+        1.2 * (dent[2] - dent[1]) / 0.03, rel=0.01
+    )
     assert model.outside(states[0]) is None
     assert "F/E" in str(model.outside(states[3]))
     assert "IOP/E" in str(model.outside(stated_wall(STATED, 1e4, 0.0, 0.0)))
-    assert np.isfinite(model.curves([stated_wall(STATED, 1e4, 0.03, 0.0), stated_wall(STATED, 1e7, 0.03, 0.0)])).all()
+    assert np.isfinite(
+        model.curves(
+            [stated_wall(STATED, 1e4, 0.03, 0.0), stated_wall(STATED, 1e7, 0.03, 0.0)]
+        )
+    ).all()
 
 
 @pytest.mark.slow
 def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
-    study = replace(STUDY, calibration=replace(STUDY.calibration, thickness_sd_m=50e-6, inner_sd_m=3e-6))
+    study = replace(
+        STUDY,
+        calibration=replace(STUDY.calibration, thickness_sd_m=50e-6, inner_sd_m=3e-6),
+    )
     forces = [0.02, 0.05, 0.01, 0.04, 0.03, 0.055]
-    wrong, made = replace(STATED, thickness_m=0.65e-3), frames(forces, np.random.default_rng(1))
+    wrong, made = (
+        replace(STATED, thickness_m=0.65e-3),
+        frames(forces, np.random.default_rng(1)),
+    )
     alone = run(assimilation.begin(study, wrong, library), forces, made)
-    both = run(assimilation.begin(study, wrong, library, ("e", "thickness")), forces, made)
+    both = run(
+        assimilation.begin(study, wrong, library, ("e", "thickness")), forces, made
+    )
     assert alone.modulus.mean_pa > 1.05 * MODULUS_PA
     assert both.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
 
 
 @pytest.mark.slow
-def test_a_frame_beyond_the_library_is_left_out_with_its_reason(library: Library) -> None:
+def test_a_frame_beyond_the_library_is_left_out_with_its_reason(
+    library: Library,
+) -> None:
     short = replace(library, max_force_ratio=0.1e-6)
     made = frames([0.02, 0.05], np.random.default_rng(2))
     first = assimilation.step(assimilation.begin(STUDY, STATED, short), made[0], 0.02)
@@ -160,14 +256,23 @@ def test_a_frame_beyond_the_library_is_left_out_with_its_reason(library: Library
 
 
 def test_an_eye_that_the_library_does_not_have_is_refused(library: Library) -> None:
-    with pytest.raises(CalibrationError, match="1000 µm; the library has walls of 350 to 900 µm"):
+    with pytest.raises(
+        CalibrationError, match="1000 µm; the library has walls of 350 to 900 µm"
+    ):
         library_eye(STUDY, replace(STATED, thickness_m=1e-3), library)
     with pytest.raises(CalibrationError, match="another radius"):
-        library_eye(replace(STUDY, eye=replace(STUDY.eye, radius_m=11e-3)), STATED, library)
+        library_eye(
+            replace(STUDY, eye=replace(STUDY.eye, radius_m=11e-3)), STATED, library
+        )
 
 
 TURNED = EyeConstants(
-    iop_pa=266.0, thickness_m=0.65e-3, gap_m=0.6e-3, polar_rad=radians(40), polar_sd_rad=0.0, direction_rad=0.7
+    iop_pa=266.0,
+    thickness_m=0.65e-3,
+    gap_m=0.6e-3,
+    polar_rad=radians(40),
+    polar_sd_rad=0.0,
+    direction_rad=0.7,
 )
 LATERAL = np.linspace(-6e-3, 6e-3, 25)
 FORCE_RATIO = 0.1e-6
@@ -178,12 +283,18 @@ def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
     moved = FORCE_RATIO * base_moves(STUDY, TURNED, TURNED.polar_rad, LATERAL)
     shift = base_shift(12e-3, 0.65e-3, 0.45, 0.35e-3, polar_rad=TURNED.polar_rad)
     mesh = meridian_mesh(12e-3, 0.65e-3, 0.35e-3, np.pi / 2, MeridianSize())
-    rings = np.stack([mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)])
+    rings = np.stack(
+        [mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)]
+    )
     for side in (-1.0, 1.0):
         lateral_bn = side * np.sqrt(np.maximum(rings**2 - TURNED.gap_m**2, 0.0))
-        expected = shift_in_plane(shift, 0.0, FORCE_RATIO, lateral_bn, TURNED.gap_m, TURNED.direction_rad)
+        expected = shift_in_plane(
+            shift, 0.0, FORCE_RATIO, lateral_bn, TURNED.gap_m, TURNED.direction_rad
+        )
         for boundary in (0, 1):
-            here = (rings[boundary] > TURNED.gap_m) & (np.abs(lateral_bn[boundary]) < 6e-3)
+            here = (rings[boundary] > TURNED.gap_m) & (
+                np.abs(lateral_bn[boundary]) < 6e-3
+            )
             at = lateral_bn[boundary][here]
             for mine, theirs in ((0, 0), (2, 1)):
                 found = np.interp(at, LATERAL, moved[boundary, :, mine])
@@ -196,9 +307,14 @@ def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian() -> None:
     contact = Contact(polar_rad=TURNED.polar_rad)
     wall = LinearWall(graded_mesh(12e-3, 0.65e-3, contact), 0.45)
     displacement = FORCE_RATIO * wall.needle_cnc([contact], 0.35e-3)[0]
-    tip = displacement[np.argmin(np.linalg.norm(wall.mesh.points_nc - 12e-3 * contact.normal, axis=1))]
+    tip = displacement[
+        np.argmin(np.linalg.norm(wall.mesh.points_nc - 12e-3 * contact.normal, axis=1))
+    ]
     crosswise = replace(TURNED, gap_m=1e-6, direction_rad=radians(90))
-    moved = FORCE_RATIO * base_moves(STUDY, crosswise, TURNED.polar_rad, np.array([1e-6]))[0, 0]
+    moved = (
+        FORCE_RATIO
+        * base_moves(STUDY, crosswise, TURNED.polar_rad, np.array([1e-6]))[0, 0]
+    )
     offset = np.cross(contact.normal, contact.parallel)
     assert moved[1] == pytest.approx(float(tip @ offset), rel=0.05)
     assert abs(moved[1]) > 20e-6
@@ -207,11 +323,24 @@ def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian() -> None:
 
 EVEN_STUDY = Study(
     reader=ReaderStudy(
-        uneven_share=0.0, iop_noise_fraction=0.0, thickness_noise_fraction=0.0, gap_noise_fraction=0.0,
-        thickness_m=Range(min=500e-6, max=700e-6), iop_pa=Range(min=200.0, max=400.0), lateral_m=fixed(0.0),
+        uneven_share=0.0,
+        iop_noise_fraction=0.0,
+        thickness_noise_fraction=0.0,
+        gap_noise_fraction=0.0,
+        thickness_m=Range(min=500e-6, max=700e-6),
+        iop_pa=Range(min=200.0, max=400.0),
+        lateral_m=fixed(0.0),
     )
-)  # fmt: skip
-RIGHT = {"curvature": 0.0, "skew": 0.0, "wedge": 0.0, "bow": 0.0, "limbus_m": 3.2e-3, "limbus_rad": 0.3, "soft_m": 3e-4}
+)
+RIGHT = {
+    "curvature": 0.0,
+    "skew": 0.0,
+    "wedge": 0.0,
+    "bow": 0.0,
+    "limbus_m": 3.2e-3,
+    "limbus_rad": 0.3,
+    "soft_m": 3e-4,
+}
 OPEN_EYE, FRAMES = 0, 6
 
 
@@ -224,11 +353,15 @@ def eye() -> VirtualEye:
 def removed(eye: VirtualEye, model: Any) -> tuple[Boundaries, np.ndarray]:
     """The boundaries of a frame, and the part of the form that is removed from them."""
     seen = draw_frames(eye, EVEN_STUDY, 1, np.random.default_rng(2))[0].boundaries
-    return seen, seen.depth_m - without_form(model, seen, EVEN_STUDY.calibration).depth_m
+    return seen, seen.depth_m - without_form(
+        model, seen, EVEN_STUDY.calibration
+    ).depth_m
 
 
 def with_cornea(eye: VirtualEye) -> VirtualEye:
-    return replace(eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()}))
+    return replace(
+        eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()})
+    )
 
 
 def test_a_form_is_removed_where_the_eye_has_it(eye: VirtualEye) -> None:
@@ -239,7 +372,11 @@ def test_a_form_is_removed_where_the_eye_has_it(eye: VirtualEye) -> None:
     assert np.nanmin(off) < -0.2e-3  # the cornea is higher
     np.testing.assert_allclose(off[1], off[0], atol=30e-6)
     wedge = 0.03
-    seen, off = removed(replace(eye, forms=replace(eye.forms, wedge=np.array([wedge]))), eye.model)
+    seen, off = removed(
+        replace(eye, forms=replace(eye.forms, wedge=np.array([wedge]))), eye.model
+    )
     known = np.isfinite(off).all(axis=0)  # the scan does not reach every side
     assert known.mean() > 0.8
-    assert np.polyfit(seen.lateral_m[known], (off[1] - off[0])[known], 1)[0] == pytest.approx(wedge, rel=0.1)
+    assert np.polyfit(seen.lateral_m[known], (off[1] - off[0])[known], 1)[
+        0
+    ] == pytest.approx(wedge, rel=0.1)

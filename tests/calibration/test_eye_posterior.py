@@ -15,7 +15,11 @@ from scleraforce.calibration.result import calibration_lines, parse_calibration
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.known import LEAST_MODULUS_SD, Known, Modulus
-from scleraforce.known.calibration_file import known_of_eye, open_calibration, read_calibration
+from scleraforce.known.calibration_file import (
+    known_of_eye,
+    open_calibration,
+    read_calibration,
+)
 from scleraforce.library import Library
 from scleraforce.library.joint_fit import ShownFrame
 from scleraforce.library.prior import prior_of
@@ -23,10 +27,14 @@ from scleraforce.study import Study
 
 
 @pytest.fixture(scope="module")
-def found(made_up_folder: Path, library: Library, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def found(
+    made_up_folder: Path, library: Library, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     out = tmp_path_factory.mktemp("shape") / "out.json"
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("scleraforce.notebook.calibrating.library_for", lambda *_: library)
+        patched.setattr(
+            "scleraforce.notebook.calibrating.library_for", lambda *_: library
+        )
         sf.calibrate(made_up_folder, without_force=True, out=out)
     return out
 
@@ -34,28 +42,45 @@ def found(made_up_folder: Path, library: Library, tmp_path_factory: pytest.TempP
 def test_the_file_says_that_no_force_was_measured_and_is_read_back(found: Path) -> None:
     entry = json.loads(found.read_text())["eyes"]["made-up"]
     assert entry["without_force"] is True
-    assert entry["frames"] == []  # no force has been used: `evaluate` scores all of them
-    assert entry["updates"] == len([step for step in entry["steps"] if step["skipped"] is None]) >= 4
+    assert (
+        entry["frames"] == []
+    )  # no force has been used: `evaluate` scores all of them
+    assert (
+        entry["updates"]
+        == len([step for step in entry["steps"] if step["skipped"] is None])
+        >= 4
+    )
     text = "\n".join(calibration_lines(parse_calibration(open_calibration(found))))
     assert "E from shape" in text
     assert "no force was measured" in " ".join(text.split())
 
 
 def test_readers_take_its_uncertainty_once_and_do_not_narrow_it(found: Path) -> None:
-    known = known_of_eye(Known(iop_pa=266.0, gap_m=0.5e-3), read_calibration(found), "made-up")
+    known = known_of_eye(
+        Known(iop_pa=266.0, gap_m=0.5e-3), read_calibration(found), "made-up"
+    )
     assert known.modulus is not None
     assert known.modulus.source == "shape"
     prior = prior_of(known, Study().reader)
     assert prior.discrepancy.level_sd == known.modulus.relative_sd
-    own = replace(known.modulus, source="own", sd_pa=LEAST_MODULUS_SD * known.modulus.mean_pa)
+    own = replace(
+        known.modulus, source="own", sd_pa=LEAST_MODULUS_SD * known.modulus.mean_pa
+    )
     by_force = replace(known, modulus=own)
     assert (prior.same_force == prior_of(by_force, Study().reader).same_force).all()
 
 
-def test_known_forces_narrow_it(found: Path, made_up_folder: Path, library: Library, monkeypatch: Any) -> None:
-    monkeypatch.setattr("scleraforce.notebook.calibrating.library_for", lambda *_: library)
+def test_known_forces_narrow_it(
+    found: Path, made_up_folder: Path, library: Library, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(
+        "scleraforce.notebook.calibrating.library_for", lambda *_: library
+    )
     eye = sf.calibrate(made_up_folder, without_force=True, frames=1).eyes["made-up"]
-    assert eye.sd_pa / eye.mean_pa < 0.7 * read_calibration(found).eyes["made-up"].sd_pa / 0.27e6
+    assert (
+        eye.sd_pa / eye.mean_pa
+        < 0.7 * read_calibration(found).eyes["made-up"].sd_pa / 0.27e6
+    )
     assert eye.mean_pa == pytest.approx(0.27e6, rel=0.15)
     assert [frame.force_n > 0.0 for frame in eye.frames].count(True) == 1
 
@@ -65,22 +90,37 @@ def test_known_forces_narrow_it(found: Path, made_up_folder: Path, library: Libr
     [
         ("iop_pa", {}, "eye.iop_pa: missing"),
         (None, {"parameters": ["e"]}, "without_force"),
-        (None, {"without_force": False, "calibration": "c.json"}, "calibration: is the prior of without_force"),
+        (
+            None,
+            {"without_force": False, "calibration": "c.json"},
+            "calibration: is the prior of without_force",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused(
-    change: str | None, given: dict[str, Any], words: str, made_up_folder: Path, library: Library, monkeypatch: Any
+    change: str | None,
+    given: dict[str, Any],
+    words: str,
+    made_up_folder: Path,
+    library: Library,
+    monkeypatch: Any,
 ) -> None:
-    monkeypatch.setattr("scleraforce.notebook.calibrating.library_for", lambda *_: library)
+    monkeypatch.setattr(
+        "scleraforce.notebook.calibrating.library_for", lambda *_: library
+    )
     recording = sf.read_recording(made_up_folder)
     if change is not None:
-        info = replace(recording.info, eye=replace(recording.info.eye, **{change: None}))
+        info = replace(
+            recording.info, eye=replace(recording.info.eye, **{change: None})
+        )
         recording = replace(recording, info=info)
     with pytest.raises(InputError, match=words):
         sf.calibrate(recording, **{"without_force": True, **given})
 
 
-def test_the_command_takes_both_options(made_up_folder: Path, tmp_path: Path, capsys: Any) -> None:
+def test_the_command_takes_both_options(
+    made_up_folder: Path, tmp_path: Path, capsys: Any
+) -> None:
     arguments = ["calibrate", str(made_up_folder), "--out", str(tmp_path / "out.json")]
     assert run([*arguments, "--without-force", "--mechanics", "linear"]) == 2
     assert "--without-force: finds E at finite strain" in capsys.readouterr().err
@@ -93,11 +133,19 @@ def test_a_posterior_keeps_the_most_different_dents_and_the_known_forces() -> No
     assert {0, 5, len(tips_m) - 1} <= set(kept)
 
 
-def test_a_frame_without_a_wall_of_the_library_teaches_nothing(library: Library) -> None:
-    shown = predict_wall(Walls(library), middling_eye(1e-3), BOTH).depth_m.reshape(2, -1)
+def test_a_frame_without_a_wall_of_the_library_teaches_nothing(
+    library: Library,
+) -> None:
+    shown = predict_wall(Walls(library), middling_eye(1e-3), BOTH).depth_m.reshape(
+        2, -1
+    )
     flat = ShownFrame(lateral_m=LATERAL_M, depth_bc=shown * 0.0 + [[1e-3], [1.6e-3]])
     modulus = Modulus(mean_pa=0.3e6, sd_pa=0.1e6, source="population")
-    eye = EyePosterior(known=replace(known_eye(middling_eye(0.0)), modulus=modulus), study=Study(), library=library)
+    eye = EyePosterior(
+        known=replace(known_eye(middling_eye(0.0)), modulus=modulus),
+        study=Study(),
+        library=library,
+    )
     assert eye.with_frames([flat]) is eye
     after = eye.with_frames([ShownFrame(lateral_m=LATERAL_M, depth_bc=shown)])
     assert len(after.frames) == 1

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 from small_recordings import LOGGED_INFO
 
-from scleraforce.calibration.forces import ZERO_PRIOR, frame_forces, label_sds, rest_zeros, zero_line
+from scleraforce.calibration.forces import (
+    ZERO_PRIOR,
+    frame_forces,
+    label_sds,
+    rest_zeros,
+    zero_line,
+)
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.laboratory.pushes import sense
 from scleraforce.laboratory.virtual_eye import paper_eyes
@@ -19,12 +25,18 @@ from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
 
 
-def pushes(drift_n_per_s: float, rng: np.random.Generator, lets_go: bool = True) -> tuple[np.ndarray, ...]:
+def pushes(
+    drift_n_per_s: float, rng: np.random.Generator, lets_go: bool = True
+) -> tuple[np.ndarray, ...]:
     """A log of 20 pushes of 8 s with 2 s of rest, noise of 4 mN at 200 Hz."""
     time_s = np.arange(0, 210, 0.005)
     phase = (time_s - 4) % 10
     held = (time_s > 4) & (time_s < 204) & ((phase < 8) if lets_go else True)
-    force = np.where(held, 20e-3, 0.0) + drift_n_per_s * time_s + 4e-3 * rng.standard_normal(len(time_s))
+    force = (
+        np.where(held, 20e-3, 0.0)
+        + drift_n_per_s * time_s
+        + 4e-3 * rng.standard_normal(len(time_s))
+    )
     frames_s = 4 + 10 * np.arange(20) + 5.0
     return low_pass(force, time_s), time_s, frames_s, np.full(20, 20e-3)
 
@@ -41,7 +53,9 @@ def test_rests_show_offset_and_drift_of_the_sensor() -> None:
 
 
 def test_a_needle_that_never_lets_go_or_hardly_pushes_has_no_rests() -> None:
-    zero, covariance = zero_line(*rest_zeros(*pushes(0.0, np.random.default_rng(1), lets_go=False)))
+    zero, covariance = zero_line(
+        *rest_zeros(*pushes(0.0, np.random.default_rng(1), lets_go=False))
+    )
     np.testing.assert_array_equal(zero, 0.0)
     np.testing.assert_allclose(covariance, ZERO_PRIOR)
     *log, forces = pushes(0.0, np.random.default_rng(2))
@@ -57,23 +71,41 @@ def test_samples_and_frames_without_a_force_leave_the_others_unchanged() -> None
     found = []
     for force_n in (fz_n, holed_n):
         log = ForceLog(time_s, force_n[:, None], ("fz_n",))
-        frames = tuple(FrameEntry(f"{k}.png", at) for k, at in enumerate(frames_s.tolist()))
-        recording = Recording(Path("rec"), replace(LOGGED_INFO, force=ForceInfo("fz", -1, 2.0)), frames, log)
+        frames = tuple(
+            FrameEntry(f"{k}.png", at) for k, at in enumerate(frames_s.tolist())
+        )
+        recording = Recording(
+            Path("rec"),
+            replace(LOGGED_INFO, force=ForceInfo("fz", -1, 2.0)),
+            frames,
+            log,
+        )
         trials = label_frames(recording, ClassesStudy())
         found.append(frame_forces(replace(recording, forces=log.known("fz")), trials))
     assert np.flatnonzero(np.isnan(found[1].force_n)).tolist() == [7]
     known = np.isfinite(found[1].force_n)
-    np.testing.assert_allclose(found[1].force_n[known], found[0].force_n[known], atol=1e-4)
+    np.testing.assert_allclose(
+        found[1].force_n[known], found[0].force_n[known], atol=1e-4
+    )
     assert np.isfinite(found[1].zero).all()
 
 
 CLASSES = ClassesStudy()
 
 
-def recording_of(time_s: np.ndarray, wrench_sc: np.ndarray, frames_s: list[float], average_s: float = 2.0) -> Recording:
-    frames = tuple(FrameEntry(f"{number}.png", time) for number, time in enumerate(frames_s))
+def recording_of(
+    time_s: np.ndarray,
+    wrench_sc: np.ndarray,
+    frames_s: list[float],
+    average_s: float = 2.0,
+) -> Recording:
+    frames = tuple(
+        FrameEntry(f"{number}.png", time) for number, time in enumerate(frames_s)
+    )
     info = replace(LOGGED_INFO, force=ForceInfo("fz", -1, average_s))
-    return Recording(Path("rec"), info, frames, ForceLog(time_s, wrench_sc, FORCE_COLUMNS[1:]))
+    return Recording(
+        Path("rec"), info, frames, ForceLog(time_s, wrench_sc, FORCE_COLUMNS[1:])
+    )
 
 
 def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, float]]:
@@ -82,10 +114,21 @@ def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, f
     for seed in range(seeds):
         for eye, forces_n in paper_eyes(study):
             plan = plan_phantom(eye, forces_n, study, seed)
-            table = sense(plan.path, plan.sensor, 2, -1, plan.path.times_s[-1] + 1.5, np.random.default_rng(seed))
-            recording = recording_of(table[:, 0], table[:, 1:], [frame.time_s for frame in plan.frames])
+            table = sense(
+                plan.path,
+                plan.sensor,
+                2,
+                -1,
+                plan.path.times_s[-1] + 1.5,
+                np.random.default_rng(seed),
+            )
+            recording = recording_of(
+                table[:, 0], table[:, 1:], [frame.time_s for frame in plan.frames]
+            )
             trials = label_frames(recording, CLASSES)
-            for frame, trial, sd_n in zip(plan.frames, trials, label_sds(recording, trials), strict=True):
+            for frame, trial, sd_n in zip(
+                plan.frames, trials, label_sds(recording, trials), strict=True
+            ):
                 yield trial.measured_force_n - frame.push.force_n, sd_n
 
 
@@ -96,24 +139,38 @@ def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, f
         pytest.param(0.8, 1.15, {"sample_rate_hz": 100.0}, id="100 Hz"),
         pytest.param(0.65, 1.1, {"force_noise_n": fixed(0.03)}, id="noisy"),
         pytest.param(0.7, 1.1, {"force_drift_n_per_s": fixed(0.0)}, id="no drift"),
-        pytest.param(0.8, 1.3, {"force_noise_n": fixed(2e-4), "force_step_n": 1e-4}, id="fine"),
-        pytest.param(0.55, 1.1, {"force_noise_n": fixed(5e-4)}, id="coarse"),  # steps of 5 mN, which are not dithered
-        pytest.param(0.5, 1.1, {"frame_delay_s": fixed(0.6)}, id="in motion"),  # the window reaches into the ramp
+        pytest.param(
+            0.8, 1.3, {"force_noise_n": fixed(2e-4), "force_step_n": 1e-4}, id="fine"
+        ),
+        pytest.param(
+            0.55, 1.1, {"force_noise_n": fixed(5e-4)}, id="coarse"
+        ),  # steps of 5 mN, which are not dithered
+        pytest.param(
+            0.5, 1.1, {"frame_delay_s": fixed(0.6)}, id="in motion"
+        ),  # the window reaches into the ramp
     ],
 )
-def test_standardised_errors_of_labels_have_unit_spread(low: float, high: float, phantom: dict[str, Any]) -> None:
+def test_standardised_errors_of_labels_have_unit_spread(
+    low: float, high: float, phantom: dict[str, Any]
+) -> None:
     errors_n, sds_n = np.array(list(errors_and_sds(PhantomStudy(**phantom), 8))).T
     assert low < np.sqrt(np.mean((errors_n / sds_n) ** 2)) < high
 
 
 def test_stated_errors_grow_with_noise_steps_drift_and_motion() -> None:
-    quiet = PhantomStudy(force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0))
+    quiet = PhantomStudy(
+        force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0)
+    )
     changes = (
-        {"force_noise_n": fixed(4e-3)}, {"force_step_n": 5e-3}, {"force_drift_n_per_s": fixed(1e-3 / 60)},
+        {"force_noise_n": fixed(4e-3)},
+        {"force_step_n": 5e-3},
+        {"force_drift_n_per_s": fixed(1e-3 / 60)},
         {"frame_delay_s": fixed(0.6)},
-    )  # fmt: skip
+    )
     studies = [replace(quiet, **change) for change in ({}, *changes)]
-    usual, *worse = (np.median([sd_n for _, sd_n in errors_and_sds(study, 2)]) for study in studies)
+    usual, *worse = (
+        np.median([sd_n for _, sd_n in errors_and_sds(study, 2)]) for study in studies
+    )
     assert all(sd_n > 1.5 * usual for sd_n in worse)
 
 
@@ -130,7 +187,10 @@ def test_noise_that_neighbouring_samples_share_counts_fully() -> None:
         recording = recording_of(time_s, wrench, frames_s)
         return float(np.median(label_sds(recording, label_frames(recording, CLASSES))))
 
-    white, held = rng.normal(0.0, 4e-3, len(time_s)), np.repeat(rng.normal(0.0, 4e-3, len(time_s) // 10), 10)
+    white, held = (
+        rng.normal(0.0, 4e-3, len(time_s)),
+        np.repeat(rng.normal(0.0, 4e-3, len(time_s) // 10), 10),
+    )
     assert stated_n(held) > 2.0 * stated_n(white)
 
 

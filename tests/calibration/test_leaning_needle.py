@@ -22,20 +22,36 @@ def test_an_azimuth_without_a_lean_and_an_impossible_lean_are_refused() -> None:
 
 
 @pytest.mark.slow
-def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(tmp_path: Path) -> None:
+def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(
+    tmp_path: Path,
+) -> None:
     study = sf.Study()
-    drawn = {"needle_count": fixed(1), "needle_angle_rad": fixed(LEAN_RAD), "needle_lean_rad": fixed(0.0)}
+    drawn = {
+        "needle_count": fixed(1),
+        "needle_angle_rad": fixed(LEAN_RAD),
+        "needle_lean_rad": fixed(0.0),
+    }
     study = replace(study, phantom=replace(study.phantom, **drawn))
     recording = sf.phantom(
-        tmp_path / "eye", study, forces_n=[0.01, 0.02, 0.03, 0.04], thickness_m=0.6e-3, globe="open", gap_m=0.3e-3,
-        youngs_modulus_pa=MODULUS_PA, mechanics="finite-strain",
-    )  # fmt: skip
+        tmp_path / "eye",
+        study,
+        forces_n=[0.01, 0.02, 0.03, 0.04],
+        thickness_m=0.6e-3,
+        globe="open",
+        gap_m=0.3e-3,
+        youngs_modulus_pa=MODULUS_PA,
+        mechanics="finite-strain",
+    )
     assert recording.info.needle.lean_rad == pytest.approx(LEAN_RAD)
     calibration = sf.calibrate(recording, frames=2, out=tmp_path / "eye.json")
     eye = calibration.eyes["eye-1"]
     assert eye.lean_rad == pytest.approx(LEAN_RAD)
-    assert eye.mean_pa == pytest.approx(MODULUS_PA, rel=0.06)  # of forces along the needle it would be 22 % more
-    assert json.loads((tmp_path / "eye.json").read_text())["eyes"]["eye-1"]["lean_deg"] == pytest.approx(35.0)
+    assert eye.mean_pa == pytest.approx(
+        MODULUS_PA, rel=0.06
+    )  # of forces along the needle it would be 22 % more
+    assert json.loads((tmp_path / "eye.json").read_text())["eyes"]["eye-1"][
+        "lean_deg"
+    ] == pytest.approx(35.0)
     reader = sf.load_model("default")
     read = sf.evaluate(reader, recording, calibration)
     assert read.mae_n < 0.8e-3
@@ -45,6 +61,9 @@ def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(tmp_path:
     upright = sf.read(reader, frame, calibration=tmp_path / "eye.json", lean_rad=0.0)
     assert upright.force_n == pytest.approx(np.cos(LEAN_RAD) * one.force_n)
     assert any("in the picture" in warning for warning in upright.warnings)
-    without = replace(recording, info=replace(recording.info, needle=NeedleInfo(gauge=22, slice_gap_m=0.3e-3)))
+    without = replace(
+        recording,
+        info=replace(recording.info, needle=NeedleInfo(gauge=22, slice_gap_m=0.3e-3)),
+    )
     with pytest.raises(InputError, match=r"needle\.lean_rad"):
         sf.calibrate([recording, without])

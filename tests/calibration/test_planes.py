@@ -8,7 +8,16 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from analytic_frames import BOTH, LATERAL_M, LIBRARY, MODULUS_PA, SMALL_LIBRARY, STUDY, known_eye, middling_eye
+from analytic_frames import (
+    BOTH,
+    LATERAL_M,
+    LIBRARY,
+    MODULUS_PA,
+    SMALL_LIBRARY,
+    STUDY,
+    known_eye,
+    middling_eye,
+)
 from scanned_planes import CONTACT_M, CROSS, TILT_RAD, write_moments
 from small_models import write_fixed_reader
 
@@ -29,18 +38,27 @@ from scleraforce.recording.folder import Plane, Recording, read_recording
 from scleraforce.study import Study
 
 FORCES_N = 0.002, 0.03, 0.012, 0.02, 0.008
-FAR_FIRST = Plane("far", 1e-3, 0.0), Plane("near", -0.45e-3, 0.0)  # 1.5 and 0.05 mm from the needle
+FAR_FIRST = (
+    Plane("far", 1e-3, 0.0),
+    Plane("near", -0.45e-3, 0.0),
+)  # 1.5 and 0.05 mm from the needle
 
 
 @pytest.fixture(scope="module")
 def cross(tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    return read_recording(write_moments(tmp_path_factory.mktemp("cross") / "rec", FORCES_N, log=True))
+    return read_recording(
+        write_moments(tmp_path_factory.mktemp("cross") / "rec", FORCES_N, log=True)
+    )
 
 
 @pytest.fixture(scope="module")
 def single(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """The first plane alone, at its true gap."""
-    return read_recording(write_moments(tmp_path_factory.mktemp("single") / "rec", FORCES_N, CROSS[:1], log=True))
+    return read_recording(
+        write_moments(
+            tmp_path_factory.mktemp("single") / "rec", FORCES_N, CROSS[:1], log=True
+        )
+    )
 
 
 def calibrated(recording: Recording, **given: Any) -> Calibration:
@@ -52,50 +70,96 @@ def calibration(cross: Recording) -> Calibration:
     return calibrated(cross, frames=3)
 
 
-def test_moments_of_a_cross_tell_the_modulus_as_frames_of_a_known_gap_do(calibration, single) -> None:
+def test_moments_of_a_cross_tell_the_modulus_as_frames_of_a_known_gap_do(
+    calibration, single
+) -> None:
     found, given = calibration.eyes["eye"], calibrated(single, frames=3).eyes["eye"]
     assert found.status == "ok"
     assert found.mean_pa == pytest.approx(given.mean_pa, rel=0.02)
-    assert found.mean_pa == pytest.approx(MODULUS_PA, rel=0.08)  # of this made-up wall, from pictures
-    assert found.sd_pa == pytest.approx(given.sd_pa, rel=0.15)  # a second plane is not another observation
+    assert found.mean_pa == pytest.approx(
+        MODULUS_PA, rel=0.08
+    )  # of this made-up wall, from pictures
+    assert found.sd_pa == pytest.approx(
+        given.sd_pa, rel=0.15
+    )  # a second plane is not another observation
 
 
 def test_frames_counts_moments_and_a_moment_is_one_record(calibration) -> None:
     found = calibration.eyes["eye"]
     assert [frame.file[0] for frame in found.used] == ["2", "3", "1"]
-    assert [frame.force_n for frame in found.used] == pytest.approx([0.012, 0.02, 0.03], abs=4e-4)
-    assert (found.updates, len({frame.file[0] for frame in found.frames})) == (3, len(found.frames))
+    assert [frame.force_n for frame in found.used] == pytest.approx(
+        [0.012, 0.02, 0.03], abs=4e-4
+    )
+    assert (found.updates, len({frame.file[0] for frame in found.frames})) == (
+        3,
+        len(found.frames),
+    )
 
 
-def test_the_filter_follows_the_plane_nearest_to_the_needle_at_its_place(tmp_path: Path) -> None:
-    recording = read_recording(write_moments(tmp_path / "rec", FORCES_N[1:3], FAR_FIRST, log=True))
-    frames = EyeFrames(recording, Settings(STUDY, LIBRARY, ("e",), False, None, None), frozenset(), None)
+def test_the_filter_follows_the_plane_nearest_to_the_needle_at_its_place(
+    tmp_path: Path,
+) -> None:
+    recording = read_recording(
+        write_moments(tmp_path / "rec", FORCES_N[1:3], FAR_FIRST, log=True)
+    )
+    frames = EyeFrames(
+        recording,
+        Settings(STUDY, LIBRARY, ("e",), False, None, None),
+        frozenset(),
+        None,
+    )
     assert frames.followed == FAR_FIRST[1]
     seen = frames.seen(0)
     assert seen.file == "0-1.png"
-    assert seen.place[0] == pytest.approx(FAR_FIRST[1].offset_m - CONTACT_M[1], abs=40e-6)
-    assert (
-        EyeFrames(recording, frames.settings, frozenset([frames._look(recording.frames[0])[0]]), None).seen(0) is None
+    assert seen.place[0] == pytest.approx(
+        FAR_FIRST[1].offset_m - CONTACT_M[1], abs=40e-6
     )
-    missing = EyeFrames(replace(recording, frames=recording.frames[:3]), frames.settings, frozenset(), None).seen(1)
-    assert (missing.file, missing.wall.reason) == ("1-0.png", "not usable: no frame of plane near")
+    assert (
+        EyeFrames(
+            recording,
+            frames.settings,
+            frozenset([frames._look(recording.frames[0])[0]]),
+            None,
+        ).seen(0)
+        is None
+    )
+    missing = EyeFrames(
+        replace(recording, frames=recording.frames[:3]),
+        frames.settings,
+        frozenset(),
+        None,
+    ).seen(1)
+    assert (missing.file, missing.wall.reason) == (
+        "1-0.png",
+        "not usable: no frame of plane near",
+    )
 
 
 def test_the_filter_sees_the_eye_at_the_place_of_the_plane(cross) -> None:
     """Gap, direction and tilt of the plane across, by the contact and tilt of the recording."""
-    frames = EyeFrames(cross, Settings(STUDY, LIBRARY, ("e",), False, None, None), frozenset(), None)
+    frames = EyeFrames(
+        cross, Settings(STUDY, LIBRARY, ("e",), False, None, None), frozenset(), None
+    )
     stated = replace(eye_constants(cross, STUDY), direction_rad=0.3)
     here = frames.seen(1).beside(stated)
     assert frames.followed == CROSS[1]
-    assert (here.gap_m, here.direction_rad) == (pytest.approx(CONTACT_M[0], abs=30e-6), 0.3 + CROSS[1].direction_rad)
+    assert (here.gap_m, here.direction_rad) == (
+        pytest.approx(CONTACT_M[0], abs=30e-6),
+        0.3 + CROSS[1].direction_rad,
+    )
     assert here.tilt_rad == pytest.approx(-TILT_RAD[0], abs=5e-3)
     session = begin(STUDY, stated, LIBRARY)
     model = _at(session, frames.seen(1), 250.0, STUDY).filter.model
     assert model.constants == replace(here, iop_pa=250.0)
-    assert _at(session, replace(frames.seen(1), planes=None), None, STUDY).filter.model is session.filter.model
+    assert (
+        _at(session, replace(frames.seen(1), planes=None), None, STUDY).filter.model
+        is session.filter.model
+    )
 
 
-def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(tmp_path: Path) -> None:
+def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(
+    tmp_path: Path,
+) -> None:
     folder = write_moments(tmp_path / "rec", FORCES_N, log=True)
     file = str(folder / "frames" / "1-0.png")
     cv2.imwrite(file, np.full_like(cv2.imread(file, cv2.IMREAD_UNCHANGED), 300))
@@ -105,53 +169,106 @@ def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(tmp_path: Pat
     assert "not usable" in skipped
 
 
-def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(cross, single, monkeypatch) -> None:
-    monkeypatch.setattr("scleraforce.notebook.calibrating.library_for", lambda *_: LIBRARY)
-    again = calibrate_recordings([cross, single], STUDY, "hash", LIBRARY, ("e",), frames=3).eyes["eye"].frames
-    assert [frame.file for frame in again] == ["0-1.png", "2-1.png", "3-1.png", "1-1.png", "4-0.png"]
+def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(
+    cross, single, monkeypatch
+) -> None:
+    monkeypatch.setattr(
+        "scleraforce.notebook.calibrating.library_for", lambda *_: LIBRARY
+    )
+    again = (
+        calibrate_recordings([cross, single], STUDY, "hash", LIBRARY, ("e",), frames=3)
+        .eyes["eye"]
+        .frames
+    )
+    assert [frame.file for frame in again] == [
+        "0-1.png",
+        "2-1.png",
+        "3-1.png",
+        "1-1.png",
+        "4-0.png",
+    ]
     with pytest.raises(CalibrationError, match="none of its 0 frames"):
         sf.calibrate([cross, single], without_force=True)
 
 
 def test_what_planes_cannot_be_calibrated_with_is_refused(cross) -> None:
-    for library, parameters, words in ((None, ("e",), "linear mechanics"), (LIBRARY, ("e", "gap"), "leave gap out")):
-        with pytest.raises(CalibrationError, match=rf"recording.toml: oct.plane: .*{words}"):
+    for library, parameters, words in (
+        (None, ("e",), "linear mechanics"),
+        (LIBRARY, ("e", "gap"), "leave gap out"),
+    ):
+        with pytest.raises(
+            CalibrationError, match=rf"recording.toml: oct.plane: .*{words}"
+        ):
             calibrate_recordings([cross], Study(), "hash", library, parameters)
 
 
-def test_without_force_a_cross_is_seen_as_one_plane_of_a_known_gap(cross, single, monkeypatch) -> None:
-    monkeypatch.setattr("scleraforce.notebook.calibrating.library_for", lambda *_: LIBRARY)
-    found, given = (sf.calibrate(one, without_force=True, frames=1).eyes["eye"] for one in (cross, single))
+def test_without_force_a_cross_is_seen_as_one_plane_of_a_known_gap(
+    cross, single, monkeypatch
+) -> None:
+    monkeypatch.setattr(
+        "scleraforce.notebook.calibrating.library_for", lambda *_: LIBRARY
+    )
+    found, given = (
+        sf.calibrate(one, without_force=True, frames=1).eyes["eye"]
+        for one in (cross, single)
+    )
     assert found.mean_pa == pytest.approx(given.mean_pa, rel=0.03)
     assert found.sd_pa == pytest.approx(given.sd_pa, rel=0.1)
     assert [frame.file[0] for frame in found.used] == list("01234")
-    assert [frame.force_n > 0.0 for frame in found.frames] == [False, True, False, False, False]
+    assert [frame.force_n > 0.0 for frame in found.frames] == [
+        False,
+        True,
+        False,
+        False,
+        False,
+    ]
 
 
 def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
     modulus = Modulus(mean_pa=0.4e6, sd_pa=0.1e6, source="population")
-    eye = EyePosterior(known=replace(known_eye(middling_eye(0.0)), modulus=modulus), study=STUDY, library=LIBRARY)
+    eye = EyePosterior(
+        known=replace(known_eye(middling_eye(0.0)), modulus=modulus),
+        study=STUDY,
+        library=LIBRARY,
+    )
 
     def found_pa(gaps_m: np.ndarray, are_given: bool) -> float:
         frames = list[ShownFrame]()
-        for tip_m, gap_m in zip((1e-3, 1.5e-3, 2e-3, 2.5e-3, 3e-3), gaps_m, strict=True):
+        for tip_m, gap_m in zip(
+            (1e-3, 1.5e-3, 2e-3, 2.5e-3, 3e-3), gaps_m, strict=True
+        ):
             unknown = middling_eye(tip_m, gap_m=gap_m)
             shown = predict_wall(Walls(LIBRARY), unknown, BOTH).depth_m.reshape(2, -1)
             force_n = float(wall_force_n(Walls(LIBRARY), unknown[None])[0])
-            frame = ShownFrame(lateral_m=LATERAL_M, depth_bc=shown, force_n=force_n, force_sd_n=1e-4)
+            frame = ShownFrame(
+                lateral_m=LATERAL_M, depth_bc=shown, force_n=force_n, force_sd_n=1e-4
+            )
             frames.append(replace(frame, gap_m=gap_m if are_given else None))
         return eye.with_frames(frames).modulus.mean_pa
 
-    of_one, gaps_m = found_pa(np.full(5, 0.6e-3), False), np.array([0.45e-3, 0.7e-3, 0.5e-3, 0.75e-3, 0.6e-3])
+    of_one, gaps_m = (
+        found_pa(np.full(5, 0.6e-3), False),
+        np.array([0.45e-3, 0.7e-3, 0.5e-3, 0.75e-3, 0.6e-3]),
+    )
     assert of_one == pytest.approx(0.3e6, rel=0.03)
-    assert [found_pa(sign * gaps_m, True) for sign in (1, -1)] == pytest.approx([of_one, of_one], rel=2e-3)
+    assert [found_pa(sign * gaps_m, True) for sign in (1, -1)] == pytest.approx(
+        [of_one, of_one], rel=2e-3
+    )
     assert abs(found_pa(gaps_m, False) / of_one - 1.0) > 0.01
 
 
-def test_an_evaluation_leaves_out_the_whole_moment(calibration, cross, tmp_path: Path) -> None:
+def test_an_evaluation_leaves_out_the_whole_moment(
+    calibration, cross, tmp_path: Path
+) -> None:
     write_fixed_reader(tmp_path / "reader", SMALL_LIBRARY, [1.0] * 32)
-    summary = summary_of(parse_calibration_file(json.dumps(calibration.to_dict()).encode(), "c.json"))
+    summary = summary_of(
+        parse_calibration_file(json.dumps(calibration.to_dict()).encode(), "c.json")
+    )
     found = evaluate_recordings(load_model(tmp_path / "reader"), [cross.path], summary)
-    assert [frame.calibration for frame in found.frames] == [name in "123" for name in "0011223344"]
+    assert [frame.calibration for frame in found.frames] == [
+        name in "123" for name in "0011223344"
+    ]
     # A frame of the plane that was not followed is known, too: alone it is not scored either.
-    assert {"1-0.png", "1-1.png"} <= {frame.file for frame in summary.eyes["eye"].frames}
+    assert {"1-0.png", "1-1.png"} <= {
+        frame.file for frame in summary.eyes["eye"].frames
+    }

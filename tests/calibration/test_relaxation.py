@@ -20,9 +20,15 @@ def frames_of(pushes) -> np.ndarray:
     return np.array([push.frame_s for push in pushes])
 
 
-@pytest.mark.parametrize("tissue", [TISSUE, PronySeries((0.12, 0.15), (3.0, 20.0))], ids=["usual", "other times"])
+@pytest.mark.parametrize(
+    "tissue",
+    [TISSUE, PronySeries((0.12, 0.15), (3.0, 20.0))],
+    ids=["usual", "other times"],
+)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_holds_of_a_log_show_the_shares_and_the_elastic_forces(seed: int, tissue: PronySeries) -> None:
+def test_the_holds_of_a_log_show_the_shares_and_the_elastic_forces(
+    seed: int, tissue: PronySeries
+) -> None:
     rng = np.random.default_rng(seed)
     pushes, path = pushed(tissue, rng)
     elastic_n, found = found_in(path, frames_of(pushes), rng)
@@ -34,7 +40,9 @@ def test_the_holds_of_a_log_show_the_shares_and_the_elastic_forces(seed: int, ti
     true_n = path.elastic_n(frames_of(pushes))
     assert elastic_n[heavy] == pytest.approx(true_n[heavy], rel=0.08)
     assert np.mean(elastic_n[heavy] / true_n[heavy]) == pytest.approx(1.0, abs=0.03)
-    assert (true_n[heavy] > 1.1 * np.array(FORCES_N)[heavy]).all()  # without it E would be as much too low
+    assert (
+        true_n[heavy] > 1.1 * np.array(FORCES_N)[heavy]
+    ).all()  # without it E would be as much too low
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -46,16 +54,23 @@ def test_tissue_whose_force_stays_is_elastic(seed: int) -> None:
     assert elastic_n == pytest.approx(FORCES_N, abs=1e-15)
 
 
-def test_a_log_without_holds_keeps_the_shares_of_other_tissue_with_their_spread() -> None:
+def test_a_log_without_holds_keeps_the_shares_of_other_tissue_with_their_spread() -> (
+    None
+):
     rng = np.random.default_rng(0)
     corners_s, corners_n = (0.0, 2.5), (0.0, 0.0)
     for start_s in np.arange(2.5, 30.0, 3.0).tolist():  # up and down at once
-        corners_s, corners_n = (*corners_s, start_s + 1.0, start_s + 2.0, start_s + 3.0), (*corners_n, 0.03, 0.0, 0.0)
+        corners_s, corners_n = (
+            (*corners_s, start_s + 1.0, start_s + 2.0, start_s + 3.0),
+            (*corners_n, 0.03, 0.0, 0.0),
+        )
     path = NeedlePath(corners_s, corners_n, TISSUE)
     _, found = found_in(path, np.array([3.5, 6.5]), rng)
     assert found.source == "population"
     assert 0.1 < sum(found.shares) < 0.6
-    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(np.array(found.shares) * 0.755, rel=0.01)
+    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(
+        np.array(found.shares) * 0.755, rel=0.01
+    )
 
 
 def test_a_needle_that_creeps_on_in_one_hold_does_not_count_as_tissue() -> None:
@@ -73,11 +88,17 @@ def test_a_declared_relaxation_is_used_unchanged() -> None:
     pushes, path = pushed(TISSUE, rng)
     declared = KnownRelaxation.declared(TISSUE.terms)
     elastic_n, found = found_in(path, frames_of(pushes), rng, declared)
-    assert (found.source, found.shares, found.times_s) == ("declared", TISSUE.shares, TISSUE.times_s)
+    assert (found.source, found.shares, found.times_s) == (
+        "declared",
+        TISSUE.shares,
+        TISSUE.times_s,
+    )
     assert elastic_n[0] == pytest.approx(path.elastic_n(frames_of(pushes))[0], rel=0.01)
     elastic_n, _ = found_in(path, frames_of(pushes), rng, KnownRelaxation.declared(()))
     assert elastic_n == pytest.approx(FORCES_N, abs=1e-15)
-    _, found = found_in(path, frames_of(pushes), rng, KnownRelaxation.declared([(0.2, 1.0)]))
+    _, found = found_in(
+        path, frames_of(pushes), rng, KnownRelaxation.declared([(0.2, 1.0)])
+    )
     assert np.shape(found.held_covariance) == (1, 1)
 
 
@@ -85,10 +106,16 @@ def test_histories_are_of_the_frames() -> None:
     rng = np.random.default_rng(3)
     pushes, path = pushed(TISSUE, rng)
     _, found = found_in(path, frames_of(pushes), rng)
-    held_s = np.array([push.frame_s - push.start_s - push.ramp_s / 2 for push in pushes])
+    held_s = np.array(
+        [push.frame_s - push.start_s - push.ramp_s / 2 for push in pushes]
+    )
     assert found.held_s == pytest.approx(held_s.mean(), abs=0.4)
-    assert found.held == pytest.approx(1.0 - np.exp(-held_s.mean() / np.array(TIMES_S)), abs=0.05)
-    assert found.every_s == pytest.approx(np.median(np.diff(frames_of(pushes))), rel=0.01)
+    assert found.held == pytest.approx(
+        1.0 - np.exp(-held_s.mean() / np.array(TIMES_S)), abs=0.05
+    )
+    assert found.every_s == pytest.approx(
+        np.median(np.diff(frames_of(pushes))), rel=0.01
+    )
 
 
 def test_parts_of_several_lengths_and_shares_beyond_1_are_refused() -> None:
@@ -100,7 +127,9 @@ def test_parts_of_several_lengths_and_shares_beyond_1_are_refused() -> None:
 
 
 def test_a_relaxation_is_json() -> None:
-    assert json.loads(json.dumps(vars(KnownRelaxation.declared(TISSUE.terms))))["shares"] == [0.12, 0.15]
+    assert json.loads(json.dumps(vars(KnownRelaxation.declared(TISSUE.terms))))[
+        "shares"
+    ] == [0.12, 0.15]
 
 
 def test_shares_that_are_not_negative_are_the_ones_of_scipy() -> None:

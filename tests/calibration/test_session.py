@@ -50,7 +50,9 @@ def frames(recording: Recording) -> tuple[FrameForces, list[Boundaries]]:
     scale = PixelScale.of(recording.info.oct)
     trials = label_frames(recording, STUDY.classes, STUDY.needle.max_force_n)
     seen = [find_wall(recording.frame(entry), scale) for entry in recording.frames]
-    return frame_forces(recording, trials), [segmented_boundaries(one, scale) for one in seen]
+    return frame_forces(recording, trials), [
+        segmented_boundaries(one, scale) for one in seen
+    ]
 
 
 def test_frames_one_by_one_give_the_result_of_the_recording(
@@ -58,18 +60,28 @@ def test_frames_one_by_one_give_the_result_of_the_recording(
 ) -> None:
     forces, boundaries = frames(recording)
     stated = eye_constants(recording, STUDY)
-    eye = assimilation.begin(STUDY, stated, library, zero_covariance=forces.zero_covariance)
+    eye = assimilation.begin(
+        STUDY, stated, library, zero_covariance=forces.zero_covariance
+    )
     prior = (eye.modulus.mean_pa, eye.modulus.sd_pa)
     means = []
-    for force_n, since_s, boundary in zip(forces.force_n, forces.since_start_s, boundaries, strict=True):
+    for force_n, since_s, boundary in zip(
+        forces.force_n, forces.since_start_s, boundaries, strict=True
+    ):
         eye = assimilation.step(eye, boundary, float(force_n), float(since_s))
         means.append(eye.modulus.mean_pa)
     whole = calibration.eyes["made-up"]
     assert prior == pytest.approx((0.49e6, 0.34e6))
     assert means[0] == prior[0]  # 2 mN: a reference of the pose
     assert means[1:] == [frame.mean_pa for frame in whole.used]
-    assert (eye.modulus.mean_pa, eye.modulus.sd_pa, eye.updates) == (whole.used[-1].mean_pa, whole.used[-1].sd_pa, 5)
-    assert whole.mean_pa == pytest.approx(eye.modulus.mean_pa, rel=0.01)  # its frames were read again
+    assert (eye.modulus.mean_pa, eye.modulus.sd_pa, eye.updates) == (
+        whole.used[-1].mean_pa,
+        whole.used[-1].sd_pa,
+        5,
+    )
+    assert whole.mean_pa == pytest.approx(
+        eye.modulus.mean_pa, rel=0.01
+    )  # its frames were read again
 
 
 def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated_on(
@@ -78,47 +90,81 @@ def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated
     trials = label_frames(recording, STUDY.classes, STUDY.needle.max_force_n)
     corrected_n = frame_forces(recording, trials).force_n
     labels_n = np.array([trial.measured_force_n for trial in trials], dtype=np.float64)
-    between_n = float((corrected_n[1] + labels_n[1]) / 2)  # the label and the force that the filter takes differ
+    between_n = float(
+        (corrected_n[1] + labels_n[1]) / 2
+    )  # the label and the force that the filter takes differ
     assert (labels_n[1] > between_n) != (corrected_n[1] > between_n)
-    study = replace(STUDY, calibration=replace(STUDY.calibration, min_force_n=between_n))
+    study = replace(
+        STUDY, calibration=replace(STUDY.calibration, min_force_n=between_n)
+    )
     found = calibrate_recordings([recording], study, "", library).eyes["made-up"]
-    wanted = [trial.file for trial, force_n in zip(trials, corrected_n, strict=True) if force_n > between_n]
+    wanted = [
+        trial.file
+        for trial, force_n in zip(trials, corrected_n, strict=True)
+        if force_n > between_n
+    ]
     assert [frame.file for frame in found.used] == wanted
 
 
-def test_a_calibration_has_the_discrepancy_of_its_forces(calibration: Calibration) -> None:
+def test_a_calibration_has_the_discrepancy_of_its_forces(
+    calibration: Calibration,
+) -> None:
     """The made-up eye is one of the library's: its frames, read again, lie about its forces. The file keeps it."""
     eye = calibration.eyes["made-up"]
     again = [frame.again for frame in eye.used if frame.again is not None]
     assert len(again) == len(eye.used)
-    read_n, force_n = (np.array([getattr(frame, name) for frame in again]) for name in ("library_n", "force_n"))
+    read_n, force_n = (
+        np.array([getattr(frame, name) for frame in again])
+        for name in ("library_n", "force_n")
+    )
     assert read_n == pytest.approx(force_n, rel=0.05)
-    assert read_n != pytest.approx(force_n, rel=1e-3)  # the frames were read, not their labels copied
+    assert read_n != pytest.approx(
+        force_n, rel=1e-3
+    )  # the frames were read, not their labels copied
     found = eye.discrepancy
     assert found is not None
     assert abs(found.level) < 0.01
     assert found.level_sd < 0.02  # what eyes have
     assert 1.0 <= found.scatter < 2.0  # as expected of a wall of the library's
-    assert found.level_by[0] < 0.0  # an E that is too high goes with forces that are below the library's
+    assert (
+        found.level_by[0] < 0.0
+    )  # an E that is too high goes with forces that are below the library's
     content = calibration.to_dict()
     steps = [step for step in content["eyes"]["made-up"]["steps"] if step["again"]]
-    assert [(step["read_n"], step["read_sd_n"]) for step in steps] == [(one.library_n, one.sd_n) for one in again]
+    assert [(step["read_n"], step["read_sd_n"]) for step in steps] == [
+        (one.library_n, one.sd_n) for one in again
+    ]
     file = parse_calibration_file(json.dumps(content).encode(), "c.json")
     assert summary_of(file).eyes["made-up"].discrepancy == found
     assert parse_calibration(file).eyes["made-up"].discrepancy == found
 
 
 def parsed(content: dict[str, Any]) -> Calibration:
-    return parse_calibration(parse_calibration_file(json.dumps(content).encode(), "c.json"))
+    return parse_calibration(
+        parse_calibration_file(json.dumps(content).encode(), "c.json")
+    )
 
 
-def test_a_frame_read_again_is_refused_by_its_key_and_older_files_without_it_are_read(calibration: Calibration) -> None:
+def test_a_frame_read_again_is_refused_by_its_key_and_older_files_without_it_are_read(
+    calibration: Calibration,
+) -> None:
     name, whole = "made-up", json.dumps(calibration.to_dict())
-    read = next(place for place, step in enumerate(json.loads(whole)["eyes"][name]["steps"]) if step["again"])
-    for key, value in (("library_n", -1.0), ("modulus_pa", 0.0), ("sd_n", "x"), ("by_modulus", None)):
+    read = next(
+        place
+        for place, step in enumerate(json.loads(whole)["eyes"][name]["steps"])
+        if step["again"]
+    )
+    for key, value in (
+        ("library_n", -1.0),
+        ("modulus_pa", 0.0),
+        ("sd_n", "x"),
+        ("by_modulus", None),
+    ):
         content = json.loads(whole)
         content["eyes"][name]["steps"][read]["again"][key] = value
-        with pytest.raises(CalibrationError, match=rf"eyes\.made-up\.steps\[{read}\]\.again\.{key}"):
+        with pytest.raises(
+            CalibrationError, match=rf"eyes\.made-up\.steps\[{read}\]\.again\.{key}"
+        ):
             parsed(content)
     content = json.loads(whole)
     for key in ("level_by", "growth_by", "scatter"):
@@ -133,16 +179,23 @@ def test_a_frame_read_again_is_refused_by_its_key_and_older_files_without_it_are
 
 
 def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
-    library: Library, recording: Recording, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+    library: Library,
+    recording: Recording,
+    calibration: Calibration,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The thickness shows where the wall begins below a conjunctiva."""
     blind = fixed_finder(np.full(88, 100.0), np.full(88, 110.0), sd=0.3)
-    with pytest.raises(CalibrationError, match=r"not usable: .* to find the wall differ"):
+    with pytest.raises(
+        CalibrationError, match=r"not usable: .* to find the wall differ"
+    ):
         calibrate_recordings([recording], STUDY, "", library, finder=blind)
     bundled, given = load_wall_finder(SHIPPED_WALL_FINDER), list[Any]()
     checked = calibrate_recordings([recording], STUDY, "hash", library, finder=bundled)
     both = [one.eyes["made-up"].means[0] for one in (checked, calibration)]
-    assert both[0] == pytest.approx(both[1], rel=1e-3)  # the network may move the wall's end by a few rows
+    assert both[0] == pytest.approx(
+        both[1], rel=1e-3
+    )  # the network may move the wall's end by a few rows
 
     def below(frame: Any, scale: Any, *more: Any) -> Any:
         given.append(more)
@@ -155,11 +208,16 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
 
 
 def test_forces_far_above_all_calibrated_ones_are_a_doubt(
-    library: Library, recording: Recording, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+    library: Library,
+    recording: Recording,
+    calibration: Calibration,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Deep dents, of 30 mN or more, are taken for ones that leave the window."""
 
-    deep = [recording.frame(recording.frames[index]) for index in (1, 3, 5)]  # of the highest forces
+    deep = [
+        recording.frame(recording.frames[index]) for index in (1, 3, 5)
+    ]  # of the highest forces
 
     def shallow(pixels: Any, *asked: Any) -> Any:
         is_deep = any(np.array_equal(pixels, frame) for frame in deep)
@@ -168,12 +226,18 @@ def test_forces_far_above_all_calibrated_ones_are_a_doubt(
     assert calibration.eyes["made-up"].recordings[0].doubts == ()
     monkeypatch.setattr(eye_frames, "find_wall", shallow)
     eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
-    assert [round(1e3 * frame.force_n) for frame in eye.frames if frame.skipped == "not usable: deep"] == [30, 45, 38]
+    assert [
+        round(1e3 * frame.force_n)
+        for frame in eye.frames
+        if frame.skipped == "not usable: deep"
+    ] == [30, 45, 38]
     (doubt,) = eye.recordings[0].doubts
     assert "no frame above 20 mN could be calibrated on, of forces up to 45 mN" in doubt
 
 
-def test_one_modulus_fits_low_and_high_forces_of_raw_frames(calibration: Calibration) -> None:
+def test_one_modulus_fits_low_and_high_forces_of_raw_frames(
+    calibration: Calibration,
+) -> None:
     eye = calibration.eyes["made-up"]
     assert calibration.mechanics == "finite-strain"
     assert eye.mean_pa == pytest.approx(0.27e6, rel=0.03)
@@ -183,7 +247,9 @@ def test_one_modulus_fits_low_and_high_forces_of_raw_frames(calibration: Calibra
     assert eye.status == "ok"
 
 
-def test_the_file_keeps_the_mechanics_and_the_number_of_updates(calibration: Calibration) -> None:
+def test_the_file_keeps_the_mechanics_and_the_number_of_updates(
+    calibration: Calibration,
+) -> None:
     saved = parsed(calibration.to_dict())
     assert saved.mechanics == "finite-strain"
     eye = calibration.eyes["made-up"]
@@ -191,14 +257,25 @@ def test_the_file_keeps_the_mechanics_and_the_number_of_updates(calibration: Cal
     assert saved.eyes["made-up"].updates == eye.updates == eye.state.posterior.updates
 
 
-STATED = EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0)
+STATED = EyeConstants(
+    iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0
+)
 
 
-def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(library: Library) -> None:
-    walls = library.curves(np.array([0.7e-3]), np.array([266.0 / 0.27e6]), np.array([0.03 / 0.27e6])).curves_sbnc
-    pose, smoothing_m = Pose(lateral_m=0, depth_m=0.5e-3), STUDY.calibration.surface_smoothing_m
+def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(
+    library: Library,
+) -> None:
+    walls = library.curves(
+        np.array([0.7e-3]), np.array([266.0 / 0.27e6]), np.array([0.03 / 0.27e6])
+    ).curves_sbnc
+    pose, smoothing_m = (
+        Pose(lateral_m=0, depth_m=0.5e-3),
+        STUDY.calibration.surface_smoothing_m,
+    )
     section = cut_surfaces(walls[0], 0.5e-3)
-    seen = ideal_boundaries(section, pose, STUDY.oct, 5e-6, np.random.default_rng(0), smoothing_m)
+    seen = ideal_boundaries(
+        section, pose, STUDY.oct, 5e-6, np.random.default_rng(0), smoothing_m
+    )
     before = assimilation.begin(STUDY, STATED, library)
     after, again = (assimilation.step(before, seen, 0.03) for _ in range(2))
     assert (before.updates, before.last) == (0, None)
@@ -207,7 +284,9 @@ def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(l
     assert 0 < after.modulus.sd_pa < 0.02e6
     empty = replace(seen, depth_m=np.full_like(seen.depth_m, np.nan))
     assert assimilation.step(after, empty, 0.001).state is after.state
-    assert assimilation.step(after, empty, 0.03).modulus.mean_pa == after.modulus.mean_pa
+    assert (
+        assimilation.step(after, empty, 0.03).modulus.mean_pa == after.modulus.mean_pa
+    )
 
 
 def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
@@ -215,16 +294,27 @@ def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
 ) -> None:
     """The pose that they show moves by less than its standard deviation with E's walls 30 % stiffer."""
     forces, boundaries = frames(recording)
-    stated, fitted, poses = eye_constants(recording, STUDY), list[float](), dict[Boundaries, PoseBelief]()
+    stated, fitted, poses = (
+        eye_constants(recording, STUDY),
+        list[float](),
+        dict[Boundaries, PoseBelief](),
+    )
     register = registration.register
-    monkeypatch.setattr(registration, "register", lambda *given: fitted.append(given[2]) or register(*given))
+    monkeypatch.setattr(
+        registration,
+        "register",
+        lambda *given: fitted.append(given[2]) or register(*given),
+    )
     other = with_walls(library, force_ratio_btpd=1.3 * library.walls.force_ratio_btpd)
     ends = list[list[PoseBelief]]()
     for shared in (poses, None):
         ends.append([])
         for walls in (library, other):
             eye = assimilation.begin(STUDY, stated, walls, poses=shared)
-            for boundary, force_n in ((boundaries[0], forces.force_n[0]), (boundaries[3], forces.force_n[3])):
+            for boundary, force_n in (
+                (boundaries[0], forces.force_n[0]),
+                (boundaries[3], forces.force_n[3]),
+            ):
                 eye = assimilation.step(eye, boundary, float(force_n))
             ends[-1].append(eye.state.belief)
     assert fitted == [forces.force_n[place] for place in (0, 3, 3, 0, 3, 0, 3)]

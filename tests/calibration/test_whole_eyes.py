@@ -32,12 +32,19 @@ PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 STUDY = replace(
     Study(),
     library=LibraryStudy(
-        thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tension=Range(min=4e-3, max=0.3), tensions=10,
-        max_tip_m=4e-3, tips=28, stiffenings=1,
+        thickness_m=Range(min=0.5e-3, max=0.8e-3),
+        thicknesses=4,
+        tension=Range(min=4e-3, max=0.3),
+        tensions=10,
+        max_tip_m=4e-3,
+        tips=28,
+        stiffenings=1,
     ),
-)  # fmt: skip
+)
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
-DENTS_M = 1e-3 * np.linspace(1.0, 2.2, 13)  # the deepest that the library has of an eye is its highest force
+DENTS_M = 1e-3 * np.linspace(
+    1.0, 2.2, 13
+)  # the deepest that the library has of an eye is its highest force
 SHARES = (0.35, 0.7, 1.0)  # of that force
 NOISE_M = 10e-6
 
@@ -51,10 +58,13 @@ def drawn_eye(rng: np.random.Generator, rigidity: float) -> tuple[float, EyeCons
     """The modulus and the true values of an eye, whose contact is not the stated one."""
     modulus_pa = float(rng.uniform(0.25e6, 0.45e6))
     eye = EyeConstants(
-        iop_pa=float(rng.uniform(150.0, 400.0)), thickness_m=float(rng.uniform(0.52e-3, 0.78e-3)),
-        gap_m=float(rng.uniform(0.4e-3, 0.8e-3)), polar_rad=float(rng.uniform(0.45, 0.78)), polar_sd_rad=0.0,
+        iop_pa=float(rng.uniform(150.0, 400.0)),
+        thickness_m=float(rng.uniform(0.52e-3, 0.78e-3)),
+        gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
+        polar_rad=float(rng.uniform(0.45, 0.78)),
+        polar_sd_rad=0.0,
         globe=replace(SEALED, mean=rigidity * PER_UL) if rigidity else OPEN,
-    )  # fmt: skip
+    )
     return modulus_pa, eye
 
 
@@ -67,16 +77,24 @@ def highest_force_n(library: Library, modulus_pa: float, eye: EyeConstants) -> f
     deepest = int(np.flatnonzero(np.isfinite(pressures))[-1])
     near = library.for_contact(eye.polar_rad)
     there = slice(deepest, deepest + 1)
-    force = modulus_pa * float(near.forces(thickness[there], pressures[there], DENTS_M[there])[0])
+    force = modulus_pa * float(
+        near.forces(thickness[there], pressures[there], DENTS_M[there])[0]
+    )
     return min(0.95 * force, 60e-3)
 
 
 def frames(
-    library: Library, modulus_pa: float, eye: EyeConstants, forces_n: list[float], rng: np.random.Generator
+    library: Library,
+    modulus_pa: float,
+    eye: EyeConstants,
+    forces_n: list[float],
+    rng: np.random.Generator,
 ) -> list[Boundaries]:
     """Boundaries of frames of an eye that moves, from an ideal segmentation."""
     model = library_eye(SHARP, eye, library)
-    states = [stated_wall(eye, modulus_pa, force_n, eye.polar_rad) for force_n in forces_n]
+    states = [
+        stated_wall(eye, modulus_pa, force_n, eye.polar_rad) for force_n in forces_n
+    ]
     assert [model.outside(state) for state in states] == [None] * len(states)
     sections = [Section(*model.curves([state])[0]) for state in states]
     return [boundaries for _, boundaries in moving(sections, rng, NOISE_M)]
@@ -90,18 +108,28 @@ def calibrated(
     forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
     stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=declared)
     found = assimilation.begin(STUDY, stated, library)
-    for force_n, boundaries in zip(forces_n, frames(library, modulus_pa, eye, forces_n, rng), strict=True):
+    for force_n, boundaries in zip(
+        forces_n, frames(library, modulus_pa, eye, forces_n, rng), strict=True
+    ):
         found = assimilation.step(found, boundaries, force_n)
         assert isinstance(found.last, FrameStep), found.last
         assert found.last.result.status == "ok"
     off_pa = found.modulus.mean_pa - modulus_pa
-    return off_pa / modulus_pa, known_globe_after(found.filter, found.state), off_pa / found.modulus.sd_pa
+    return (
+        off_pa / modulus_pa,
+        known_globe_after(found.filter, found.state),
+        off_pa / found.modulus.sd_pa,
+    )
 
 
 @pytest.mark.parametrize("number", [0, 4, 7])
-def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(library: Library, number: int) -> None:
+def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(
+    library: Library, number: int
+) -> None:
     rigidity = float(np.linspace(0.008, 0.043, 8)[number])
-    off, globe, off_sd = calibrated(library, rigidity, SEALED, np.random.default_rng(100 + number))
+    off, globe, off_sd = calibrated(
+        library, rigidity, SEALED, np.random.default_rng(100 + number)
+    )
     assert globe.mean / PER_UL == pytest.approx(rigidity, rel=0.08)
     assert abs(off) < 0.06
     assert abs(off_sd) < 3.0
@@ -111,15 +139,25 @@ def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(librar
 
 def test_an_open_eye_is_found_open_without_being_declared(library: Library) -> None:
     for number in range(2):
-        off, globe, _ = calibrated(library, 0.0, UNKNOWN, np.random.default_rng(200 + number))
+        off, globe, _ = calibrated(
+            library, 0.0, UNKNOWN, np.random.default_rng(200 + number)
+        )
         assert abs(off) < 0.03
         assert globe.mean / PER_UL == pytest.approx(0.0, abs=0.002)
         assert globe.band[1] / PER_UL < 0.003
 
 
-def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(library: Library) -> None:
+def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
+    library: Library,
+) -> None:
     """A search that began from a stiff globe led to 0.01 MPa in its first frame."""
-    eye = EyeConstants(iop_pa=378.0, thickness_m=0.541e-3, gap_m=0.517e-3, polar_rad=0.689, polar_sd_rad=0.0)
+    eye = EyeConstants(
+        iop_pa=378.0,
+        thickness_m=0.541e-3,
+        gap_m=0.517e-3,
+        polar_rad=0.689,
+        polar_sd_rad=0.0,
+    )
     stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=UNKNOWN)
     for forces_n in ([0.0106, 0.0232, 0.036], [0.036, 0.0232, 0.0106]):
         made = frames(library, 0.2217e6, eye, forces_n, np.random.default_rng(3))
@@ -127,21 +165,35 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(library: 
         for force_n, boundaries in zip(forces_n, made, strict=True):
             found = assimilation.step(found, boundaries, force_n)
             assert isinstance(found.last, FrameStep), found.last
-            assert found.last.registered.wall.youngs_modulus_pa == pytest.approx(0.2217e6, rel=0.1)
-        assert forces_n[0] > forces_n[-1] or found.modulus.mean_pa == pytest.approx(0.2217e6, rel=0.05)
+            assert found.last.registered.wall.youngs_modulus_pa == pytest.approx(
+                0.2217e6, rel=0.1
+            )
+        assert forces_n[0] > forces_n[-1] or found.modulus.mean_pa == pytest.approx(
+            0.2217e6, rel=0.05
+        )
 
 
-def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigidity(library: Library, tmp_path) -> None:
+def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigidity(
+    library: Library, tmp_path
+) -> None:
     modulus_pa, constants = drawn_eye(np.random.default_rng(104), 0.035)
     highest_n = highest_force_n(library, modulus_pa, constants)
     eye = PhantomEye(
-        id="shut", thickness_m=constants.thickness_m, youngs_modulus_pa=modulus_pa, iop_pa=constants.iop_pa,
-        gap_m=constants.gap_m, polar_rad=constants.polar_rad, azimuth_rad=0.0,
-    )  # fmt: skip
+        id="shut",
+        thickness_m=constants.thickness_m,
+        youngs_modulus_pa=modulus_pa,
+        iop_pa=constants.iop_pa,
+        gap_m=constants.gap_m,
+        polar_rad=constants.polar_rad,
+        azimuth_rad=0.0,
+    )
     model = library_eye(SHARP, constants, library)
 
     def sections(forces_n: Sequence[float]) -> list[Section]:
-        states = [stated_wall(constants, modulus_pa, force_n, constants.polar_rad) for force_n in forces_n]
+        states = [
+            stated_wall(constants, modulus_pa, force_n, constants.polar_rad)
+            for force_n in forces_n
+        ]
         return [Section(outer, inner) for outer, inner in model.curves(states)]
 
     plan = plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3)
@@ -149,69 +201,122 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
     recording = read_recording(tmp_path / "shut")
     for declared, status, doubts in (("open", "diverged", 1), ("sealed", "ok", 0)):
         info = replace(recording.info, eye=replace(recording.info.eye, globe=declared))
-        found = calibrate_recordings([replace(recording, info=info)], STUDY, "", library).eyes["shut"]
+        found = calibrate_recordings(
+            [replace(recording, info=info)], STUDY, "", library
+        ).eyes["shut"]
         assert found.status.startswith(status)
         assert found.globe.kind == ("unknown" if doubts else declared)
         if not doubts:
             rigidity = found.names.index(RIGIDITY)
-            assert (found.means[rigidity], found.sds[rigidity]) == (found.globe.mean, found.globe.sd)
-        of_globe = [doubt for doubt in found.recordings[-1].doubts if doubt.startswith("eye.globe is stated as open")]
+            assert (found.means[rigidity], found.sds[rigidity]) == (
+                found.globe.mean,
+                found.globe.sd,
+            )
+        of_globe = [
+            doubt
+            for doubt in found.recordings[-1].doubts
+            if doubt.startswith("eye.globe is stated as open")
+        ]
         assert len(of_globe) == doubts
         assert all(" k 0.03" in doubt for doubt in of_globe)
 
 
-def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(library: Library, tmp_path: Path) -> None:
+def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
+    library: Library, tmp_path: Path
+) -> None:
     modulus_pa, constants = drawn_eye(np.random.default_rng(104), 0.035)
     highest_n = 0.8 * highest_force_n(library, modulus_pa, constants)
     eye = PhantomEye(
-        id="leak", thickness_m=constants.thickness_m, youngs_modulus_pa=modulus_pa, iop_pa=constants.iop_pa,
-        gap_m=constants.gap_m, polar_rad=constants.polar_rad,
-    )  # fmt: skip
+        id="leak",
+        thickness_m=constants.thickness_m,
+        youngs_modulus_pa=modulus_pa,
+        iop_pa=constants.iop_pa,
+        gap_m=constants.gap_m,
+        polar_rad=constants.polar_rad,
+    )
     plan = plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3)
-    law, thickness = SEALED.globe(constants.globe.mean), np.array([constants.thickness_m])
+    law, thickness = (
+        SEALED.globe(constants.globe.mean),
+        np.array([constants.thickness_m]),
+    )
     clock_s = np.arange(0.0, plan.path.times_s[-1], 0.1)
 
     def pressed(force_n: float, leaked_m3: float) -> float:
         rest_pa = float(law.pressure(constants.iop_pa, -leaked_m3))
         rest, force = np.array([[rest_pa], [force_n]]) / modulus_pa
-        return modulus_pa * float(iop_ratio_under_force(library, thickness, rest, force, law.over(modulus_pa))[0])
+        return modulus_pa * float(
+            iop_ratio_under_force(
+                library, thickness, rest, force, law.over(modulus_pa)
+            )[0]
+        )
 
-    leaked_m3 = law.leaked_m3(constants.iop_pa, 600.0, plan.path.elastic_n(clock_s), pressed)
-    at_frames_m3 = np.interp([frame.time_s for frame in plan.frames], clock_s, leaked_m3)
+    leaked_m3 = law.leaked_m3(
+        constants.iop_pa, 600.0, plan.path.elastic_n(clock_s), pressed
+    )
+    at_frames_m3 = np.interp(
+        [frame.time_s for frame in plan.frames], clock_s, leaked_m3
+    )
 
     def sections(forces_n: Sequence[float]) -> list[Section]:
         rests_pa = law.pressure(constants.iop_pa, -at_frames_m3).tolist()
         states = [
-            replace(stated_wall(constants, modulus_pa, force_n, constants.polar_rad), iop_pa=rest_pa)
+            replace(
+                stated_wall(constants, modulus_pa, force_n, constants.polar_rad),
+                iop_pa=rest_pa,
+            )
             for force_n, rest_pa in zip(forces_n, rests_pa, strict=True)
         ]
-        return [Section(outer, inner) for outer, inner in library_eye(SHARP, constants, library).curves(states)]
+        return [
+            Section(outer, inner)
+            for outer, inner in library_eye(SHARP, constants, library).curves(states)
+        ]
 
     write_phantom(tmp_path / "leak", plan, sections, STUDY)
     recording = read_recording(tmp_path / "leak")
     found = []
     for leak_time_s in (None, 60.0):
-        info = replace(recording.info, eye=replace(recording.info.eye, globe="sealed", leak_time_s=leak_time_s))
-        found.append(calibrate_recordings([replace(recording, info=info)], STUDY, "", library).eyes["leak"])
+        info = replace(
+            recording.info,
+            eye=replace(recording.info.eye, globe="sealed", leak_time_s=leak_time_s),
+        )
+        found.append(
+            calibrate_recordings(
+                [replace(recording, info=info)], STUDY, "", library
+            ).eyes["leak"]
+        )
     assert found[1].globe.mean == pytest.approx(constants.globe.mean, rel=0.08)
     assert found[0].globe.mean < 0.85 * constants.globe.mean
     assert [LEAKS in eye.recordings[0].doubts for eye in found] == [False, True]
 
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"
-NEEDS_RECORDINGS = pytest.mark.skipif(not RECORDINGS.exists(), reason="no real recordings here")
+NEEDS_RECORDINGS = pytest.mark.skipif(
+    not RECORDINGS.exists(), reason="no real recordings here"
+)
 
 
-def of_recording(name: str, globe: str | None, frames: int | None = None) -> EyeCalibration:
+def of_recording(
+    name: str, globe: str | None, frames: int | None = None
+) -> EyeCalibration:
     recording = read_recording(RECORDINGS / name)
-    declared = replace(recording, info=replace(recording.info, eye=replace(recording.info.eye, globe=globe)))
-    return calibrate_recordings([declared], Study(), "", cached_library(Study(), workers=1), frames=frames).eyes[name]
+    declared = replace(
+        recording,
+        info=replace(recording.info, eye=replace(recording.info.eye, globe=globe)),
+    )
+    return calibrate_recordings(
+        [declared], Study(), "", cached_library(Study(), workers=1), frames=frames
+    ).eyes[name]
 
 
 @pytest.mark.real
 @NEEDS_RECORDINGS
-@pytest.mark.parametrize(("name", "frames"), [("sample-a", 3), pytest.param("sample-b", None, marks=pytest.mark.long)])
-def test_an_open_eye_of_a_recording_is_found_open_without_being_declared(name: str, frames: int | None) -> None:
+@pytest.mark.parametrize(
+    ("name", "frames"),
+    [("sample-a", 3), pytest.param("sample-b", None, marks=pytest.mark.long)],
+)
+def test_an_open_eye_of_a_recording_is_found_open_without_being_declared(
+    name: str, frames: int | None
+) -> None:
     without, declared = of_recording(name, None, frames), of_recording(name, "open")
     assert (without.status, declared.status) == ("ok", "ok")
     assert abs(without.globe.mean) / PER_UL < 0.001

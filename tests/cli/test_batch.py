@@ -23,7 +23,14 @@ NAMES = ("eye-a", "eye-b", "eye-c")
 def eyes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("eyes")
     for seed, name in enumerate(NAMES):
-        sf.phantom(folder / name, eye=name, forces_n=[0.012, 0.03], thickness_m=650e-6, globe="open", seed=seed)
+        sf.phantom(
+            folder / name,
+            eye=name,
+            forces_n=[0.012, 0.03],
+            thickness_m=650e-6,
+            globe="open",
+            seed=seed,
+        )
     (folder / "notes.txt").write_text("not a recording")
     return folder
 
@@ -37,11 +44,18 @@ def folder(eyes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def evaluated(table: str = "t.csv", calibration: Path | None = None) -> Batch:
     paths = [path for path in sorted(Path().iterdir()) if not path.name.startswith(".")]
     return evaluate_to_table(
-        "default", paths, Path(table), calibration, SHIPPED_WALL_FINDER, lambda *_: nullcontext(lambda _: None)
+        "default",
+        paths,
+        Path(table),
+        calibration,
+        SHIPPED_WALL_FINDER,
+        lambda *_: nullcontext(lambda _: None),
     )
 
 
-def test_the_table_has_the_rows_and_the_summary_the_metrics_of_evaluate(folder: Path) -> None:
+def test_the_table_has_the_rows_and_the_summary_the_metrics_of_evaluate(
+    folder: Path,
+) -> None:
     found = evaluated()
     together = sf.evaluate(sf.load_model("default"), list(NAMES))
     assert found.rows == together.rows()
@@ -51,12 +65,25 @@ def test_the_table_has_the_rows_and_the_summary_the_metrics_of_evaluate(folder: 
     assert [(row["recording"], row["file"]) for row in lines] == [
         (each.recording, each.file) for each in together.frames
     ]
-    assert {"time_s", "measured_force_mn", "predicted_force_mn", "interval_low_mn", "covered"} <= lines[0].keys()
+    assert {
+        "time_s",
+        "measured_force_mn",
+        "predicted_force_mn",
+        "interval_low_mn",
+        "covered",
+    } <= lines[0].keys()
     for eye, name in zip(by_eye(found.rows), NAMES, strict=True):
         alone = sf.evaluate(sf.load_model("default"), name)
-        assert (eye["eye"], eye["frames"], eye["scored"]) == (name, 2, len(alone.scored))
+        assert (eye["eye"], eye["frames"], eye["scored"]) == (
+            name,
+            2,
+            len(alone.scored),
+        )
         assert eye["mae_mn"] == pytest.approx(1e3 * alone.mae_n)
-        assert (eye["accuracy"], eye["coverage"]) == (alone.accuracy.value, alone.coverage.value)
+        assert (eye["accuracy"], eye["coverage"]) == (
+            alone.accuracy.value,
+            alone.coverage.value,
+        )
         assert eye["modulus_source"] == alone.frames[0].modulus_source
 
 
@@ -76,20 +103,29 @@ def test_an_interrupted_batch_continues_after_its_last_whole_recording(
         with pytest.raises(KeyboardInterrupt):
             evaluated()
     assert not (folder / "t.csv").exists()
-    assert not [name for _, _, files in os.walk(folder) for name in files if name.endswith(".part")]
+    assert not [
+        name
+        for _, _, files in os.walk(folder)
+        for name in files
+        if name.endswith(".part")
+    ]
     resumed = evaluated()
     assert (resumed.recordings, resumed.read) == (3, 1)
     assert resumed.rows == evaluated("fresh.csv").rows
     assert (folder / "t.csv").read_bytes() == (folder / "fresh.csv").read_bytes()
 
 
-def test_what_has_changed_is_read_again_and_nothing_else(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_has_changed_is_read_again_and_nothing_else(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert [evaluated().read, evaluated().read] == [3, 0]
     frames = sorted((folder / "eye-b" / "frames").iterdir())
     frames[0].write_bytes(frames[1].read_bytes())
     assert evaluated().read == 1
     (folder / "eye-c" / "walls").mkdir()
-    (folder / "eye-c" / "walls" / ".0001.draft.json").write_text("{}")  # hidden: of no effect on the answers
+    (folder / "eye-c" / "walls" / ".0001.draft.json").write_text(
+        "{}"
+    )  # hidden: of no effect on the answers
     assert evaluated().read == 0
     state = sorted((folder / ".t.csv.state").iterdir())
     assert len(state) == 3  # files of earlier contents are gone
@@ -109,20 +145,33 @@ def test_a_table_of_parquet_keeps_the_types_of_its_columns(folder: Path) -> None
     assert parquet.read_table(folder / "t.parquet").to_pylist() == found.rows
 
 
-def test_what_cannot_be_written_is_refused_before_reading(folder: Path, monkeypatch: pytest.MonkeyPatch, shell) -> None:
+def test_what_cannot_be_written_is_refused_before_reading(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, shell
+) -> None:
     monkeypatch.setattr(batch, "evaluate_recordings", None)
     (folder / "taken.csv").write_text("mine")
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     for table, fault in {
-        "t.xlsx": "ends in .csv or .parquet", "taken.csv": "exists already", "no/t.csv": "its folder does not exist",
+        "t.xlsx": "ends in .csv or .parquet",
+        "taken.csv": "exists already",
+        "no/t.csv": "its folder does not exist",
         "t.parquet": "takes the package pyarrow, which is not installed: pip install 'scleraforce[formats]'",
-    }.items():  # fmt: skip
+    }.items():
         assert fault in shell.refused("evaluate", "default", "eye-a", "--table", table)
-    assert "not together" in shell.refused("evaluate", "default", "eye-a", "--table", "t.csv", "--html", "t.html")
-    assert "nothing: no such recording" in shell.refused("evaluate", "default", "eye-a", "nothing", "--table", "t.csv")
+    assert "not together" in shell.refused(
+        "evaluate", "default", "eye-a", "--table", "t.csv", "--html", "t.html"
+    )
+    assert "nothing: no such recording" in shell.refused(
+        "evaluate", "default", "eye-a", "nothing", "--table", "t.csv"
+    )
     with pytest.raises(InputError, match="given twice"):
         evaluate_to_table(
-            "default", [Path("eye-a"), folder / "eye-a"], Path("t.csv"), None, None, lambda *_: nullcontext()
+            "default",
+            [Path("eye-a"), folder / "eye-a"],
+            Path("t.csv"),
+            None,
+            None,
+            lambda *_: nullcontext(),
         )
     assert (folder / "taken.csv").read_text() == "mine"
 
@@ -130,7 +179,16 @@ def test_what_cannot_be_written_is_refused_before_reading(folder: Path, monkeypa
 @pytest.mark.usefixtures("folder")
 def test_the_command_prints_a_summary_by_eye(shell) -> None:
     lines = shell.run("evaluate", "default", *NAMES, "--table", "t.csv")[0].splitlines()
-    assert lines[0].split() == ["eye", "frames", "scored", "accuracy", "error/mN", "held", "E/MPa", "from"]
+    assert lines[0].split() == [
+        "eye",
+        "frames",
+        "scored",
+        "accuracy",
+        "error/mN",
+        "held",
+        "E/MPa",
+        "from",
+    ]
     assert [line.split()[:2] for line in lines[1:4]] == [[name, "2"] for name in NAMES]
     assert lines[-1] == "wrote t.csv: 6 frames; recordings read now: 3 of 3"
     assert max(map(len, lines)) <= 80

@@ -11,7 +11,18 @@ import pytest
 import tifffile
 from click.testing import CliRunner, Result
 from effects import contents
-from foreign_files import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, options_of, with_log, write_dicom, write_log
+from foreign_files import (
+    COLUMNS,
+    COUNT,
+    DEPTH_M,
+    FRAMES,
+    LATERAL_M,
+    ROWS,
+    options_of,
+    with_log,
+    write_dicom,
+    write_log,
+)
 from small_recordings import looked_at_frames, write_small_recording
 
 from scleraforce.cli import import_ as terminal
@@ -27,7 +38,9 @@ def stack(path: Path, **stated: object) -> Path:
     """A TIFF that states its scale and when its frames were taken."""
     resolution = (1e-6 / LATERAL_M, 1e-6 / DEPTH_M)
     metadata = {"axes": "TYX", "unit": "um", "finterval": 1.0, **stated}
-    tifffile.imwrite(path, FRAMES, imagej=True, resolution=resolution, metadata=metadata)
+    tifffile.imwrite(
+        path, FRAMES, imagej=True, resolution=resolution, metadata=metadata
+    )
     return path
 
 
@@ -36,7 +49,9 @@ def imported(shell, tmp_path: Path):
     """Import into a new recording, by default `r`; return the object that is printed, and the recording."""
 
     def run_import(*arguments: object, out: str = "r") -> tuple[dict, Recording]:
-        return shell.json("import", *arguments, "--out", tmp_path / out), read_recording(tmp_path / out)
+        return shell.json(
+            "import", *arguments, "--out", tmp_path / out
+        ), read_recording(tmp_path / out)
 
     return run_import
 
@@ -57,7 +72,9 @@ def tiff(tmp_path: Path) -> Path:
     return stack(tmp_path / "a.tif")
 
 
-def test_frames_and_forces_become_a_recording_with_the_source_of_each_value(imported, tiff, tmp_path: Path) -> None:
+def test_frames_and_forces_become_a_recording_with_the_source_of_each_value(
+    imported, tiff, tmp_path: Path
+) -> None:
     force_n = write_log(tmp_path / "log.csv")
     options = options_of("--bits", 13, "--clock-offset-s", 0.5, "--contact-sign", -1)
     entry, recording = imported(tiff, tmp_path / "log.csv", *options)
@@ -66,38 +83,65 @@ def test_frames_and_forces_become_a_recording_with_the_source_of_each_value(impo
     assert [frame.time_s for frame in recording.frames] == [0.5, 1.5, 2.5, 3.5, 4.5]
     np.testing.assert_allclose(recording.forces.force_n("fz"), force_n, atol=1e-7)
     info = recording.info
-    assert (info.oct.width_m, info.oct.depth_m) == pytest.approx((COLUMNS * LATERAL_M, ROWS * DEPTH_M))
-    assert (info.oct.refractive_index, info.oct.bits, info.needle.gauge, info.eye.id) == (1.38, 13, 22, "eye-1")
+    assert (info.oct.width_m, info.oct.depth_m) == pytest.approx(
+        (COLUMNS * LATERAL_M, ROWS * DEPTH_M)
+    )
+    assert (
+        info.oct.refractive_index,
+        info.oct.bits,
+        info.needle.gauge,
+        info.eye.id,
+    ) == (1.38, 13, 22, "eye-1")
     assert (info.force.axis, info.force.contact_sign) == ("fz", -1)
     assert entry["values"] == {
-        "width_mm": "ImageJ's unit", "depth_mm": "ImageJ's unit", "refractive_index": "option", "bits": "option",
-        "clock_offset_s": "option", "axis": "the only force of the log", "contact_sign": "option", "eye": "option",
-        "gauge": "option", "gap_mm": "option", "times": "ImageJ's finterval",
-    }  # fmt: skip
+        "width_mm": "ImageJ's unit",
+        "depth_mm": "ImageJ's unit",
+        "refractive_index": "option",
+        "bits": "option",
+        "clock_offset_s": "option",
+        "axis": "the only force of the log",
+        "contact_sign": "option",
+        "eye": "option",
+        "gauge": "option",
+        "gap_mm": "option",
+        "times": "ImageJ's finterval",
+    }
     assert (entry["frames"], entry["force_samples"]) == (COUNT, len(force_n))
     kept = json.loads((tmp_path / "r" / "import.json").read_text())
     assert [file["kind"] for file in kept["files"]] == ["tiff", "log"]
     assert kept["answers"] == {"columns": ["time=Time (ms):ms", "fz=Force_Z [mN]:mN"]}
-    assert cv2.imread(str(tmp_path / "r" / "preview.png")).shape[1] == pytest.approx(170 / 25.4 * 200, abs=2)
+    assert cv2.imread(str(tmp_path / "r" / "preview.png")).shape[1] == pytest.approx(
+        170 / 25.4 * 200, abs=2
+    )
     imported(tiff, tmp_path / "log.csv", *options, out="s")
     assert contents(tmp_path / "r") == contents(tmp_path / "s")
 
 
-def test_without_a_terminal_all_missing_metadata_is_named_at_once(refused, tmp_path: Path) -> None:
+def test_without_a_terminal_all_missing_metadata_is_named_at_once(
+    refused, tmp_path: Path
+) -> None:
     for nth in range(2):
         cv2.imwrite(str(tmp_path / f"{nth}.png"), FRAMES[nth])
     write_log(tmp_path / "log.csv")
     error = refused(tmp_path / "0.png", tmp_path / "1.png", tmp_path / "log.csv")
-    asked = [question for name, question in importing.QUESTIONS.items() if name != "axis"]
-    assert [f"({question.options})" in error for question in asked] == [not question.optional for question in asked]
+    asked = [
+        question for name, question in importing.QUESTIONS.items() if name != "axis"
+    ]
+    assert [f"({question.options})" in error for question in asked] == [
+        not question.optional for question in asked
+    ]
     for given, missing in (("--width-mm", "--depth-mm"), ("--depth-mm", "--width-mm")):
         error = refused(tmp_path / "0.png", *options_of("--bits", 16), given, 3)
         assert f"({missing})" in error
         assert f"({given})" not in error
 
 
-def test_precedence_is_options_then_the_file_then_another_recording(imported, tiff, tmp_path: Path) -> None:
-    first, _ = imported(tiff, *options_of("--bits", 16), "--width-mm", 9, "--depth-mm", 8)
+def test_precedence_is_options_then_the_file_then_another_recording(
+    imported, tiff, tmp_path: Path
+) -> None:
+    first, _ = imported(
+        tiff, *options_of("--bits", 16), "--width-mm", 9, "--depth-mm", 8
+    )
     assert (first["width_mm"], first["values"]["width_mm"]) == (9.0, "option")
     like = ["--like", tmp_path / "r", "--eye", "eye-2"]
     second, _ = imported(tiff, *like, out="s")
@@ -106,18 +150,28 @@ def test_precedence_is_options_then_the_file_then_another_recording(imported, ti
     assert second["values"]["gauge"] == f"like {tmp_path / 'r'}"
     write_dicom(tmp_path / "b.dcm", FRAMES, FrameTime=100.0)
     third, _ = imported(tmp_path / "b.dcm", *like, out="t")
-    assert (third["width_mm"], third["values"]["width_mm"]) == (9.0, f"like {tmp_path / 'r'}")
+    assert (third["width_mm"], third["values"]["width_mm"]) == (
+        9.0,
+        f"like {tmp_path / 'r'}",
+    )
 
 
 def test_a_recording_comes_back_from_its_own_files(imported, tmp_path: Path) -> None:
     folder = with_log(write_small_recording(tmp_path / "small", frames=12))
-    sources = [folder / "frames", folder / "forces.csv", "--times", folder / "frames.csv"]
+    sources = [
+        folder / "frames",
+        folder / "forces.csv",
+        "--times",
+        folder / "frames.csv",
+    ]
     entry, second = imported(*sources, "--like", folder, "--eye", "small")
     first = read_recording(folder)
     assert (second.info, second.frames) == (first.info, first.frames)
     for frame in first.frames:
         np.testing.assert_array_equal(second.frame(frame), first.frame(frame))
-    np.testing.assert_allclose(second.forces.force_n("fz"), first.forces.force_n("fz"), rtol=1e-6)
+    np.testing.assert_allclose(
+        second.forces.force_n("fz"), first.forces.force_n("fz"), rtol=1e-6
+    )
     assert entry["values"]["times"] == str(folder / "frames.csv")
 
 
@@ -137,55 +191,114 @@ def cross(tmp_path: Path) -> list[Path]:
     return [tmp_path / name for name in ("log.csv", "along", "across")]
 
 
-def test_folders_of_planes_become_one_recording_of_moments(imported, cross, tmp_path: Path) -> None:
+def test_folders_of_planes_become_one_recording_of_moments(
+    imported, cross, tmp_path: Path
+) -> None:
     log, along, across = cross
-    scale = ["--width-mm", 9, "--depth-mm", 8, "--rate-hz", 0.5, "--clock-offset-s", 0.5, "--contact-sign", -1]
+    scale = [
+        "--width-mm",
+        9,
+        "--depth-mm",
+        8,
+        "--rate-hz",
+        0.5,
+        "--clock-offset-s",
+        0.5,
+        "--contact-sign",
+        -1,
+    ]
     entry, recording = imported(log, *ALONG, along, *ACROSS, across, *NEEDLE, *scale)
     shown = [(frame.time_s, frame.plane) for frame in recording.frames]
     assert shown == [(0.5, "along"), (0.5, "across"), (2.5, "along"), (2.5, "across")]
     for frame, nth in zip(recording.frames, (0, 2, 1, 3), strict=True):
         np.testing.assert_array_equal(recording.frame(frame), FRAMES[nth])
-    assert (entry["frames"], recording.info.oct.plane, recording.info.needle.slice_gap_m) == (4, PLANES, None)
+    assert (
+        entry["frames"],
+        recording.info.oct.plane,
+        recording.info.needle.slice_gap_m,
+    ) == (4, PLANES, None)
     python = import_recording(
-        cross, tmp_path / "s", planes=(None, *PLANES), eye="eye-1", gauge=22, bits=13, refractive_index=1.0,
-        width_m=9e-3, depth_m=8e-3, rate_hz=0.5, clock_offset_s=0.5, axis="fz", contact_sign=-1,
-    )  # fmt: skip
+        cross,
+        tmp_path / "s",
+        planes=(None, *PLANES),
+        eye="eye-1",
+        gauge=22,
+        bits=13,
+        refractive_index=1.0,
+        width_m=9e-3,
+        depth_m=8e-3,
+        rate_hz=0.5,
+        clock_offset_s=0.5,
+        axis="fz",
+        contact_sign=-1,
+    )
     assert (python.info, python.frames) == (recording.info, recording.frames)
 
 
-def test_times_of_planes_are_shared_and_must_agree(imported, refused, tmp_path: Path) -> None:
+def test_times_of_planes_are_shared_and_must_agree(
+    imported, refused, tmp_path: Path
+) -> None:
     for name, step_s in (("a", 1.0), ("b", 1.1), ("c", 1.5)):
         stack(tmp_path / f"{name}.tif", finterval=step_s)
-    _, recording = imported(*ALONG, tmp_path / "a.tif", *ACROSS, tmp_path / "b.tif", *NEEDLE, out="t")
-    assert [frame.time_s for frame in recording.frames] == np.repeat(np.arange(COUNT), 2).tolist()
+    _, recording = imported(
+        *ALONG, tmp_path / "a.tif", *ACROSS, tmp_path / "b.tif", *NEEDLE, out="t"
+    )
+    assert [frame.time_s for frame in recording.frames] == np.repeat(
+        np.arange(COUNT), 2
+    ).tolist()
     apart = [*ALONG, tmp_path / "a.tif", *ACROSS, tmp_path / "c.tif", *NEEDLE]
-    assert "frames of one moment differ by 2 s between the planes; give --rate-hz" in refused(*apart)
+    assert (
+        "frames of one moment differ by 2 s between the planes; give --rate-hz"
+        in refused(*apart)
+    )
     assert len(imported(*apart, "--rate-hz", 2, out="s")[1].frames) == 2 * COUNT
 
 
-def test_planes_that_do_not_fit_together_are_refused_in_one_line(refused, cross, tmp_path: Path) -> None:
+def test_planes_that_do_not_fit_together_are_refused_in_one_line(
+    refused, cross, tmp_path: Path
+) -> None:
     log, along, across = cross
     for arguments, words in (
         ((*ALONG, along), "--plane: only one"),
         ((*ALONG, along, *ACROSS, along), "is of two planes"),
         ((*ALONG, *ACROSS, along), "--plane: 'along': no frames follow it"),
-        ((*ALONG, along, *ACROSS, across, "--plane", "b:1:0", log), "'across' has 2, 'b' has 0"),
-        ((*ALONG, along, "--plane", "along:0:90", across), "--plane: name: 'along' is there twice"),
-        ((along, *ACROSS, across, "--plane", "b:0:0", along), f"--plane: missing for {along / '0.png'}"),
+        (
+            (*ALONG, along, *ACROSS, across, "--plane", "b:1:0", log),
+            "'across' has 2, 'b' has 0",
+        ),
+        (
+            (*ALONG, along, "--plane", "along:0:90", across),
+            "--plane: name: 'along' is there twice",
+        ),
+        (
+            (along, *ACROSS, across, "--plane", "b:0:0", along),
+            f"--plane: missing for {along / '0.png'}",
+        ),
         ((*ALONG, along, *ACROSS, across / "0.png"), "'along' has 2, 'across' has 1"),
-        ((*ALONG, along, *ACROSS, across, "--gap-mm", 0.4), "--gap-mm: several planes show their gaps"),
+        (
+            (*ALONG, along, *ACROSS, across, "--gap-mm", 0.4),
+            "--gap-mm: several planes show their gaps",
+        ),
     ):
-        assert words in refused(*arguments, *NEEDLE, "--width-mm", 9, "--depth-mm", 8, "--rate-hz", 0.5)
+        assert words in refused(
+            *arguments, *NEEDLE, "--width-mm", 9, "--depth-mm", 8, "--rate-hz", 0.5
+        )
     for sources, planes, words in (
         ((along, across), PLANES[:1], "^planes: 1 for 2 sources"),
         ((along, along), PLANES[:1] * 2, "^plane: only one"),
-        ((along, across / "0.png"), PLANES, "^planes: as many frames of each .* 'along' has 2"),
+        (
+            (along, across / "0.png"),
+            PLANES,
+            "^planes: as many frames of each .* 'along' has 2",
+        ),
     ):
         with pytest.raises(InputError, match=words):
             import_recording(sources, tmp_path / "r", planes=planes)
 
 
-def test_damage_is_reported_in_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_damage_is_reported_in_one_line(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     stack(tmp_path / "a.tif")
     write_dicom(tmp_path / "a.dcm", FRAMES)
     (tmp_path / "a.avi").write_bytes(b"RIFF\0\0\0\0AVI LIST" + bytes(500))
@@ -198,64 +311,116 @@ def test_damage_is_reported_in_one_line(tmp_path: Path, capfd: pytest.CaptureFix
         assert error.count("\n") == 1
 
 
-def test_the_columns_of_a_log_are_given_once(imported, refused, tiff, tmp_path: Path) -> None:
+def test_the_columns_of_a_log_are_given_once(
+    imported, refused, tiff, tmp_path: Path
+) -> None:
     lines = [f"{n},{n / 200},{-0.001 * n}" for n in range(400)]
     (tmp_path / "log.csv").write_text("\n".join(["n,when,pull", *lines]) + "\n")
     sources = [tiff, tmp_path / "log.csv", "--clock-offset-s", 0]
     error = refused(*sources, *options_of("--bits", 16))
     assert "There are 'n', 'when', 'pull'; give --column" in error
-    columns = ["--column", "time=when:s", "--column", "fz=pull:mN", "--contact-sign", "-1"]
-    for out, options in (("r", [*options_of("--bits", 16), *columns]), ("s", ["--like", tmp_path / "r", "--eye", "b"])):
+    columns = [
+        "--column",
+        "time=when:s",
+        "--column",
+        "fz=pull:mN",
+        "--contact-sign",
+        "-1",
+    ]
+    for out, options in (
+        ("r", [*options_of("--bits", 16), *columns]),
+        ("s", ["--like", tmp_path / "r", "--eye", "b"]),
+    ):
         _, recording = imported(*sources, *options, out=out)
         assert recording.forces.force_n("fz")[100] == pytest.approx(-0.1e-3)
 
 
 def test_values_that_cannot_be_are_refused(refused, tiff, tmp_path: Path) -> None:
     write_dicom(tmp_path / "a.dcm", FRAMES[0], PixelSpacing=[1.0, 5.0])
-    assert "a.dcm: width_m: 0.2 is above the largest allowed value 0.1; " in refused(tmp_path / "a.dcm", *options_of())
+    assert "a.dcm: width_m: 0.2 is above the largest allowed value 0.1; " in refused(
+        tmp_path / "a.dcm", *options_of()
+    )
     assert "--bits says 8" in refused(tiff, *options_of("--bits", 8))
     for option, value in (("--thickness-um", 0.65), ("--iop-mmhg", -1)):
-        assert f"Invalid value for '{option}'" in refused(tiff, *options_of("--bits", 16, option, value))
+        assert f"Invalid value for '{option}'" in refused(
+            tiff, *options_of("--bits", 16, option, value)
+        )
 
 
 def test_a_scale_that_contradicts_the_file_is_noted(imported, tiff) -> None:
     width_mm = COLUMNS * LATERAL_M * 1e3
     same, _ = imported(tiff, *options_of("--bits", 16, "--width-mm", width_mm))
     assert not any("states" in note for note in same["notes"])
-    other, _ = imported(tiff, *options_of("--bits", 16, "--width-mm", 2 * width_mm), out="s")
+    other, _ = imported(
+        tiff, *options_of("--bits", 16, "--width-mm", 2 * width_mm), out="s"
+    )
     stated = f"width of the frames: {2 * width_mm:g} mm (option), where ImageJ's unit states {width_mm:g} mm"
     assert other["notes"][0] == stated
 
 
-def test_clocks_that_overlap_in_part_are_noted_and_others_are_refused(imported, refused, tiff, tmp_path: Path) -> None:
+def test_clocks_that_overlap_in_part_are_noted_and_others_are_refused(
+    imported, refused, tiff, tmp_path: Path
+) -> None:
     write_log(tmp_path / "log.csv")
-    sources = (tiff, tmp_path / "log.csv", *options_of("--bits", 16, "--contact-sign", -1), "--clock-offset-s")
+    sources = (
+        tiff,
+        tmp_path / "log.csv",
+        *options_of("--bits", 16, "--contact-sign", -1),
+        "--clock-offset-s",
+    )
     error = refused(*sources, 1000)
     assert "the clocks do not overlap: frames at 1000.000 to" in error
     assert "--clock-offset-s brings both to one clock" in error
     entry, _ = imported(*sources, -1.5)
-    assert any(note.startswith("2 frames were taken before or after the forces") for note in entry["notes"])
+    assert any(
+        note.startswith("2 frames were taken before or after the forces")
+        for note in entry["notes"]
+    )
 
 
-def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(imported, refused, tiff, tmp_path) -> None:
+def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(
+    imported, refused, tiff, tmp_path
+) -> None:
     rng, time_s = np.random.default_rng(0), np.arange(0.0, 8.0, 0.005)
     log = tmp_path / "log.csv"
-    options = options_of("--bits", 16, "--clock-offset-s", 2, "--contact-sign", -1, "--column")
+    options = options_of(
+        "--bits", 16, "--clock-offset-s", 2, "--contact-sign", -1, "--column"
+    )
     for force_n, noise_n in ((28_780.0, 0.0), (4.0, 0.0), (0.03, 2.0)):
-        pushed_n = force_n * np.clip(time_s - 1.0, 0.0, 1.0) + noise_n * rng.normal(size=len(time_s))
-        np.savetxt(log, np.column_stack([time_s, -pushed_n]), "%.4f", ",", header="time_s,Fz", comments="")
+        pushed_n = force_n * np.clip(time_s - 1.0, 0.0, 1.0) + noise_n * rng.normal(
+            size=len(time_s)
+        )
+        np.savetxt(
+            log,
+            np.column_stack([time_s, -pushed_n]),
+            "%.4f",
+            ",",
+            header="time_s,Fz",
+            comments="",
+        )
         error = refused(tiff, log, *options, "fz=Fz:N")
         assert f"{log}: fz_n: " in error
         assert "fz=Fz:N" in error
         imported(tiff, log, *options, "fz=Fz:uN", out=f"r-{force_n}")
     write_log(log, rate_hz=10.0)
-    error = refused(tiff, log, *options_of("--bits", 16, "--clock-offset-s", 0, "--contact-sign", -1))
+    error = refused(
+        tiff,
+        log,
+        *options_of("--bits", 16, "--clock-offset-s", 0, "--contact-sign", -1),
+    )
     assert f"{log}: time_s: 10 samples a second; at least 20 are needed" in error
 
 
-def test_an_option_with_nothing_to_act_on_is_refused(refused, tiff, tmp_path: Path) -> None:
+def test_an_option_with_nothing_to_act_on_is_refused(
+    refused, tiff, tmp_path: Path
+) -> None:
     unused = {
-        "a force log": ("--axis fz", "--contact-sign 1", "--average-s 1", "--clock-offset-s 0"),
+        "a force log": (
+            "--axis fz",
+            "--contact-sign 1",
+            "--average-s 1",
+            "--clock-offset-s 0",
+        ),
         "a force log of text": ("--column fz=a:N",),
         "a ROS bag": ("--image-topic /a", "--force-topic /a", "--by-arrival"),
         "an .npz file": ("--array a",),
@@ -264,39 +429,77 @@ def test_an_option_with_nothing_to_act_on_is_refused(refused, tiff, tmp_path: Pa
         for option in options:
             error = refused(tiff, *options_of("--bits", 16), *option.split())
             name = option.split()[0]
-            assert error == f"error: {name}: acts on {kind}, which is not among the sources; leave it out\n"
+            assert (
+                error
+                == f"error: {name}: acts on {kind}, which is not among the sources; leave it out\n"
+            )
     np.save(tmp_path / "a.npy", FRAMES)  # one array, without a name
     options = options_of("--bits", 16, "--axes", "frame,depth,lateral", "--array", "a")
     assert "--array: acts on an .npz file" in refused(tmp_path / "a.npy", *options)
 
 
-def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(imported, refused, tmp_path: Path) -> None:
+def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(
+    imported, refused, tmp_path: Path
+) -> None:
     from ros_bag import FORCE_TIMES_S, FRAME_TIMES_S, START_NS, write_bag
 
     bag = write_bag(tmp_path / "bag", "mcap")
-    size = ["--width-mm", 10, "--depth-mm", 4, "--bits", 13, "--axis", "fz", "--contact-sign", -1]
+    size = [
+        "--width-mm",
+        10,
+        "--depth-mm",
+        4,
+        "--bits",
+        13,
+        "--axis",
+        "fz",
+        "--contact-sign",
+        -1,
+    ]
     entry, recording = imported(bag, *options_of(*size, "--average-s", 0.1))
     assert entry["clock_origin_s"] == START_NS / 1e9
-    np.testing.assert_allclose([frame.time_s for frame in recording.frames], FRAME_TIMES_S, atol=2e-6)
+    np.testing.assert_allclose(
+        [frame.time_s for frame in recording.frames], FRAME_TIMES_S, atol=2e-6
+    )
     np.testing.assert_allclose(recording.forces.time_s, FORCE_TIMES_S, atol=2e-6)
     assert recording.info.force.average_s == 0.1
     assert any("arrived 80.0 ms" in note for note in entry["notes"])
-    assert sum("messages arrived" in note for note in entry["notes"]) == 2  # images and forces
+    assert (
+        sum("messages arrived" in note for note in entry["notes"]) == 2
+    )  # images and forces
     assert entry["values"]["times"] == "header.stamp of /oct/image"
     rmtree(tmp_path / "r")
-    assert "(--clock-offset-s)" in refused(bag, *options_of(*size, "--rate-hz", 4))  # other clocks then
+    assert "(--clock-offset-s)" in refused(
+        bag, *options_of(*size, "--rate-hz", 4)
+    )  # other clocks then
 
 
-def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(imported, refused, tmp_path: Path) -> None:
-    nominal = {"PixelSpacing": [0.004, 0.015], "NominalScannedPixelSpacing": [0.01, 0.02]}
+def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(
+    imported, refused, tmp_path: Path
+) -> None:
+    nominal = {
+        "PixelSpacing": [0.004, 0.015],
+        "NominalScannedPixelSpacing": [0.01, 0.02],
+    }
     write_dicom(tmp_path / "a.dcm", FRAMES, FrameTime=100.0, **nominal)
     for given in ([], ["--width-mm", 6]):
         error = refused(tmp_path / "a.dcm", *given, *options_of("--bits", 13))
-        for found in ("PixelSpacing", "0.004 x 0.015 mm", "NominalScannedPixelSpacing", "0.01 x 0.02 mm", "--width-mm"):
+        for found in (
+            "PixelSpacing",
+            "0.004 x 0.015 mm",
+            "NominalScannedPixelSpacing",
+            "0.01 x 0.02 mm",
+            "--width-mm",
+        ):
             assert found in error
-    entry, _ = imported(tmp_path / "a.dcm", *options_of("--bits", 13, "--width-mm", 6, "--depth-mm", 3))
+    entry, _ = imported(
+        tmp_path / "a.dcm", *options_of("--bits", 13, "--width-mm", 6, "--depth-mm", 3)
+    )
     assert any("NominalScannedPixelSpacing" in note for note in entry["notes"])
-    assert json.loads((tmp_path / "r" / "import.json").read_text())["notes"] == entry["notes"]
+    assert (
+        json.loads((tmp_path / "r" / "import.json").read_text())["notes"]
+        == entry["notes"]
+    )
 
 
 @pytest.fixture
@@ -305,7 +508,11 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
     monkeypatch.setattr(terminal, "_can_ask", lambda: True)
 
     def answered(answers: list[str], *arguments: object) -> Result:
-        return CliRunner().invoke(import_, list(map(str, arguments)), "".join(f"{answer}\n" for answer in answers))
+        return CliRunner().invoke(
+            import_,
+            list(map(str, arguments)),
+            "".join(f"{answer}\n" for answer in answers),
+        )
 
     return answered
 
@@ -318,13 +525,27 @@ def volume(tmp_path: Path) -> Path:
 SCALE = ["--width-mm", 10, "--depth-mm", 4]
 
 
-def test_an_answer_that_the_source_contradicts_is_asked_for_again(asked, tmp_path: Path) -> None:
+def test_an_answer_that_the_source_contradicts_is_asked_for_again(
+    asked, tmp_path: Path
+) -> None:
     lines = ["when,pull", *(f"{n / 200},{-0.001 * n}" for n in range(400))]
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
-    options = [*options_of("--bits", 13, "--rate-hz", 5, "--clock-offset-s", 0, "--contact-sign", -1), *SCALE]
+    options = [
+        *options_of(
+            "--bits", 13, "--rate-hz", 5, "--clock-offset-s", 0, "--contact-sign", -1
+        ),
+        *SCALE,
+    ]
     axes = ["nonsense", "frame,depth", "frame,depth,lateral"]
     columns = ["when:s", "pull:kg", "when:s", "push:N", "when:s", "pull:N"]
-    done = asked([*axes, *columns, "-"], volume(tmp_path), tmp_path / "log.csv", "--out", tmp_path / "r", *options)
+    done = asked(
+        [*axes, *columns, "-"],
+        volume(tmp_path),
+        tmp_path / "log.csv",
+        "--out",
+        tmp_path / "r",
+        *options,
+    )
     assert done.exit_code == 0, done.stderr
     errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
     assert len(errors) == 4
@@ -334,7 +555,24 @@ def test_an_answer_that_the_source_contradicts_is_asked_for_again(asked, tmp_pat
 
 
 def test_each_answer_is_checked_where_it_is_given(asked, tmp_path: Path) -> None:
-    answers = ["zwei", "-3", "10", "4", "3", "1.38", "8", "13", "0", "5", "", "a\teye", "eye-1", "9", "22", "0.6"]
+    answers = [
+        "zwei",
+        "-3",
+        "10",
+        "4",
+        "3",
+        "1.38",
+        "8",
+        "13",
+        "0",
+        "5",
+        "",
+        "a\teye",
+        "eye-1",
+        "9",
+        "22",
+        "0.6",
+    ]
     wall = ["0.65", "650"]
     source = [volume(tmp_path), "--axes", "frame,depth,lateral"]
     done = asked([*answers, *wall], *source, "--out", tmp_path / "r")
@@ -343,12 +581,25 @@ def test_each_answer_is_checked_where_it_is_given(asked, tmp_path: Path) -> None
     info = read_recording(tmp_path / "r").info
     assert (info.eye.id, info.oct.bits, info.needle.gauge) == ("eye-1", 13, 22)
     assert info.eye.thickness_m == pytest.approx(650e-6)
-    assert json.loads((tmp_path / "r" / "import.json").read_text())["values"]["thickness_um"] == "answer"
+    assert (
+        json.loads((tmp_path / "r" / "import.json").read_text())["values"][
+            "thickness_um"
+        ]
+        == "answer"
+    )
 
 
-def test_answers_that_do_not_go_together_are_asked_for_again(asked, tmp_path: Path) -> None:
+def test_answers_that_do_not_go_together_are_asked_for_again(
+    asked, tmp_path: Path
+) -> None:
     write_log(tmp_path / "log.csv")
-    source = [volume(tmp_path), tmp_path / "log.csv", "--axes", "frame,depth,lateral", *SCALE]
+    source = [
+        volume(tmp_path),
+        tmp_path / "log.csv",
+        "--axes",
+        "frame,depth,lateral",
+        *SCALE,
+    ]
     options = options_of("--bits", 13, "--rate-hz", 5, "--contact-sign", -1)
     done = asked(["1000", "0.5", "-"], *source, "--out", tmp_path / "r", *options)
     assert done.exit_code == 0, done.stderr
@@ -356,28 +607,53 @@ def test_answers_that_do_not_go_together_are_asked_for_again(asked, tmp_path: Pa
     assert read_recording(tmp_path / "r").frames[0].time_s == 0.5
 
 
-@pytest.mark.parametrize("answers", [[], ["10", "4"], ["10", "4", "1", "13", "5", "eye", "22", "0.5"]])
-def test_one_who_leaves_leaves_nothing_behind(asked, tmp_path: Path, answers: list[str]) -> None:
+@pytest.mark.parametrize(
+    "answers", [[], ["10", "4"], ["10", "4", "1", "13", "5", "eye", "22", "0.5"]]
+)
+def test_one_who_leaves_leaves_nothing_behind(
+    asked, tmp_path: Path, answers: list[str]
+) -> None:
     source = volume(tmp_path)
-    done = asked(answers, source, "--axes", "frame,depth,lateral", "--out", tmp_path / "r")
+    done = asked(
+        answers, source, "--axes", "frame,depth,lateral", "--out", tmp_path / "r"
+    )
     assert done.exit_code != 0
     assert sorted(tmp_path.iterdir()) == [source]
 
 
-@pytest.mark.parametrize(("answer", "thickness_um", "stated"), [
-    ("", 600.0, "measured on the first frames"), ("580", 580.0, "answer"), ("-", None, None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("answer", "thickness_um", "stated"),
+    [
+        ("", 600.0, "measured on the first frames"),
+        ("580", 580.0, "answer"),
+        ("-", None, None),
+    ],
+)
 def test_the_wall_that_the_frames_show_is_offered(
     asked, tmp_path: Path, answer: str, thickness_um: float | None, stated: str | None
 ) -> None:
     looked_at_frames(tmp_path / "r", 2)
-    source = [tmp_path / "r" / "frames", "--like", tmp_path / "r", "--eye", "again", "--rate-hz", 1]
+    source = [
+        tmp_path / "r" / "frames",
+        "--like",
+        tmp_path / "r",
+        "--eye",
+        "again",
+        "--rate-hz",
+        1,
+    ]
     done = asked([answer], *source, "--out", tmp_path / "s")
     assert done.exit_code == 0, done.stderr
     assert "the first frames show" in done.stderr
     found = read_recording(tmp_path / "s").info.eye.thickness_m
     kept = json.loads((tmp_path / "s" / "import.json").read_text())
     assert kept["values"].get("thickness_um") == stated
-    assert (found is None) == (thickness_um is None) == any("--thickness-um" in note for note in kept["notes"])
+    assert (
+        (found is None)
+        == (thickness_um is None)
+        == any("--thickness-um" in note for note in kept["notes"])
+    )
     if thickness_um is not None:
-        assert found == pytest.approx(thickness_um * 1e-6, rel=0.1)  # drawn along the depth, measured along the normal
+        assert found == pytest.approx(
+            thickness_um * 1e-6, rel=0.1
+        )  # drawn along the depth, measured along the normal

@@ -41,21 +41,41 @@ def fails(monkeypatch: pytest.MonkeyPatch):
             raise fault
 
         original = cli.get_command
-        monkeypatch.setattr(cli, "get_command", lambda ctx, name: fails if name == "fails" else original(ctx, name))
+        monkeypatch.setattr(
+            cli,
+            "get_command",
+            lambda ctx, name: fails if name == "fails" else original(ctx, name),
+        )
 
     return install
 
 
 def test_every_failure_is_one_line_and_its_exit_code(fails, capsys) -> None:
     for fault, code, line in (
-        (StudyError("study.toml:3: eye.iris: unknown key"), 2, "error: study.toml:3: eye.iris: unknown key"),
-        (SolverError("load step 3: did not converge"), 1, "error: load step 3: did not converge"),
+        (
+            StudyError("study.toml:3: eye.iris: unknown key"),
+            2,
+            "error: study.toml:3: eye.iris: unknown key",
+        ),
+        (
+            SolverError("load step 3: did not converge"),
+            1,
+            "error: load step 3: did not converge",
+        ),
         (KeyboardInterrupt(), 130, "error: interrupted"),
-        (ZeroDivisionError("division by zero"), 1, "error: internal fault: ZeroDivisionError: division by zero"),
+        (
+            ZeroDivisionError("division by zero"),
+            1,
+            "error: internal fault: ZeroDivisionError: division by zero",
+        ),
         (ValueError("two\nlines"), 1, "error: internal fault: ValueError: two lines"),
         (OSError(36, "File name too long", "xxx"), 2, "error: xxx: File name too long"),
         (OSError(28, "No space left on device"), 2, "error: No space left on device"),
-        (ConnectionRefusedError(111, "Connection refused"), 1, "error: internal fault: ConnectionRefusedError: "),
+        (
+            ConnectionRefusedError(111, "Connection refused"),
+            1,
+            "error: internal fault: ConnectionRefusedError: ",
+        ),
         (click.UsageError("no such thing"), 2, "error: no such thing"),
     ):
         fails(fault)
@@ -79,8 +99,16 @@ def test_wrong_usage_is_exit_code_2_and_one_line_that_says_where_to_look(shell) 
         (["--no-such-option"], "No such option", "scleraforce"),
         (["init"], "Missing argument 'DIRECTORY'", "scleraforce init"),
         (["init", "a", "b"], "unexpected extra argument (b)", "scleraforce init"),
-        (["import", "a.tif", "--out", "r", "--bits", "99"], "99 is not in the range", "scleraforce import"),
-        (["replay", "r", "--fault-at-s", "1"], "give the --fault, too", "scleraforce replay"),
+        (
+            ["import", "a.tif", "--out", "r", "--bits", "99"],
+            "99 is not in the range",
+            "scleraforce import",
+        ),
+        (
+            ["replay", "r", "--fault-at-s", "1"],
+            "give the --fault, too",
+            "scleraforce replay",
+        ),
     ):
         err = shell.refused(*arguments)
         assert words in err
@@ -92,54 +120,86 @@ def test_help_needs_no_arguments(shell) -> None:
     assert shell.text("--version").startswith("scleraforce, version ")
 
 
-def test_init_writes_the_papers_study_or_another_preset_once(tmp_path: Path, shell) -> None:
+def test_init_writes_the_papers_study_or_another_preset_once(
+    tmp_path: Path, shell
+) -> None:
     path = tmp_path / "a" / "b" / "study.toml"
     assert shell.json("init", path.parent) == {"path": str(path), "preset": "ex-vivo"}
     assert path.read_text().startswith("# The study of Mendizabal")
     assert read_study(path) == Study()
-    assert "exists already; remove it or choose another directory" in shell.refused("init", path.parent)
+    assert "exists already; remove it or choose another directory" in shell.refused(
+        "init", path.parent
+    )
     shell.refused("init", path / "below")  # a file
     shell.run("init", tmp_path / "living", "--preset", "living")
     study = read_study(tmp_path / "living" / "study.toml")
     refuse_unused(study, "library")
     refuse_unused(study, "calibrate", "finite-strain")
     shares, times_s = zip(*study.tissue.relaxation, strict=True)
-    pork = PronySeries(tuple(share.bounds[1] for share in shares), tuple(time_s.bounds[0] for time_s in times_s))
+    pork = PronySeries(
+        tuple(share.bounds[1] for share in shares),
+        tuple(time_s.bounds[0] for time_s in times_s),
+    )
     assert pork.left(np.array([1.0, 10.0])) == pytest.approx([0.70, 0.46], abs=0.05)
-    assert study.reader.youngs_modulus_pa.bounds[0] > Study().reader.youngs_modulus_pa.bounds[0]
-    assert "'ex-vivo', 'living'" in shell.refused("init", tmp_path / "c", "--preset", "mars")
+    assert (
+        study.reader.youngs_modulus_pa.bounds[0]
+        > Study().reader.youngs_modulus_pa.bounds[0]
+    )
+    assert "'ex-vivo', 'living'" in shell.refused(
+        "init", tmp_path / "c", "--preset", "mars"
+    )
 
 
 def test_json_has_no_number_that_json_does_not_know(capsys) -> None:
-    print_json({"a": nan, "b": [inf, 1.0], "c": {"d": (-inf, 2)}, "e": None, "f": "text"})
+    print_json(
+        {"a": nan, "b": [inf, 1.0], "c": {"d": (-inf, 2)}, "e": None, "f": "text"}
+    )
     assert json.loads(capsys.readouterr().out) == {
-        "a": None, "b": [None, 1.0], "c": {"d": [None, 2]}, "e": None, "f": "text",
-    }  # fmt: skip
+        "a": None,
+        "b": [None, 1.0],
+        "c": {"d": [None, 2]},
+        "e": None,
+        "f": "text",
+    }
 
 
 def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
     # A command that blocks: the test's own `wait`, installed in the child before the entry point runs. As zarr does, it
     # leaves a task in a loop of asyncio, which says so when it is destroyed.
-    code = ("import asyncio, sys, time, click\nfrom scleraforce.cli import main as entry\n@click.command()\ndef "
-            "wait():\n    loop = asyncio.new_event_loop()\n    loop.create_task(asyncio.sleep(60))\n    "
-            "loop.run_until_complete(asyncio.sleep(0))\n    print('ready', flush=True)\n    "
-            "time.sleep(300)\nentry.cli.get_command = lambda ctx, name: wait\nsys.argv = "
-            "['scleraforce', 'wait']\nentry.main()\n")  # fmt: skip
-    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    code = (
+        "import asyncio, sys, time, click\nfrom scleraforce.cli import main as entry\n@click.command()\ndef "
+        "wait():\n    loop = asyncio.new_event_loop()\n    loop.create_task(asyncio.sleep(60))\n    "
+        "loop.run_until_complete(asyncio.sleep(0))\n    print('ready', flush=True)\n    "
+        "time.sleep(300)\nentry.cli.get_command = lambda ctx, name: wait\nsys.argv = "
+        "['scleraforce', 'wait']\nentry.main()\n"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     assert child.stdout is not None
     with ends(child.stdout, FUSE_S):
         assert child.stdout.readline() == "ready\n"
     child.send_signal(signal.SIGINT)
     _, err = child.communicate(timeout=FUSE_S)
     assert child.returncode == 130
-    assert err.strip() == "error: interrupted"  # click puts a line feed before, to leave the terminal's ^C alone
+    assert (
+        err.strip() == "error: interrupted"
+    )  # click puts a line feed before, to leave the terminal's ^C alone
 
 
 def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run(
-        [*SCLERAFORCE, "--help"], stdout=write, stderr=subprocess.PIPE, text=True, check=False, timeout=FUSE_S
+        [*SCLERAFORCE, "--help"],
+        stdout=write,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+        timeout=FUSE_S,
     )
     os.close(write)
     assert "Traceback" not in done.stderr
@@ -147,12 +207,20 @@ def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
 
 
 def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
-    many = (200, 512, 512)  # of noise: to write them takes seven times as long as to begin
-    np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, many, np.uint16))
+    many = (
+        200,
+        512,
+        512,
+    )  # of noise: to write them takes seven times as long as to begin
+    np.save(
+        tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, many, np.uint16)
+    )
     size = ("--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1)
     given = options_of("--axes", "frame,depth,lateral", *size)
     command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *given]
-    child = subprocess.Popen([*SCLERAFORCE, *command], stderr=subprocess.PIPE, text=True)
+    child = subprocess.Popen(
+        [*SCLERAFORCE, *command], stderr=subprocess.PIPE, text=True
+    )
     while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
         time.sleep(0.002)
     child.send_signal(signal.SIGTERM)
@@ -161,8 +229,12 @@ def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
 
 
-def test_an_interruption_inside_a_library_is_not_an_internal_fault(monkeypatch, capsys) -> None:
-    def compile_(*_: object, **__: object) -> None:  # as Numba does when LLVM's callback was interrupted
+def test_an_interruption_inside_a_library_is_not_an_internal_fault(
+    monkeypatch, capsys
+) -> None:
+    def compile_(
+        *_: object, **__: object
+    ) -> None:  # as Numba does when LLVM's callback was interrupted
         entry._note_interruption(SimpleNamespace(exc_type=KeyboardInterrupt))
         raise RuntimeError("no compiled object yet")
 
@@ -181,13 +253,17 @@ def test_help_is_a_command_as_well_and_a_misspelt_name_is_recognised(shell) -> N
 
 def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
     command, script = tmp_path / "scleraforce", tmp_path / "completion"
-    command.write_text(f"#!{sys.executable}\nfrom scleraforce.cli.main import main\nmain()\n")
+    command.write_text(
+        f"#!{sys.executable}\nfrom scleraforce.cli.main import main\nmain()\n"
+    )
     command.chmod(0o755)
     environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
 
     def said(*call: str, **more: str) -> str:
         given = {"env": environment | more, "timeout": FUSE_S}
-        return subprocess.run(call, capture_output=True, text=True, check=True, **given).stdout
+        return subprocess.run(
+            call, capture_output=True, text=True, check=True, **given
+        ).stdout
 
     script.write_text(said("scleraforce", _SCLERAFORCE_COMPLETE="bash_source"))
     for line, offered in (
@@ -203,9 +279,20 @@ def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
 def test_jupyters_backend_does_not_reach_a_command_that_draws(tmp_path: Path) -> None:
     """Matplotlib refuses module://matplotlib_inline.backend_inline at its import where Jupyter is not installed."""
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
-    given = ("a.png", "--out", "i", *map(str, options_of("--bits", 13, "--width-mm", 10, "--depth-mm", 4)))
+    given = (
+        "a.png",
+        "--out",
+        "i",
+        *map(str, options_of("--bits", 13, "--width-mm", 10, "--depth-mm", 4)),
+    )
     environment = os.environ | {"MPLBACKEND": "refused"}
-    subprocess.run([*SCLERAFORCE, "import", *given], cwd=tmp_path, env=environment, check=True, timeout=FUSE_S)
+    subprocess.run(
+        [*SCLERAFORCE, "import", *given],
+        cwd=tmp_path,
+        env=environment,
+        check=True,
+        timeout=FUSE_S,
+    )
 
 
 FOUND = [
@@ -215,25 +302,41 @@ FOUND = [
 
 
 def find(monkeypatch: pytest.MonkeyPatch, found: list[Finding]) -> None:
-    for name, value in {"packages": lambda: found, "machine": list, "TRIALS": ()}.items():
+    for name, value in {
+        "packages": lambda: found,
+        "machine": list,
+        "TRIALS": (),
+    }.items():
         monkeypatch.setattr(installation, name, value)
 
 
-def test_a_failed_finding_ends_doctor_with_code_1(monkeypatch: pytest.MonkeyPatch, shell) -> None:
+def test_a_failed_finding_ends_doctor_with_code_1(
+    monkeypatch: pytest.MonkeyPatch, shell
+) -> None:
     find(monkeypatch, [*FOUND, Finding("a solve", "failed", "wrong", "report")])
     result = shell.json("doctor", code=1)
     assert not result["ok"]
-    assert result["findings"][-1] == {"name": "a solve", "state": "failed", "found": "wrong", "remedy": "report"}
+    assert result["findings"][-1] == {
+        "name": "a solve",
+        "state": "failed",
+        "found": "wrong",
+        "remedy": "report",
+    }
     assert {"scleraforce", "python", "system", "seconds"} <= result.keys()
 
 
 @pytest.mark.slow
 def test_this_installation_is_well(shell) -> None:
-    states = {finding["name"]: finding["state"] for finding in shell.json("doctor")["findings"]}
+    states = {
+        finding["name"]: finding["state"]
+        for finding in shell.json("doctor")["findings"]
+    }
     assert states["packages"] == states["a solve"] == states["a reading"] == "ok"
 
 
-def test_a_stage_is_a_line_with_its_time_in_a_pipe_unless_it_is_interrupted(capsys) -> None:
+def test_a_stage_is_a_line_with_its_time_in_a_pipe_unless_it_is_interrupted(
+    capsys,
+) -> None:
     with _stage("1/13 phantom", 3) as progress:
         progress(2)
         assert capsys.readouterr().err == ""

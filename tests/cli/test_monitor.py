@@ -21,7 +21,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
+from analytic_frames import (
+    GAP_M,
+    IOP_PA,
+    MODULUS_PA,
+    SCALE,
+    THICKNESS_M,
+    image,
+    tip_of,
+    wall_section,
+)
 from commands import BINS, Started, monitor_folder, program, started
 from small_models import fixed_study
 from small_monitor import Peer
@@ -42,8 +51,28 @@ from scleraforce.units import to_si
 
 pytest.importorskip("torch")
 
-MATRIX = (SCALE.lateral_m * 1e3, 0.0, 0.0, 0.0, SCALE.depth_m * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-EYE = ["--eye", "mine", "--iop-mmhg", f"{IOP_PA / to_si(1.0, 'mmhg'):.4f}", "--gap-mm", f"{GAP_M * 1e3}"]
+MATRIX = (
+    SCALE.lateral_m * 1e3,
+    0.0,
+    0.0,
+    0.0,
+    SCALE.depth_m * 1e3,
+    0.0,
+    0.0,
+    0.0,
+    1.0,
+    0.0,
+    0.0,
+    0.0,
+)
+EYE = [
+    "--eye",
+    "mine",
+    "--iop-mmhg",
+    f"{IOP_PA / to_si(1.0, 'mmhg'):.4f}",
+    "--gap-mm",
+    f"{GAP_M * 1e3}",
+]
 EYE += ["--globe", "open"]
 
 
@@ -70,14 +99,24 @@ def unless_starved(test: Callable[..., None]) -> Callable[..., None]:
 
 
 IDS = count(1)
-PAUSES = {"SILENCE", "STALE", "NO_OPINION", "QUEUE_BEHIND"}  # of a busy machine, not of the eye
+PAUSES = {
+    "SILENCE",
+    "STALE",
+    "NO_OPINION",
+    "QUEUE_BEHIND",
+}  # of a busy machine, not of the eye
 SENT: list[np.ndarray] = []
-SEEDS = range(60)  # more frames than the monitor remembers: a live scanner never shows a picture again
+SEEDS = range(
+    60
+)  # more frames than the monitor remembers: a live scanner never shows a picture again
 
 
 @cache
 def usual_frames() -> dict[int, list[np.ndarray]]:
-    return {force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in SEEDS] for force_mn in (8, 24, 40)}
+    return {
+        force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in SEEDS]
+        for force_mn in (8, 24, 40)
+    }
 
 
 def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03) -> None:
@@ -94,10 +133,14 @@ def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03) -> No
 
 @pytest.mark.slow
 @unless_starved
-def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(folder: Path, tmp_path: Path) -> None:
+def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
+    folder: Path, tmp_path: Path
+) -> None:
     kept = ["--black-box", str(tmp_path / "box"), "--record", str(tmp_path / "session")]
     first = len(SENT)
-    with started(folder, "--calibration", str(folder / "calibration.json"), *EYE, *kept) as monitor:
+    with started(
+        folder, "--calibration", str(folder / "calibration.json"), *EYE, *kept
+    ) as monitor:
         known = f"0.300 MPa (calibrated), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick, gap 0.60 mm"
         assert known in "".join(monitor.lines)
         assert any(line.split() == ["globe", "open"] for line in monitor.lines)
@@ -105,12 +148,21 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(fold
             scanner.say(Sensor((0.0, 0.0, -0.008, 0.0, 0.0, 0.0)), "RobotForce")
             scanner.hear(lambda peer: bool(peer.statuses()))
             assert scanner.statuses()[0].code == 13
-            withdrawal = _undisturbed(scanner, monitor, 40)  # which the network, always the same, does not see
+            withdrawal = _undisturbed(
+                scanner, monitor, 40
+            )  # which the network, always the same, does not see
             assert withdrawal.name in {"BOUND", "DANGEROUS_CLASS"}
             push(scanner, 8, 20)
-            assert run(["monitor-reset", "--port", str(monitor.port), "--token", "wrong"]) == 2
+            assert (
+                run(["monitor-reset", "--port", str(monitor.port), "--token", "wrong"])
+                == 2
+            )
             assert {status.code for status in scanner.statuses()[-5:]} == {3}
-            (code,) = (line.split()[1].rstrip(",") for line in monitor.lines if line.startswith("code"))
+            (code,) = (
+                line.split()[1].rstrip(",")
+                for line in monitor.lines
+                if line.startswith("code")
+            )
             reset = ["monitor-reset", "--port", str(monitor.port), "--token", code]
             wait_until(lambda: _after(scanner, 8).code == 3 and run(reset) == 0)
             assert run(reset) == 2  # each code is for one reset
@@ -131,36 +183,78 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(fold
 
 @pytest.mark.slow
 @unless_starved
-def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(folder: Path, tmp_path: Path) -> None:
+def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
+    folder: Path, tmp_path: Path
+) -> None:
     model = folder / "shipped" / "reader"
     model.parent.mkdir(exist_ok=True)
     with suppress(FileExistsError):
         model.symlink_to(SHIPPED_READER)
     push, session = tmp_path / "push", tmp_path / "session"
     eye = ["--thickness-um", "650", "--youngs-modulus-mpa", "0.3"]
-    drawn = ["--mechanics", "finite-strain", "--rate-hz", "20", "--forces-mn", "12", "--hold-s", "0.5"]
+    drawn = [
+        "--mechanics",
+        "finite-strain",
+        "--rate-hz",
+        "20",
+        "--forces-mn",
+        "12",
+        "--hold-s",
+        "0.5",
+    ]
     quick = Path(__file__).parents[2] / "docs" / "quick.toml"
-    assert run(["phantom", "--study", str(quick), "--out", str(push), *eye, *drawn, *CROSS, "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "phantom",
+                "--study",
+                str(quick),
+                "--out",
+                str(push),
+                *eye,
+                *drawn,
+                *CROSS,
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     known = [*eye, "--iop-mmhg", "2", "--globe", "open", *CROSS]
     kept = ["--black-box", str(tmp_path / "box"), "--record", str(session)]
     with started(model.parent, *known, *kept) as monitor:
         if run(["replay", str(push), "--port", str(monitor.port), "--quiet"]):
             raise StarvedError
     log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
-    read = [record["entry"] for record in log if record["kind"] == "entry" and record["entry"]["frame"]]
-    sent, true_n = read_recording(push).frames, list(true_forces(push).values())  # a busy machine may lose some
-    assert [entry["plane"] for entry in read] == [sent[entry["frame_id"] - 1].plane for entry in read]
+    read = [
+        record["entry"]
+        for record in log
+        if record["kind"] == "entry" and record["entry"]["frame"]
+    ]
+    sent, true_n = (
+        read_recording(push).frames,
+        list(true_forces(push).values()),
+    )  # a busy machine may lose some
+    assert [entry["plane"] for entry in read] == [
+        sent[entry["frame_id"] - 1].plane for entry in read
+    ]
     assert read[0]["code"] == 13
     true_mn = [1e3 * true_n[entry["frame_id"] - 1] for entry in read]
     assert [entry["force_mn"] for entry in read] == pytest.approx(true_mn, abs=1.5)
     assert read[-1]["planes_force_mn"] == pytest.approx(12.0, abs=1.5)
     assert np.hypot(*read[-1]["contact_xyz_mm"][:2]) == pytest.approx(0.5, abs=0.15)
     recorded = read_recording(session)
-    assert [entry.plane for entry in recorded.frames] == [entry["plane"] for entry in read]
+    assert [entry.plane for entry in recorded.frames] == [
+        entry["plane"] for entry in read
+    ]
     held = [moment for moment in recorded.moments if len(moment) == 2][-3:]
-    found = evaluate_recordings(load_model("default"), [replace(recorded, frames=tuple(chain(*held)), forces=None)])
+    found = evaluate_recordings(
+        load_model("default"),
+        [replace(recorded, frames=tuple(chain(*held)), forces=None)],
+    )
     assert [frame.plane for frame in found.frames] == ["along", "across"] * 3
-    assert [frame.answer.force_n for frame in found.frames] == pytest.approx([0.012] * 6, abs=4e-3)  # with no known E
+    assert [frame.answer.force_n for frame in found.frames] == pytest.approx(
+        [0.012] * 6, abs=4e-3
+    )  # with no known E
     assert all(frame.answer.place for frame in found.frames)
 
 
@@ -170,14 +264,25 @@ def _after(scanner: Peer, force_mn: int) -> Status:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("options", "ends"), [(["--bound-mn", "20"], (3, "BOUND")), ([], (1, ""))])
+@pytest.mark.parametrize(
+    ("options", "ends"), [(["--bound-mn", "20"], (3, "BOUND")), ([], (1, ""))]
+)
 @unless_starved
 def test_a_lower_bound_withdraws_from_a_force_below_the_bound_of_the_study(
     folder: Path, tmp_path: Path, options: list[str], ends: tuple[int, str]
 ) -> None:
-    known = [*EYE, "--youngs-modulus-mpa", f"{MODULUS_PA / 1e6}", "--thickness-um", f"{THICKNESS_M * 1e6}"]
+    known = [
+        *EYE,
+        "--youngs-modulus-mpa",
+        f"{MODULUS_PA / 1e6}",
+        "--thickness-um",
+        f"{THICKNESS_M * 1e6}",
+    ]
     kept = ["--black-box", str(tmp_path / "box")]
-    with started(folder, *known, *options, *kept) as monitor, Peer(monitor.port, version=2) as scanner:
+    with (
+        started(folder, *known, *options, *kept) as monitor,
+        Peer(monitor.port, version=2) as scanner,
+    ):
         last = _undisturbed(scanner, monitor, 24)
     assert (last.code, last.name) == ends, last
 
@@ -200,7 +305,9 @@ def _wait_at_rest(scanner: Peer, monitor: Started) -> None:
         status = _after(scanner, min(usual_frames()))
         if status.code == 3:
             assert status.name in PAUSES, status
-            run(["monitor-reset", "--port", str(monitor.port), "--token", monitor.token])
+            run(
+                ["monitor-reset", "--port", str(monitor.port), "--token", monitor.token]
+            )
         return status.code == 1
 
     wait_until(at_rest)
@@ -216,7 +323,9 @@ def refused(folder: Path, monkeypatch: pytest.MonkeyPatch, shell):
     monkeypatch.chdir(folder)
 
     def refuse(*options: object) -> str:
-        error = shell.refused("monitor", "reader", "--port", 0, "--black-box", "box", *options)
+        error = shell.refused(
+            "monitor", "reader", "--port", 0, "--black-box", "box", *options
+        )
         assert not Path("box").exists()
         return error
 
@@ -225,41 +334,75 @@ def refused(folder: Path, monkeypatch: pytest.MonkeyPatch, shell):
 
 def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None:
     for options, words in (
-        (MINE[:2], "--eye: missing"), ([*MINE, "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
+        (MINE[:2], "--eye: missing"),
+        ([*MINE, "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
         ([*MINE, "--stiffening", "3"], "--stiffening: the calibration gives"),
         (["--stiffening", "99"], "stiffening 99 of the tissue"),
         (["--calibration", "nowhere.json", "--eye", "mine"], "nowhere.json"),
         (["--thickness-um", "2000"], "wall thickness 2000"),
         (["--thickness-um", "5000"], "5000 is above the largest allowed value 3000"),
-        (["--thickness-um", "nan"], "nan"), (["--rigidity", "0.03"], "--rigidity: of a sealed globe"),
+        (["--thickness-um", "nan"], "nan"),
+        (["--rigidity", "0.03"], "--rigidity: of a sealed globe"),
         (["--record", "box"], "the folder of the black box is there"),
-        (["--black-box", "calibration.json/box"], "--black-box calibration.json/box: Not a directory"),
+        (
+            ["--black-box", "calibration.json/box"],
+            "--black-box calibration.json/box: Not a directory",
+        ),
         (["--eye", "a\nb"], "--eye: 'a\\nb' has a line break"),
-        (["--eye", "\x1b[2J"], "--eye: '\\x1b[2J' has a line break or another unprintable"),
-        (["--eye", ""], "--eye: empty; give the eye a name"), (["--learn-eye"], "--learn-eye: --iop-mmhg is missing"),
-        ([*MINE, *EYE[2:], "--learn-eye"], "--learn-eye: the calibration has this eye's own E"),
-        ([*EYE, "--learn-eye", "--youngs-modulus-mpa", "0.3"], "--learn-eye: E is given"),
-        ([*EYE, "--learn-eye", "--no-second-opinion"], "--learn-eye: needs the second opinion"),
-        ([*EYE, "--learn-eye", "--resume", "calibration.json"], "mine: no monitor has learned it"),
+        (
+            ["--eye", "\x1b[2J"],
+            "--eye: '\\x1b[2J' has a line break or another unprintable",
+        ),
+        (["--eye", ""], "--eye: empty; give the eye a name"),
+        (["--learn-eye"], "--learn-eye: --iop-mmhg is missing"),
+        (
+            [*MINE, *EYE[2:], "--learn-eye"],
+            "--learn-eye: the calibration has this eye's own E",
+        ),
+        (
+            [*EYE, "--learn-eye", "--youngs-modulus-mpa", "0.3"],
+            "--learn-eye: E is given",
+        ),
+        (
+            [*EYE, "--learn-eye", "--no-second-opinion"],
+            "--learn-eye: needs the second opinion",
+        ),
+        (
+            [*EYE, "--learn-eye", "--resume", "calibration.json"],
+            "mine: no monitor has learned it",
+        ),
         ([*EYE, "--resume", "calibration.json"], "--resume: needs --learn-eye"),
         (["--plane", "a:0:0"], "--plane: only one"),
-        (["--plane", "a:0:0", "--plane", "a:0:90"], "--plane: name: 'a' is there twice"),
+        (
+            ["--plane", "a:0:0", "--plane", "a:0:90"],
+            "--plane: name: 'a' is there twice",
+        ),
         (["--plane", "a"], "--plane: 'a' is not NAME:OFFSET_MM:DIRECTION_DEG"),
-        (["--plane", "\u00e4:0:0", "--plane", "b:0:90"], "--plane: '\u00e4' cannot name a device"),
+        (
+            ["--plane", "\u00e4:0:0", "--plane", "b:0:90"],
+            "--plane: '\u00e4' cannot name a device",
+        ),
         ([*CROSS, "--gap-mm", "0.5"], "--gap-mm: several planes show their gaps"),
-        ([*CROSS, "--eye", "mine", "--iop-mmhg", "2", "--learn-eye"], "--learn-eye: it learns from a single plane"),
-        (["--host", ""], "--host: empty"), (["--host", "no-such-host.invalid"], "--host 'no-such-host.invalid'"),
+        (
+            [*CROSS, "--eye", "mine", "--iop-mmhg", "2", "--learn-eye"],
+            "--learn-eye: it learns from a single plane",
+        ),
+        (["--host", ""], "--host: empty"),
+        (["--host", "no-such-host.invalid"], "--host 'no-such-host.invalid'"),
         (["--web-port", "0", "--web-host", ""], "--web-host: empty"),
         (["--web-port", "0", "--web-host", "203.0.113.7"], "--web-host '203.0.113.7'"),
-        (["--web-port", "65536"], "--web-port"), (["--bound-mn", "1"], "must be below bound_n"),
+        (["--web-port", "65536"], "--web-port"),
+        (["--bound-mn", "1"], "must be below bound_n"),
         (["--host", "203.0.113.7"], "203.0.113.7"),
-    ):  # fmt: skip
+    ):
         assert words in refused(*options)
 
 
 def test_a_model_that_reads_single_planes_serves_no_others() -> None:
     classifier = SimpleNamespace(kind="classifier", path="digits")
-    with pytest.raises(InputError, match="--plane: digits is a classifier, which reads single planes"):
+    with pytest.raises(
+        InputError, match="--plane: digits is a classifier, which reads single planes"
+    ):
         command._planes(tuple(CROSS[1::2]), classifier, NOTHING_KNOWN, False)
     assert command._planes((), classifier, NOTHING_KNOWN, True) == ()
 
@@ -267,10 +410,14 @@ def test_a_model_that_reads_single_planes_serves_no_others() -> None:
 @pytest.mark.slow
 def test_a_session_that_cannot_be_recorded_is_refused_in_one_line(refused) -> None:
     assert "exists already" in refused("--record", ".")
-    assert "calibration.json/session: Not a directory" in refused("--record", "calibration.json/session")
+    assert "calibration.json/session: Not a directory" in refused(
+        "--record", "calibration.json/session"
+    )
 
 
-def test_a_model_that_was_changed_never_starts(folder: Path, tmp_path: Path, shell) -> None:
+def test_a_model_that_was_changed_never_starts(
+    folder: Path, tmp_path: Path, shell
+) -> None:
     network = copytree(folder / "reader", tmp_path / "reader") / "model.onnx"
     network.write_bytes(network.read_bytes()[:-1] + b"\0")
     assert "model.onnx" in shell.refused("monitor", tmp_path / "reader", "--port", 0)
@@ -280,33 +427,57 @@ def test_a_port_that_is_taken_is_named(refused) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         for option in ("--port", "--web-port"):
-            assert f"127.0.0.1:{port}: Address already in use; give another {option}" in refused(option, port)
+            assert (
+                f"127.0.0.1:{port}: Address already in use; give another {option}"
+                in refused(option, port)
+            )
 
 
 def test_a_reset_that_cannot_be_sent_is_one_line(shell) -> None:
     for option, value in (("--host", ""), ("--host", "x" * 64), ("--token", "\udcff")):
         options = {"--token": "x", "--host": "127.0.0.1", option: value}
-        shell.refused("monitor-reset", *(word for pair in options.items() for word in pair))
+        shell.refused(
+            "monitor-reset", *(word for pair in options.items() for word in pair)
+        )
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    assert f"127.0.0.1:{port}" in shell.refused("monitor-reset", "--token", "x", "--port", port)
+    assert f"127.0.0.1:{port}" in shell.refused(
+        "monitor-reset", "--token", "x", "--port", port
+    )
 
 
-def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_the_start(folder: Path, tmp_path) -> None:
-    given = ["--calibration", str(folder / "calibration.json"), "--eye", "mein", "--iop-mmhg", "2", "--width-mm", "6"]
-    with started(folder, *given, "--no-second-opinion", "--black-box", str(tmp_path / "box")) as monitor:
+def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_the_start(
+    folder: Path, tmp_path
+) -> None:
+    given = [
+        "--calibration",
+        str(folder / "calibration.json"),
+        "--eye",
+        "mein",
+        "--iop-mmhg",
+        "2",
+        "--width-mm",
+        "6",
+    ]
+    with started(
+        folder, *given, "--no-second-opinion", "--black-box", str(tmp_path / "box")
+    ) as monitor:
         warned = [line for line in monitor.lines if line.startswith("warning")]
     assert "mein is not in" in warned[0]
     assert "(mine): read with the population's modulus" in warned[0]
     assert any("of the wall are visible; at least" in line for line in warned[1:])
 
 
-def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypatch, shell) -> None:
+def test_each_option_reaches_its_setting(
+    folder: Path, tmp_path: Path, monkeypatch, shell
+) -> None:
     import scleraforce.service.monitor_service as module
 
     taken: list[module.MonitorSettings] = []
 
-    def take(_model: Path, _reader: object, settings: module.MonitorSettings, _note: object) -> None:
+    def take(
+        _model: Path, _reader: object, settings: module.MonitorSettings, _note: object
+    ) -> None:
         taken.append(settings)
         raise InputError("far enough")
 
@@ -314,67 +485,146 @@ def test_each_option_reaches_its_setting(folder: Path, tmp_path: Path, monkeypat
     monitor = ["monitor", folder / "reader", "--black-box", tmp_path]
     shell.refused(*monitor)
     other = {
-        "--host": "127.0.0.2", "--port": "1", "--web-port": "2", "--web-host": "127.0.0.3", "--eye": "yours",
-        "--polar-angle-deg": "30", "--plane-direction-deg": "-120",
-        "--columns": "400", "--rows": "300", "--width-mm": "8", "--depth-mm": "6",
-        "--refractive-index": "1.3", "--withdraw-class": "1", "--bound-mn": "20", "--unusable-frames": "4",
-        "--unusable-opinions": "5", "--reaction-ms": "70", "--unread-ms": "600",
-        "--iop-mmhg": "3", "--thickness-um": "700",
-        "--youngs-modulus-mpa": "0.3", "--gap-mm": "0.6", "--record": str(tmp_path / "session"),
-    }  # fmt: skip
+        "--host": "127.0.0.2",
+        "--port": "1",
+        "--web-port": "2",
+        "--web-host": "127.0.0.3",
+        "--eye": "yours",
+        "--polar-angle-deg": "30",
+        "--plane-direction-deg": "-120",
+        "--columns": "400",
+        "--rows": "300",
+        "--width-mm": "8",
+        "--depth-mm": "6",
+        "--refractive-index": "1.3",
+        "--withdraw-class": "1",
+        "--bound-mn": "20",
+        "--unusable-frames": "4",
+        "--unusable-opinions": "5",
+        "--reaction-ms": "70",
+        "--unread-ms": "600",
+        "--iop-mmhg": "3",
+        "--thickness-um": "700",
+        "--youngs-modulus-mpa": "0.3",
+        "--gap-mm": "0.6",
+        "--record": str(tmp_path / "session"),
+    }
     words = (word for pair in other.items() for word in pair)
     assert "far enough" in shell.refused(*monitor, "--no-second-opinion", *words)
     shell.refused(*monitor, *CROSS, "--plane-direction-deg", "-120")
     plain, settings, crossed = taken
     along, across = crossed.scan.plane
     assert (along, across.name) == (Plane("along", 0.0, 0.0), "across")
-    assert (across.offset_m, across.direction_rad) == pytest.approx((1e-4, radians(90.0)))
+    assert (across.offset_m, across.direction_rad) == pytest.approx(
+        (1e-4, radians(90.0))
+    )
     assert crossed.known.gap_m is None
-    turned = crossed.known.turned(across.direction_rad)  # as the loop and the second opinion see it
+    turned = crossed.known.turned(
+        across.direction_rad
+    )  # as the loop and the second opinion see it
     assert turned.direction_rad == pytest.approx(radians(-30.0))
     limits, study = settings.limits, fixed_study(BINS)
-    assert (settings.address, settings.console) == (module.Address("127.0.0.2", 1), module.Address("127.0.0.3", 2))
-    assert (settings.eye, settings.record, settings.black_box) == ("yours", tmp_path / "session", tmp_path)
+    assert (settings.address, settings.console) == (
+        module.Address("127.0.0.2", 1),
+        module.Address("127.0.0.3", 2),
+    )
+    assert (settings.eye, settings.record, settings.black_box) == (
+        "yours",
+        tmp_path / "session",
+        tmp_path,
+    )
     known, scan = settings.known, settings.scan
-    assert (scan.columns, scan.rows, scan.bits, scan.refractive_index, scan.plane) == (400, 300, 16, 1.3, ())
-    assert (scan.width_m, scan.depth_m, scan.plane_direction_rad) == pytest.approx((8e-3, 6e-3, radians(-120.0)))
-    assert (known.polar_rad, known.direction_rad) == pytest.approx((radians(30.0), radians(-120.0)))
-    assert (known.iop_pa, known.thickness_m, known.gap_m) == pytest.approx((to_si(3.0, "mmhg"), 700e-6, 0.6e-3))
+    assert (scan.columns, scan.rows, scan.bits, scan.refractive_index, scan.plane) == (
+        400,
+        300,
+        16,
+        1.3,
+        (),
+    )
+    assert (scan.width_m, scan.depth_m, scan.plane_direction_rad) == pytest.approx(
+        (8e-3, 6e-3, radians(-120.0))
+    )
+    assert (known.polar_rad, known.direction_rad) == pytest.approx(
+        (radians(30.0), radians(-120.0))
+    )
+    assert (known.iop_pa, known.thickness_m, known.gap_m) == pytest.approx(
+        (to_si(3.0, "mmhg"), 700e-6, 0.6e-3)
+    )
     assert known.modulus is not None
     assert known.modulus.mean_pa == pytest.approx(0.3e6)
     assert (limits.size, limits.scale_m) == ((300, 400), pytest.approx((20e-6, 20e-6)))
-    assert (limits.withdraw_class, limits.unusable_frames, limits.unusable_opinions) == (1, 4, 5)
-    assert (limits.bound_n, limits.reaction_s) == (pytest.approx(0.02), pytest.approx(0.07))
+    assert (
+        limits.withdraw_class,
+        limits.unusable_frames,
+        limits.unusable_opinions,
+    ) == (1, 4, 5)
+    assert (limits.bound_n, limits.reaction_s) == (
+        pytest.approx(0.02),
+        pytest.approx(0.07),
+    )
     assert limits.loss_in_window_s == pytest.approx(0.6)
     assert (limits.expects_opinion, limits.reads_force) == (False, True)
     assert settings.token != plain.token
-    scale_m = (study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows)
+    scale_m = (
+        study.oct.width_m / study.oct.columns,
+        study.oct.depth_m / study.oct.rows,
+    )
     size = (study.oct.rows, study.oct.columns)
-    assert plain.limits == MonitorLimits(size=size, scale_m=scale_m, expects_opinion=True)
-    assert (plain.address, plain.console, plain.record) == (module.Address("127.0.0.1", 18944), None, None)
+    assert plain.limits == MonitorLimits(
+        size=size, scale_m=scale_m, expects_opinion=True
+    )
+    assert (plain.address, plain.console, plain.record) == (
+        module.Address("127.0.0.1", 18944),
+        None,
+        None,
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
+)
 def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_current_folder_has_run(
     folder: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
-    for name in ("numpy", "signal", "json", "socket", "scleraforce", "fastapi", "cv2", "onnxruntime"):
-        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n")
+    for name in (
+        "numpy",
+        "signal",
+        "json",
+        "socket",
+        "scleraforce",
+        "fastapi",
+        "cv2",
+        "onnxruntime",
+    ):
+        (tmp_path / f"{name}.py").write_text(
+            f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n"
+        )
     options = ["--black-box", str(tmp_path / "box"), "--web-port", "0"]
-    with started(folder, *options, here=tmp_path) as monitor, Peer(monitor.port) as robot:
+    with (
+        started(folder, *options, here=tmp_path) as monitor,
+        Peer(monitor.port) as robot,
+    ):
         assert monitor.process.stderr
         lines = iter(monitor.process.stderr.readline, "")
-        assert any(line.startswith("console    http://127.0.0.1:") for line in lines)  # it has loaded all that it needs
-        robot.hear(lambda peer: bool(peer.statuses()))  # it has been let in, not only queued by the system
+        assert any(
+            line.startswith("console    http://127.0.0.1:") for line in lines
+        )  # it has loaded all that it needs
+        robot.hear(
+            lambda peer: bool(peer.statuses())
+        )  # it has been let in, not only queued by the system
         children = children_of(monitor.process.pid)
         assert len(children) == 4  # black box, second opinion, watchdog, console
-        for _ in range(1 if number is signal.SIGINT else 2):  # a shell and the system may both say so
+        for _ in range(
+            1 if number is signal.SIGINT else 2
+        ):  # a shell and the system may both say so
             os.kill(monitor.process.pid, number)
         told, said = monitor.process.communicate(timeout=FUSE_S)
         assert monitor.process.returncode == 0
         assert "the monitor ends" in robot.wait_for_code(3).message
-    assert said.splitlines()[-1].startswith("ended after 0 frames")  # a busy machine may cause a withdrawal
+    assert said.splitlines()[-1].startswith(
+        "ended after 0 frames"
+    )  # a busy machine may cause a withdrawal
     assert json.loads(told)["frames"] == 0
     assert not (tmp_path / "ran").exists()
     wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in children))
@@ -394,7 +644,14 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
     script = program(folder)
     pid, terminal = pty.fork()  # the monitor leads the terminal's session
     if pid == 0:
-        command = ["monitor", str(folder / "reader"), "--port", str(port), "--black-box", str(tmp_path / "box")]
+        command = [
+            "monitor",
+            str(folder / "reader"),
+            "--port",
+            str(port),
+            "--black-box",
+            str(tmp_path / "box"),
+        ]
         os.execv(sys.executable, [sys.executable, str(script), *command])
     read_until(terminal, "monitor-reset")
     with Peer(port) as robot:
@@ -412,7 +669,11 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
     assert os.waitstatus_to_exitcode(waited(pid)) == 0
     if how == "stopped":
         os.close(terminal)
-    texts = [part.record.get("text", "") for part in read_log(tmp_path / "box" / "log") if part.record]
+    texts = [
+        part.record.get("text", "")
+        for part in read_log(tmp_path / "box" / "log")
+        if part.record
+    ]
     assert not any("without notice" in text for text in texts)
 
 

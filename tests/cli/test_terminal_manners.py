@@ -28,25 +28,49 @@ SMALL = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthic
 FRAME = "eye-a/frames/0001.png"
 # The arguments of each command, in the folder below; {out} is new for each run.
 RUNS = {
-    "init": "{out}", "cite": "", "simulate": "--study small.toml --thickness-um 600 --force-mn 10",
+    "init": "{out}",
+    "cite": "",
+    "simulate": "--study small.toml --thickness-um 600 --force-mn 10",
     "phantom": "--study small.toml --out {out} --forces-mn 2,20 --thickness-um 600",
     "segment": FRAME + " --out {out}",
     "scanner": "drawn/0.png drawn/1.png --width-mm 15 --depth-mm 4 --bits 12 --out {out}.toml",
-    "library": "--study study.toml --out {out}", "calibrate": "eye-a --study study.toml --frames 2 --out {out}",
-    "generate": "--study small.toml --out {out} --workers 1", "train": "dataset --out {out}",
-    "read": "reader " + FRAME, "evaluate": "reader eye-a",
-    "import": FRAME + " --out {out} --width-mm 15 --depth-mm 4 --bits 12 --rate-hz 1 --refractive-index 1 --gauge 22 "
+    "library": "--study study.toml --out {out}",
+    "calibrate": "eye-a --study study.toml --frames 2 --out {out}",
+    "generate": "--study small.toml --out {out} --workers 1",
+    "train": "dataset --out {out}",
+    "read": "reader " + FRAME,
+    "evaluate": "reader eye-a",
+    "import": FRAME
+    + " --out {out} --width-mm 15 --depth-mm 4 --bits 12 --rate-hz 1 --refractive-index 1 --gauge 22 "
     "--gap-mm 0.6 --eye eye-b",
-    "export": "eye-a --out {out}.csv", "show": "eye-a", "doctor": "", "demo": "--out {out}",
-}  # fmt: skip
+    "export": "eye-a --out {out}.csv",
+    "show": "eye-a",
+    "doctor": "",
+    "demo": "--out {out}",
+}
 # They need a monitor, or a quarter of an hour; these calls cannot begin.
 REFUSED = {
-    "app": "nowhere", "monitor": "nowhere", "monitor-reset": "--port 1 --token none", "replay": "eye-a --port 1",
+    "app": "nowhere",
+    "monitor": "nowhere",
+    "monitor-reset": "--port 1 --token none",
+    "replay": "eye-a --port 1",
     "reproduce": "--out study.toml",
-}  # fmt: skip
-SLOW = {"calibrate", "demo", "doctor", "generate", "phantom", "scanner", "simulate", "train"}
+}
+SLOW = {
+    "calibrate",
+    "demo",
+    "doctor",
+    "generate",
+    "phantom",
+    "scanner",
+    "simulate",
+    "train",
+}
 NEVER_QUIET = {"monitor"}  # its operator has to see its lines
-LONG = {"demo", "doctor"}  # of these: each runs them four times; `.ci/run` has tests of their own
+LONG = {
+    "demo",
+    "doctor",
+}  # of these: each runs them four times; `.ci/run` has tests of their own
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +90,11 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(folder)
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr(library_store, "build_library", lambda *_, **__: library_store.Building(144, 144, 1.0))
+    monkeypatch.setattr(
+        library_store,
+        "build_library",
+        lambda *_, **__: library_store.Building(144, 144, 1.0),
+    )
     return folder
 
 
@@ -89,20 +117,26 @@ def test_every_command_explains_itself_within_80_columns(shell) -> None:
         assert out.startswith(f"Usage: scleraforce {name}")
         assert max(map(len, out.splitlines())) <= 80
         assert not CONTROL.search(out)
-        assert "\\b" not in out  # click's mark for verbatim text, typed into a raw docstring
+        assert (
+            "\\b" not in out
+        )  # click's mark for verbatim text, typed into a raw docstring
         assert ("--quiet" in out) == (name not in ("", *NEVER_QUIET))
         assert ("--json" in out) == bool(name)
 
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("name", [pytest.param(n, marks=marks_of(n)) for n in RUNS])
-def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_with_quiet(name: str, tmp_path, shell) -> None:
+def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_with_quiet(
+    name: str, tmp_path, shell
+) -> None:
     out, err = shell.run(*words(name, tmp_path))
     assert out
     assert not CONTROL.search(out + err)
     for line in out.splitlines():
         # A record stays one line, so that it can be searched for; tables and prose fit.
-        assert len(line) <= 80 or line.startswith(FRAME) or str(tmp_path.parent) in line, line
+        assert (
+            len(line) <= 80 or line.startswith(FRAME) or str(tmp_path.parent) in line
+        ), line
     for number, options in enumerate((["--json"], ["--quiet", "--json"]), start=1):
         out, err = shell.run(*words(name, tmp_path, number), *options)
         assert isinstance(json.loads(out), dict)
@@ -111,18 +145,26 @@ def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_with_qu
 
 
 @pytest.mark.usefixtures("here")
-def test_a_command_that_cannot_begin_prints_one_line_with_any_option(tmp_path: Path, shell) -> None:
+def test_a_command_that_cannot_begin_prints_one_line_with_any_option(
+    tmp_path: Path, shell
+) -> None:
     for name, option in product(REFUSED, ("", "--json", "--quiet")):
         if option != "--quiet" or name not in NEVER_QUIET:
-            assert not CONTROL.search(shell.refused(*words(name, tmp_path), *option.split(), codes=(1, 2)))
+            assert not CONTROL.search(
+                shell.refused(*words(name, tmp_path), *option.split(), codes=(1, 2))
+            )
 
 
-def on_a_terminal(arguments: list[str], folder: Path, **environment: str) -> tuple[str, str]:
+def on_a_terminal(
+    arguments: list[str], folder: Path, **environment: str
+) -> tuple[str, str]:
     """Run a command whose standard error is a terminal; return what it wrote to its output and to that."""
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 80))
     given = {"cwd": folder, "env": os.environ | environment, "stderr": theirs}
-    with subprocess.Popen([*SCLERAFORCE, *arguments], stdout=subprocess.PIPE, text=True, **given) as process:
+    with subprocess.Popen(
+        [*SCLERAFORCE, *arguments], stdout=subprocess.PIPE, text=True, **given
+    ) as process:
         os.close(theirs)
         assert process.stdout is not None
         shown = b""
@@ -135,8 +177,12 @@ def on_a_terminal(arguments: list[str], folder: Path, **environment: str) -> tup
     return printed, shown.decode()
 
 
-@pytest.mark.parametrize("environment", [{"NO_COLOR": "1"}, pytest.param({}, marks=pytest.mark.slow)])
-def test_a_bar_on_a_terminal_has_no_colour_and_disappears(here: Path, environment: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    "environment", [{"NO_COLOR": "1"}, pytest.param({}, marks=pytest.mark.slow)]
+)
+def test_a_bar_on_a_terminal_has_no_colour_and_disappears(
+    here: Path, environment: dict[str, str]
+) -> None:
     printed, shown = on_a_terminal(["classify", "reader", FRAME], here, **environment)
     assert "class 1" in printed
     assert "frames" in shown  # the bar's title

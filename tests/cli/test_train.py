@@ -59,10 +59,21 @@ def study(tmp_path):
 
 
 @pytest.mark.slow
-def test_generate_uses_the_calibrations_modulus_and_reports_its_speed(study, tmp_path, shell):
+def test_generate_uses_the_calibrations_modulus_and_reports_its_speed(
+    study, tmp_path, shell
+):
     calibration, out = tmp_path / "calibration.json", tmp_path / "dataset.zarr"
     calibration.write_text(calibration_text(0.31))
-    printed, noted = shell.run("generate", "--study", study, "--out", out, "--calibration", calibration, "--json")
+    printed, noted = shell.run(
+        "generate",
+        "--study",
+        study,
+        "--out",
+        out,
+        "--calibration",
+        calibration,
+        "--json",
+    )
     answer = json.loads(printed)
     assert "E was fitted with finite-strain mechanics, the slices are linear" in noted
     assert answer["images"] == 20
@@ -73,24 +84,41 @@ def test_generate_uses_the_calibrations_modulus_and_reports_its_speed(study, tmp
     assert "complete" in shell.refused("generate", "--study", study, "--out", out)
 
 
-def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(study, tmp_path, shell, monkeypatch):
+def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(
+    study, tmp_path, shell, monkeypatch
+):
     def interrupted(*_, progress, **__):
         progress(7)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(generate, "generate_dataset", interrupted)
     monkeypatch.setattr(library_store, "build_library", interrupted)
-    for command, kept in (("generate", "7 of 20 images"), ("library", "7 of 208 load paths")):
-        said = shell.run(command, "--study", study, "--out", tmp_path / "d", code=130)[1]
+    for command, kept in (
+        ("generate", "7 of 20 images"),
+        ("library", "7 of 208 load paths"),
+    ):
+        said = shell.run(command, "--study", study, "--out", tmp_path / "d", code=130)[
+            1
+        ]
         assert f"{kept} are kept; the same command completes them" in said
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
-def test_a_generate_that_was_stopped_is_completed_by_the_same_command(study, tmp_path, sent):
+def test_a_generate_that_was_stopped_is_completed_by_the_same_command(
+    study, tmp_path, sent
+):
     study.write_text(STUDY.replace("images = 20", "images = 3000"))
     out = tmp_path / "dataset.zarr"
-    line = [*SCLERAFORCE, "generate", "--study", str(study), "--out", str(out), "--json"]
+    line = [
+        *SCLERAFORCE,
+        "generate",
+        "--study",
+        str(study),
+        "--out",
+        str(out),
+        "--json",
+    ]
     process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True)
     while not any(out.glob("slices/c/*/0/0")):
         assert process.poll() is None
@@ -114,7 +142,9 @@ def test_a_library_is_made_with_its_size_and_time(study, tmp_path, shell):
     assert answer["paths"] == 5 * 16 + 8 * 16
     assert answer["seconds"] > 0.0
     assert open_library(out).force_ratio_tpd.shape == (4, 4, 4)
-    assert "a complete library" in shell.refused("library", "--study", study, "--out", out)
+    assert "a complete library" in shell.refused(
+        "library", "--study", study, "--out", out
+    )
 
 
 @pytest.mark.slow
@@ -149,8 +179,12 @@ def files_up_to(size: int) -> Iterator[None]:
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.parametrize(("command", "size"), [("library", 200), ("generate", 3000)])  # at the start, at a chunk
-def test_a_store_on_a_full_disk_is_one_line(tmp_path: Path, shell, monkeypatch, command: str, size: int) -> None:
+@pytest.mark.parametrize(
+    ("command", "size"), [("library", 200), ("generate", 3000)]
+)  # at the start, at a chunk
+def test_a_store_on_a_full_disk_is_one_line(
+    tmp_path: Path, shell, monkeypatch, command: str, size: int
+) -> None:
     monkeypatch.setattr(library_store, "solve_path", solve_analytic)
     study, out = tmp_path / "study.toml", tmp_path / "out"
     study.write_text(LIBRARY + DATASET)
@@ -160,16 +194,23 @@ def test_a_store_on_a_full_disk_is_one_line(tmp_path: Path, shell, monkeypatch, 
     assert "File too large" in err
 
 
-def test_a_model_that_cannot_be_written_is_refused_before_any_work(tmp_path: Path) -> None:
+def test_a_model_that_cannot_be_written_is_refused_before_any_work(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "file").write_text("")
-    for place in (tmp_path / "file" / "model", Path("/proc/model")):  # not even root may write there
+    for place in (
+        tmp_path / "file" / "model",
+        Path("/proc/model"),
+    ):  # not even root may write there
         with pytest.raises(ModelError, match="cannot be made"):
             check_place(place)
     check_place(tmp_path / "new" / "model")
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
 
 
-def test_training_on_a_store_of_another_kind_names_the_option(tmp_path: Path, shell) -> None:
+def test_training_on_a_store_of_another_kind_names_the_option(
+    tmp_path: Path, shell
+) -> None:
     pytest.importorskip("torch")
     library = "a response library and no data set; `train --kind reader` learns from it"
     dataset = "a data set and no response library; `train --kind classifier`"
@@ -177,9 +218,15 @@ def test_training_on_a_store_of_another_kind_names_the_option(tmp_path: Path, sh
         ("scleraforce-library-2", [], library),
         ("scleraforce-dataset-2", ["--kind", "reader"], dataset),
     ):
-        metadata = {"zarr_format": 3, "node_type": "group", "attributes": {"schema": schema}}
+        metadata = {
+            "zarr_format": 3,
+            "node_type": "group",
+            "attributes": {"schema": schema},
+        }
         (tmp_path / "zarr.json").write_text(json.dumps(metadata))
-        assert said in shell.refused("train", tmp_path, *options, "--out", tmp_path / "model")
+        assert said in shell.refused(
+            "train", tmp_path, *options, "--out", tmp_path / "model"
+        )
 
 
 SIZE = ["--width-mm", 10, "--depth-mm", 4]
@@ -203,46 +250,77 @@ def frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_wall_finder_that_differs_makes_a_frame_unusable_and_the_reason_says_so(
     blind, frame, tmp_path, shell
 ) -> None:
-    (entry,) = shell.json("segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", blind)["frames"]
+    (entry,) = shell.json(
+        "segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", blind
+    )["frames"]
     assert not entry["usable"]
     assert "differ" in entry["reason"] or "the network sees no wall" in entry["reason"]
     assert [path.name for path in tmp_path.iterdir()] == ["scene.guess.png"]
 
 
-def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it_off(tmp_path, shell) -> None:
+def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it_off(
+    tmp_path, shell
+) -> None:
     """In a drawn scene in which it finds another wall than edge detection."""
     scene, path = draw_scene(ScenesStudy(seed=3), 6), tmp_path / "scene.png"
     cv2.imwrite(str(path), scene.frame)
-    scale = PixelScale(lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame))
-    checked = find_wall(scene.frame, scale, finder=load_wall_finder(SHIPPED_WALL_FINDER)).mask
+    scale = PixelScale(
+        lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame)
+    )
+    checked = find_wall(
+        scene.frame, scale, finder=load_wall_finder(SHIPPED_WALL_FINDER)
+    ).mask
     unchecked = find_wall(scene.frame, scale).mask
     assert not np.array_equal(checked, unchecked)
     for name, words, expected in (
-        ("a", (), checked), ("b", ("--wall-finder", SHIPPED_WALL_FINDER), checked),
+        ("a", (), checked),
+        ("b", ("--wall-finder", SHIPPED_WALL_FINDER), checked),
         ("c", ("--wall-finder", "none"), unchecked),
-    ):  # fmt: skip
-        (entry,) = shell.json("segment", path, "--out", tmp_path / name, *SIZE, *words)["frames"]
+    ):
+        (entry,) = shell.json("segment", path, "--out", tmp_path / name, *SIZE, *words)[
+            "frames"
+        ]
         assert np.array_equal(cv2.imread(entry["mask"], cv2.IMREAD_UNCHANGED), expected)
 
 
 def test_options_that_exclude_each_other_are_refused(tmp_path, shell) -> None:
     for options, said in (
-        (["data.zarr", "--kind", "wall-finder"], "data.zarr: --kind wall-finder draws its scenes; leave DATASET out"),
-        ([], "--kind classifier: DATASET is missing; only --kind wall-finder needs none"),
+        (
+            ["data.zarr", "--kind", "wall-finder"],
+            "data.zarr: --kind wall-finder draws its scenes; leave DATASET out",
+        ),
+        (
+            [],
+            "--kind classifier: DATASET is missing; only --kind wall-finder needs none",
+        ),
         (["--kind", "raw-reader"], "--kind raw-reader: DATASET is missing"),
-        (["lib", "--kind", "raw-reader", "--search"], "a raw-reader has the sizes of [raw_reader]"),
-        (["slices", "--scheduler", "tcp://127.0.0.1:9"], "--scheduler: for --search and --kind wall-finder"),
+        (
+            ["lib", "--kind", "raw-reader", "--search"],
+            "a raw-reader has the sizes of [raw_reader]",
+        ),
+        (
+            ["slices", "--scheduler", "tcp://127.0.0.1:9"],
+            "--scheduler: for --search and --kind wall-finder",
+        ),
     ):
         assert said in shell.refused("train", *options, "--out", tmp_path / "model")
         assert not (tmp_path / "model").exists()
 
 
 @pytest.mark.slow
-def test_training_prints_its_results_and_its_model_segments(frame, tmp_path, shell) -> None:
+def test_training_prints_its_results_and_its_model_segments(
+    frame, tmp_path, shell
+) -> None:
     study, model = tmp_path / "study.toml", tmp_path / "finder"
     study.write_text(format_study(SMALL_STUDY))
-    answer = shell.json("train", "--kind", "wall-finder", "--study", study, "--out", model)
+    answer = shell.json(
+        "train", "--kind", "wall-finder", "--study", study, "--out", model
+    )
     assert (answer["kind"], answer["scenes"]) == ("wall-finder", 640)
     assert answer["dice_mean"] > 0.85
-    (entry,) = shell.json("segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", model)["frames"]
-    assert entry["reason"] == "" or "does not know where the wall ends" in entry["reason"]  # 640 scenes teach little
+    (entry,) = shell.json(
+        "segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", model
+    )["frames"]
+    assert (
+        entry["reason"] == "" or "does not know where the wall ends" in entry["reason"]
+    )  # 640 scenes teach little

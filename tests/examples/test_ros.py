@@ -85,7 +85,9 @@ class FakeNode:
         messages = self.published.setdefault(topic, [])
         return SimpleNamespace(publish=messages.append)
 
-    def create_subscription(self, _kind: type, topic: str, callback: Callable[[Any], None], _depth: int) -> None:
+    def create_subscription(
+        self, _kind: type, topic: str, callback: Callable[[Any], None], _depth: int
+    ) -> None:
         self.subscriptions_[topic] = callback
 
     def create_timer(self, period_s: float, callback: Callable[[], None]) -> None:
@@ -103,7 +105,9 @@ def module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     names = (*packages, "rclpy.node", *(f"{name}.msg" for name in packages[1:]))
     stubs = {name: ModuleType(name) for name in names}
     stubs["rclpy.node"].Node = FakeNode
-    stubs["geometry_msgs.msg"].WrenchStamped = rostype("geometry_msgs/msg/WrenchStamped")
+    stubs["geometry_msgs.msg"].WrenchStamped = rostype(
+        "geometry_msgs/msg/WrenchStamped"
+    )
     stubs["sensor_msgs.msg"].Image = TYPES["sensor_msgs/msg/Image"]
     for name in ("Bool", "String"):
         setattr(stubs["std_msgs.msg"], name, rostype(f"std_msgs/msg/{name}"))
@@ -111,33 +115,53 @@ def module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
         monkeypatch.setitem(sys.modules, name, stub)
     monkeypatch.setattr(sys, "path", list(sys.path))
     loaded = example_module("ros2/force_monitor_node")
-    monkeypatch.setattr(loaded.robot_client, "SILENCE_S", 300.0)  # the machine may be busy
+    monkeypatch.setattr(
+        loaded.robot_client, "SILENCE_S", 300.0
+    )  # the machine may be busy
     return loaded
 
 
 def frame(number: int) -> np.ndarray:
-    return np.random.default_rng(number).integers(0, 4096, (ROWS, COLUMNS), dtype=np.uint16)
+    return np.random.default_rng(number).integers(
+        0, 4096, (ROWS, COLUMNS), dtype=np.uint16
+    )
 
 
-def image(number: int, *, big: bool = False, padding: int = 0, encoding: str = "mono16") -> Any:
+def image(
+    number: int, *, big: bool = False, padding: int = 0, encoding: str = "mono16"
+) -> Any:
     """A frame as sensor_msgs/Image, with `padding` bytes behind each row."""
-    rows = frame(number).astype(">u2" if big else "<u2").view(np.uint8).reshape(ROWS, -1)
+    rows = (
+        frame(number).astype(">u2" if big else "<u2").view(np.uint8).reshape(ROWS, -1)
+    )
     data = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
     header = TYPES["std_msgs/msg/Header"](
-        stamp=TYPES["builtin_interfaces/msg/Time"](sec=1_795_000_000 + number, nanosec=250_000_000), frame_id="oct"
+        stamp=TYPES["builtin_interfaces/msg/Time"](
+            sec=1_795_000_000 + number, nanosec=250_000_000
+        ),
+        frame_id="oct",
     )
     return TYPES["sensor_msgs/msg/Image"](
-        header=header, height=ROWS, width=COLUMNS, encoding=encoding, is_bigendian=int(big), step=data.shape[1],
+        header=header,
+        height=ROWS,
+        width=COLUMNS,
+        encoding=encoding,
+        is_bigendian=int(big),
+        step=data.shape[1],
         data=data.ravel(),
-    )  # fmt: skip
+    )
 
 
 def bag_of(folder: Path, messages: list[Any]) -> Iterator[Any]:
     """Write messages to a ROS 2 bag, and yield them as they are read from it."""
     with Writer(folder / "bag", version=9) as writer:
-        link = writer.add_connection("/oct/bscan", "sensor_msgs/msg/Image", typestore=STORE)
+        link = writer.add_connection(
+            "/oct/bscan", "sensor_msgs/msg/Image", typestore=STORE
+        )
         for number, message in enumerate(messages):
-            writer.write(link, number, STORE.serialize_cdr(message, "sensor_msgs/msg/Image"))
+            writer.write(
+                link, number, STORE.serialize_cdr(message, "sensor_msgs/msg/Image")
+            )
     with Reader(folder / "bag") as reader:
         for link, _, data in reader.messages():
             yield STORE.deserialize_cdr(data, link.msgtype)
@@ -150,8 +174,12 @@ def monitor() -> Iterator[FakeMonitor]:
 
 
 @pytest.fixture
-def node(module: ModuleType, monitor: FakeMonitor, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeNode]:
-    monkeypatch.setattr(FakeNode, "given", {"port": monitor.port, "width_mm": 18.0, "depth_mm": 3.0})
+def node(
+    module: ModuleType, monitor: FakeMonitor, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[FakeNode]:
+    monkeypatch.setattr(
+        FakeNode, "given", {"port": monitor.port, "width_mm": 18.0, "depth_mm": 3.0}
+    )
     made = module.ForceMonitorNode()
     yield made
     made.destroy_node()
@@ -164,15 +192,31 @@ def test_images_of_a_bag_reach_the_monitor_and_their_forces_come_back(
     for message in bag_of(tmp_path, sent):
         node.subscriptions_["image"](message)
     wait_until(lambda: len(node.published["~/force_high"]) == 3)
-    events = [e for e in monitor.received if isinstance(e, Received) and isinstance(e.message, Image)]
+    events = [
+        e
+        for e in monitor.received
+        if isinstance(e, Received) and isinstance(e.message, Image)
+    ]
     for number, event in enumerate(events, start=1):
         np.testing.assert_array_equal(event.message.pixels[0], frame(number))
-        assert event.message.matrix[:5] == pytest.approx((18.0 / COLUMNS, 0.0, 0.0, 0.0, 3.0 / ROWS))
+        assert event.message.matrix[:5] == pytest.approx(
+            (18.0 / COLUMNS, 0.0, 0.0, 0.0, 3.0 / ROWS)
+        )
         assert event.message_id == number
         assert event.header.time_s == pytest.approx(1_795_000_000.25 + number, abs=1e-6)
-    for name, force_n in (("force", 1.5e-3), ("force_low", 0.5e-3), ("force_high", 2.5e-3)):
-        assert [m.wrench.force.z for m in node.published[f"~/{name}"]] == [pytest.approx(force_n)] * 3
-    assert [m.header.stamp.sec for m in node.published["~/force"]] == [1_795_000_001, 1_795_000_002, 1_795_000_003]
+    for name, force_n in (
+        ("force", 1.5e-3),
+        ("force_low", 0.5e-3),
+        ("force_high", 2.5e-3),
+    ):
+        assert [m.wrench.force.z for m in node.published[f"~/{name}"]] == [
+            pytest.approx(force_n)
+        ] * 3
+    assert [m.header.stamp.sec for m in node.published["~/force"]] == [
+        1_795_000_001,
+        1_795_000_002,
+        1_795_000_003,
+    ]
 
 
 def test_the_order_is_to_withdraw_until_the_monitor_says_ok_and_after_it_says_no(
@@ -190,7 +234,9 @@ def test_the_order_is_to_withdraw_until_the_monitor_says_ok_and_after_it_says_no
         serialised(message)
 
 
-def test_when_the_monitor_goes_the_order_to_withdraw_stays(node: FakeNode, monitor: FakeMonitor) -> None:
+def test_when_the_monitor_goes_the_order_to_withdraw_stays(
+    node: FakeNode, monitor: FakeMonitor
+) -> None:
     node.subscriptions_["image"](image(1))
     orders = node.published["~/withdraw"]
     wait_until(lambda: bool(orders) and orders[-1].data is False)
@@ -203,7 +249,10 @@ def test_when_the_monitor_goes_the_order_to_withdraw_stays(node: FakeNode, monit
 
 @pytest.mark.parametrize(
     ("message", "said"),
-    [(image(1, encoding="rgb8"), "encoding 'rgb8'; give one of mono8"), (image(1), "bytes for")],
+    [
+        (image(1, encoding="rgb8"), "encoding 'rgb8'; give one of mono8"),
+        (image(1), "bytes for"),
+    ],
     ids=["colour", "cut"],
 )
 def test_an_image_that_cannot_be_read_is_an_error_and_no_frame(
@@ -213,4 +262,8 @@ def test_an_image_that_cannot_be_read_is_an_error_and_no_frame(
         message.data = message.data[:-3]
     node.subscriptions_["image"](message)
     assert said in node.errors[0]
-    assert not [e for e in monitor.received if isinstance(e, Received) and isinstance(e.message, Image)]
+    assert not [
+        e
+        for e in monitor.received
+        if isinstance(e, Received) and isinstance(e.message, Image)
+    ]

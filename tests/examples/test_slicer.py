@@ -35,8 +35,13 @@ def heard(client: pyigtl.OpenIGTLinkClient, device: str):
     return message
 
 
-def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_scanner_its_answers() -> None:
-    with fake_monitor() as monitor, bridge.run(0, 0, ("127.0.0.1", monitor.port)) as (scanner_port, slicer_port):
+def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_scanner_its_answers() -> (
+    None
+):
+    with (
+        fake_monitor() as monitor,
+        bridge.run(0, 0, ("127.0.0.1", monitor.port)) as (scanner_port, slicer_port),
+    ):
         clients = [pyigtl.OpenIGTLinkClient("127.0.0.1", slicer_port)]
         try:
             with Peer(scanner_port, version=2) as scanner:
@@ -44,10 +49,24 @@ def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_s
                 scanner.say(Image(WALL[None], MATRIX), message_id=5)
                 scanner.hear(lambda peer: peer.readings() > 0)
                 assert scanner.readings() == 1
-                shown = [[heard(clients[0], device) for device in ("ForceView", "ForceBar", "ForceText")]]
-                event = next(e for e in monitor.received if e is not None and isinstance(e.message, Image))
+                shown = [
+                    [
+                        heard(clients[0], device)
+                        for device in ("ForceView", "ForceBar", "ForceText")
+                    ]
+                ]
+                event = next(
+                    e
+                    for e in monitor.received
+                    if e is not None and isinstance(e.message, Image)
+                )
             clients.append(pyigtl.OpenIGTLinkClient("127.0.0.1", slicer_port))
-            shown.append([heard(clients[1], device) for device in ("ForceView", "ForceBar", "ForceText")])
+            shown.append(
+                [
+                    heard(clients[1], device)
+                    for device in ("ForceView", "ForceBar", "ForceText")
+                ]
+            )
         finally:
             for client in clients:
                 client.stop()
@@ -61,12 +80,19 @@ def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_s
         assert in_the_middle.mean() == pytest.approx(32, abs=3)
         assert np.linalg.norm(picture.ijk_to_world_matrix[:3, 0]) == pytest.approx(0.05)
         assert bar.matrix[2, 2] == pytest.approx(1.5)
-        assert words.string.splitlines() == ["1.5 mN (90 %: 0.5 to 2.5)", "WATCHING: class 0"]
+        assert words.string.splitlines() == [
+            "1.5 mN (90 %: 0.5 to 2.5)",
+            "WATCHING: class 0",
+        ]
 
 
-def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on(monkeypatch) -> None:
+def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on(
+    monkeypatch,
+) -> None:
     latest, image = bridge.Latest(), Image(WALL[None], MATRIX)
-    older, newer = (replace(image, matrix=(width_mm, *MATRIX[1:])) for width_mm in (1.0, 2.0))
+    older, newer = (
+        replace(image, matrix=(width_mm, *MATRIX[1:])) for width_mm in (1.0, 2.0)
+    )
 
     def picture_of(frame_id: int) -> Image:
         latest.read({"frame_id": frame_id})
@@ -82,7 +108,9 @@ def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on
     latest.saw(newer, 6)
     assert picture_of(5) is image  # not the newest
     monkeypatch.setattr(bridge, "FRAME_WAIT_S", 0.0)
-    assert picture_of(77) is newer  # the monitor's own number, of a sender that gives none
+    assert (
+        picture_of(77) is newer
+    )  # the monitor's own number, of a sender that gives none
     for frame_id in range(7, 7 + bridge.KEPT_FRAMES):
         latest.saw(older, frame_id)
     assert picture_of(6) is older  # let go
@@ -91,7 +119,11 @@ def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on
 
 
 def test_when_the_monitor_goes_the_scanners_connection_ends() -> None:
-    with fake_monitor() as monitor, bridge.run(0, 0, ("127.0.0.1", monitor.port)) as ports, Peer(ports[0]) as scanner:
+    with (
+        fake_monitor() as monitor,
+        bridge.run(0, 0, ("127.0.0.1", monitor.port)) as ports,
+        Peer(ports[0]) as scanner,
+    ):
         scanner.hear(lambda peer: len(peer.statuses()) > 0)
         assert isinstance(scanner.statuses()[0], Status)
         monitor.drop()
@@ -114,7 +146,9 @@ class Scene:
         return self.nodes.get(name)
 
     def RemoveNode(self, node: MagicMock) -> None:  # noqa: N802 - Slicer's name
-        self.nodes = {name: other for name, other in self.nodes.items() if other is not node}
+        self.nodes = {
+            name: other for name, other in self.nodes.items() if other is not node
+        }
 
 
 @pytest.fixture
@@ -122,18 +156,32 @@ def slicer(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Fakes of Slicer's modules, with the scene and the module that is loaded with them."""
     base = type("Base", (), {"__init__": lambda *_: None})
     scripted = ModuleType("slicer.ScriptedLoadableModule")
-    for name in ("ScriptedLoadableModule", "ScriptedLoadableModuleLogic", "ScriptedLoadableModuleWidget"):
+    for name in (
+        "ScriptedLoadableModule",
+        "ScriptedLoadableModuleLogic",
+        "ScriptedLoadableModuleWidget",
+    ):
         setattr(scripted, name, base)
     package = ModuleType("slicer")
     package.mrmlScene, package.util, package.app = Scene(), MagicMock(), MagicMock()
-    for name, module in {"slicer": package, "slicer.ScriptedLoadableModule": scripted, "qt": MagicMock(),
-                         "vtk": MagicMock()}.items():  # fmt: skip
+    for name, module in {
+        "slicer": package,
+        "slicer.ScriptedLoadableModule": scripted,
+        "qt": MagicMock(),
+        "vtk": MagicMock(),
+    }.items():
         monkeypatch.setitem(sys.modules, name, module)
-    return SimpleNamespace(scene=package.mrmlScene, util=package.util, app=package.app,
-                           module=example_module("slicer/ForceMonitor"))  # fmt: skip
+    return SimpleNamespace(
+        scene=package.mrmlScene,
+        util=package.util,
+        app=package.app,
+        module=example_module("slicer/ForceMonitor"),
+    )
 
 
-def test_the_module_connects_as_a_client_and_shows_what_comes(slicer: SimpleNamespace) -> None:
+def test_the_module_connects_as_a_client_and_shows_what_comes(
+    slicer: SimpleNamespace,
+) -> None:
     logic = slicer.module.ForceMonitorLogic()
     logic.connect("lab", 18947)
     assert slicer.scene.kinds["Force monitor"] == "vtkMRMLIGTLConnectorNode"
@@ -146,9 +194,17 @@ def test_the_module_connects_as_a_client_and_shows_what_comes(slicer: SimpleName
     slicer.scene.nodes[bridge.WORDS].GetText.return_value = "12.0 mN"
     logic.update()
     logic.update()
-    slicer.util.setSliceViewerLayers.assert_called_with(background=slicer.scene.nodes[bridge.VIEW])
+    slicer.util.setSliceViewerLayers.assert_called_with(
+        background=slicer.scene.nodes[bridge.VIEW]
+    )
     bar = slicer.scene.nodes["Force"]
-    bar.SetAndObserveTransformNodeID.assert_called_with(slicer.scene.nodes[bridge.BAR].GetID())
-    assert bar.SetAndObservePolyData.call_count == 1  # one bar, however often it is updated
-    corner = slicer.app.layoutManager().sliceWidget("Red").sliceView().cornerAnnotation()
+    bar.SetAndObserveTransformNodeID.assert_called_with(
+        slicer.scene.nodes[bridge.BAR].GetID()
+    )
+    assert (
+        bar.SetAndObservePolyData.call_count == 1
+    )  # one bar, however often it is updated
+    corner = (
+        slicer.app.layoutManager().sliceWidget("Red").sliceView().cornerAnnotation()
+    )
     assert corner.SetText.call_args[0][1] == "12.0 mN"

@@ -30,7 +30,10 @@ def make_bars(count: int, seed: int) -> Samples:
     below = row - depth[:, None, None]
     bars = ((below >= 0) & (below < 2)) ^ (rng.random((count, ROWS, COLUMNS)) < 0.1)
     bars[:, -1] = False  # a row that never varies
-    return Samples(np.broadcast_to(bars, (count, ROWS, COLUMNS)).astype(np.uint8) * np.uint8(255), depth // 3)
+    return Samples(
+        np.broadcast_to(bars, (count, ROWS, COLUMNS)).astype(np.uint8) * np.uint8(255),
+        depth // 3,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -42,7 +45,9 @@ def bars() -> tuple[Samples, Samples]:
 @pytest.fixture
 def small() -> NetworkStudy:
     """A network that trains in a moment."""
-    return NetworkStudy(hidden=(24, 16), dropout=0.3, learning_rate=0.1, batch_size=32, epochs=4)
+    return NetworkStudy(
+        hidden=(24, 16), dropout=0.3, learning_rate=0.1, batch_size=32, epochs=4
+    )
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,12 @@ import pytest
 from provenance import fingerprint
 from provenance.fingerprint import Fingerprint, moved
 from scleraforce.library.files import load_library
-from scleraforce.models import SHIPPED_LIVING, SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.models import (
+    SHIPPED_LIVING,
+    SHIPPED_PAPER,
+    SHIPPED_READER,
+    SHIPPED_WALL_FINDER,
+)
 from scleraforce.reader.model import load_force_reader, load_model, load_wall_finder
 from scleraforce.study import MeshStudy, Study, parse_study, preset_toml
 
@@ -34,7 +39,10 @@ def study_of(folder: Path) -> Study:
 
 @pytest.mark.slow
 def test_the_intervals_of_the_shipped_reader_are_measured_as_today() -> None:
-    library, network = load_library(SHIPPED_READER / "library.npz"), (SHIPPED_READER / "model.onnx").read_bytes()
+    library, network = (
+        load_library(SHIPPED_READER / "library.npz"),
+        (SHIPPED_READER / "model.onnx").read_bytes(),
+    )
     now = fingerprint.interval_fingerprint(study_of(SHIPPED_READER), library, network)
     assert set(now) == INTERVALS
     assert not moved_since(SHIPPED_READER, now), "run `make model`"
@@ -42,9 +50,14 @@ def test_the_intervals_of_the_shipped_reader_are_measured_as_today() -> None:
 
 @pytest.mark.parametrize(
     ("folder", "compute"),
-    [(SHIPPED_PAPER, fingerprint.classifier_fingerprint), (SHIPPED_WALL_FINDER, fingerprint.finder_fingerprint)],
+    [
+        (SHIPPED_PAPER, fingerprint.classifier_fingerprint),
+        (SHIPPED_WALL_FINDER, fingerprint.finder_fingerprint),
+    ],
 )
-def test_the_shipped_classifier_and_wall_finder_are_trained_as_today(folder: Path, compute) -> None:
+def test_the_shipped_classifier_and_wall_finder_are_trained_as_today(
+    folder: Path, compute
+) -> None:
     found = moved(record_of(folder)["fingerprint"], compute(study_of(folder)))
     assert not found, "run `make paper` or `make wall-finder`"
 
@@ -55,11 +68,19 @@ def test_another_seed_moves_all_of_a_fingerprint() -> None:
     assert moved_since(SHIPPED_WALL_FINDER, now) == sorted(now)
 
 
-def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tolerance() -> None:
+def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tolerance() -> (
+    None
+):
     values = 1e-7 * np.sin(np.arange(1000.0))
     before = {"a": fingerprint.item(values)}
     assert moved(before, {"a": fingerprint.item(values * (1.0 + 1e-8))}) == []
-    others = (values * 1.001, values[::-1], np.where(values > 0.999e-7, np.nan, values), values[:20], [])
+    others = (
+        values * 1.001,
+        values[::-1],
+        np.where(values > 0.999e-7, np.nan, values),
+        values[:20],
+        [],
+    )
     for other in others:
         assert moved(before, {"a": fingerprint.item(other)}) == ["a"]
     assert moved(before, {"a": fingerprint.item(values * 1.001, tolerance=0.01)}) == []
@@ -68,12 +89,19 @@ def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tol
 
 
 def check_sections(study: Study, wanted: Study, target: str, *names: str) -> None:
-    assert [name for name in names if getattr(study, name) != getattr(wanted, name)] == [], f"run `make {target}`"
+    assert [
+        name for name in names if getattr(study, name) != getattr(wanted, name)
+    ] == [], f"run `make {target}`"
 
 
 @pytest.mark.parametrize("folder", [SHIPPED_READER, SHIPPED_LIVING])
-def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_and_small(folder: Path) -> None:
-    reader, target = load_force_reader(folder), "model" if folder == SHIPPED_READER else "living"
+def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_and_small(
+    folder: Path,
+) -> None:
+    reader, target = (
+        load_force_reader(folder),
+        "model" if folder == SHIPPED_READER else "living",
+    )
     wanted = Study() if folder == SHIPPED_READER else parse_study(preset_toml("living"))
     sections = "eye", "needle", "slice", "classes", "calibration", "library", "reader"
     check_sections(reader.study, wanted, target, *sections)
@@ -82,22 +110,47 @@ def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_
     now = fingerprint.reader_fingerprint(reader.study, reader.library)
     assert set(record_of(SHIPPED_READER)["fingerprint"]) == {*now, *INTERVALS}
     found = moved_since(folder, now)
-    assert not found, f"run `make {target}`; if an entry of a path moved, raise library.plan.METHOD first"
+    assert not found, (
+        f"run `make {target}`; if an entry of a path moved, raise library.plan.METHOD first"
+    )
 
 
 def test_the_shipped_classifier_is_the_papers_whole_and_small() -> None:
     reader = load_model("paper")
     assert reader.kind == "classifier"
-    today = replace(Study(), mesh=MeshStudy(kind="hexahedra"))  # what "automatic" is in `generate`
-    check_sections(reader.study, today, "paper", "eye", "mesh", "needle", "slice", "classes", "dataset", "network")
-    assert reader.record["samples"]["training"] + reader.record["samples"]["validation"] == 19_200
+    today = replace(
+        Study(), mesh=MeshStudy(kind="hexahedra")
+    )  # what "automatic" is in `generate`
+    check_sections(
+        reader.study,
+        today,
+        "paper",
+        "eye",
+        "mesh",
+        "needle",
+        "slice",
+        "classes",
+        "dataset",
+        "network",
+    )
+    assert (
+        reader.record["samples"]["training"] + reader.record["samples"]["validation"]
+        == 19_200
+    )
     assert reader.record["metrics"]["validation_accuracy"] > 0.93
     assert sum(file.stat().st_size for file in SHIPPED_PAPER.iterdir()) < 8e6
-    others = replace(reader.study, network=Study().network, scenes=today.scenes, wall_finder=today.wall_finder)
+    others = replace(
+        reader.study,
+        network=Study().network,
+        scenes=today.scenes,
+        wall_finder=today.wall_finder,
+    )
     assert others == replace(today, eye=reader.study.eye)
 
 
 def test_the_shipped_wall_finder_is_of_the_default_study_and_small() -> None:
     load_wall_finder(SHIPPED_WALL_FINDER)
-    check_sections(study_of(SHIPPED_WALL_FINDER), Study(), "wall-finder", "scenes", "wall_finder")
+    check_sections(
+        study_of(SHIPPED_WALL_FINDER), Study(), "wall-finder", "scenes", "wall_finder"
+    )
     assert (SHIPPED_WALL_FINDER / "model.onnx").stat().st_size < 2_500_000

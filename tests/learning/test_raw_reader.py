@@ -18,37 +18,71 @@ from scleraforce.models import network_session
 from scleraforce.reader.model import load_model
 from scleraforce.reader.networks import GIVEN
 from scleraforce.segmentation.wall_finder import FrameWindow
-from scleraforce.study import RawReaderStudy, ReaderStudy, Study, fixed, parse_study, study_hash
+from scleraforce.study import (
+    RawReaderStudy,
+    ReaderStudy,
+    Study,
+    fixed,
+    parse_study,
+    study_hash,
+)
 
 TINY = Study(
-    reader=ReaderStudy(channels=(6, 8), hidden=(24,), bins=16, samples_per_epoch=2000, validation_samples=100),
-    raw_reader=RawReaderStudy(
-        rows=80, columns=144, row_m=50e-6, column_m=100e-6, channels=(4, 6, 8), slice_epochs=1, batches=6,
-        batch_size=8, validation_frames=40, interval_eyes=0,
+    reader=ReaderStudy(
+        channels=(6, 8),
+        hidden=(24,),
+        bins=16,
+        samples_per_epoch=2000,
+        validation_samples=100,
     ),
-)  # fmt: skip
+    raw_reader=RawReaderStudy(
+        rows=80,
+        columns=144,
+        row_m=50e-6,
+        column_m=100e-6,
+        channels=(4, 6, 8),
+        slice_epochs=1,
+        batches=6,
+        batch_size=8,
+        validation_frames=40,
+        interval_eyes=0,
+    ),
+)
 
 
 def network(seed: int = 1) -> raw_reader.RawReaderNetwork:
     torch.manual_seed(seed)
-    made = raw_reader.RawReaderNetwork(TINY, ReaderNetwork(TINY.reader, TINY.slice, TINY.eye.radius_m))
-    made(torch.rand(4, 80, 144), torch.rand(4, len(GIVEN)))  # moves the means of its normalisations
+    made = raw_reader.RawReaderNetwork(
+        TINY, ReaderNetwork(TINY.reader, TINY.slice, TINY.eye.radius_m)
+    )
+    made(
+        torch.rand(4, 80, 144), torch.rand(4, len(GIVEN))
+    )  # moves the means of its normalisations
     return made.eval()
 
 
 def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
-    outer, inner = 20, 33  # rows of 50 µm: from the middle of the one to the middle of the other
+    outer, inner = (
+        20,
+        33,
+    )  # rows of 50 µm: from the middle of the one to the middle of the other
     logits = torch.full((1, 2, 80, 72), -50.0)
     logits[0, 0, outer], logits[0, 1, inner] = 50.0, 50.0
     cut = network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
     assert cut.shape == (40, 140)
     expected = np.zeros(40)
     expected[10], expected[11:16], expected[16] = 0.75, 1.0, 0.75
-    np.testing.assert_allclose(cut, np.repeat(expected[:, None], 140, axis=1), atol=1e-5)
-    logits = torch.full((1, 2, 80, 72), -50.0)  # an unsure one makes a share and keeps the mean thickness
+    np.testing.assert_allclose(
+        cut, np.repeat(expected[:, None], 140, axis=1), atol=1e-5
+    )
+    logits = torch.full(
+        (1, 2, 80, 72), -50.0
+    )  # an unsure one makes a share and keeps the mean thickness
     logits[0, 0, [18, 22]], logits[0, 1, 36] = 5.0, 50.0
     cut = network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
-    assert cut[:, 70].sum() * TINY.slice.pixel_m == pytest.approx((36 - 20) * 50e-6, rel=1e-4)
+    assert cut[:, 70].sum() * TINY.slice.pixel_m == pytest.approx(
+        (36 - 20) * 50e-6, rel=1e-4
+    )
     assert cut[10, 70] == pytest.approx(0.5, abs=1e-4)
     absent = network().slices(logits, torch.full((1, 72), -50.0)).numpy()
     assert absent.max() < 1e-12
@@ -60,35 +94,57 @@ def test_the_graph_answers_as_the_network_does() -> None:
     given = rng.normal(size=(3, len(GIVEN))).astype(np.float32)
     content = force_bytes(made, {"who": "me"})
     session = network_session(content, "place", 1)
-    found, contact_m = session.run(["histogram", "contact_m"], {"frames": frames, "given": given})
+    found, contact_m = session.run(
+        ["histogram", "contact_m"], {"frames": frames, "given": given}
+    )
     with torch.inference_mode():
         mixtures, places, _, _ = made(torch.from_numpy(frames), torch.from_numpy(given))
-    np.testing.assert_allclose(found, histogram(mixtures, TINY.reader.bins).numpy(), atol=1e-5)
+    np.testing.assert_allclose(
+        found, histogram(mixtures, TINY.reader.bins).numpy(), atol=1e-5
+    )
     np.testing.assert_allclose(contact_m, places.numpy() * 1e-3, atol=1e-7)
     assert session.get_modelmeta().custom_metadata_map == {"who": "me"}
     assert force_bytes(made, {"who": "me"}) == content
 
 
 @pytest.mark.slow
-def test_a_training_is_repeatable_and_learns_where_the_wall_is(library: Library) -> None:
-    study = replace(TINY, raw_reader=replace(TINY.raw_reader, batches=60, wall_share=0.5, learning_rate=0.01))
+def test_a_training_is_repeatable_and_learns_where_the_wall_is(
+    library: Library,
+) -> None:
+    study = replace(
+        TINY,
+        raw_reader=replace(
+            TINY.raw_reader, batches=60, wall_share=0.5, learning_rate=0.01
+        ),
+    )
     counted: list[int] = []
-    first, again = (raw_reader.fit_raw_reader(library, study, workers, counted.append) for workers in (1, 2))
+    first, again = (
+        raw_reader.fit_raw_reader(library, study, workers, counted.append)
+        for workers in (1, 2)
+    )
     assert counted == [1, 1]
     assert all(map(torch.equal, first.network.parameters(), again.network.parameters()))
     assert first.training_loss == again.training_loss
     samples = raw_reader.RawSource(library, study).chunk(2**31, 40)
     with torch.inference_mode():
-        _, _, rows, _ = first.network(torch.from_numpy(samples.frames), torch.from_numpy(samples.given))
+        _, _, rows, _ = first.network(
+            torch.from_numpy(samples.frames), torch.from_numpy(samples.given)
+        )
     found = (rows.softmax(dim=2) * torch.arange(80.0)[:, None]).sum(dim=2).numpy()
-    assert np.nanmedian(np.abs(found - samples.boundary_rows)) < 6.0  # of 80; in the middle of all frames 13
+    assert (
+        np.nanmedian(np.abs(found - samples.boundary_rows)) < 6.0
+    )  # of 80; in the middle of all frames 13
 
 
 @pytest.mark.slow
-def test_the_folder_is_a_model_that_reads_forces(library: Library, tmp_path: Path) -> None:
+def test_the_folder_is_a_model_that_reads_forces(
+    library: Library, tmp_path: Path
+) -> None:
     study = replace(TINY, raw_reader=replace(TINY.raw_reader, interval_eyes=6))
     done = epochs, batches, eyes = [], [], []
-    train_raw_reader(library, study, tmp_path / "raw", 1, *(each.append for each in done))
+    train_raw_reader(
+        library, study, tmp_path / "raw", 1, *(each.append for each in done)
+    )
     assert (sum(epochs), sum(batches), sum(eyes)) == (1, 6, 6)
     record = json.loads((tmp_path / "raw" / "model.json").read_text())
     assert record["kind"] == "raw-reader"
@@ -98,12 +154,20 @@ def test_the_folder_is_a_model_that_reads_forces(library: Library, tmp_path: Pat
     assert parse_study((tmp_path / "raw" / "study.toml").read_text()) == study
     assert "48 drawn raw frames" in (tmp_path / "raw" / "card.md").read_text()
     model = load_model(tmp_path / "raw", finder=None)
-    assert (model.kind, model.reads_force, model.serves_loop) == ("raw-reader", True, False)
-    assert model.refusal(Known(modulus=Modulus.stated(5e6))).startswith("Young's modulus 5 MPa")
+    assert (model.kind, model.reads_force, model.serves_loop) == (
+        "raw-reader",
+        True,
+        False,
+    )
+    assert model.refusal(Known(modulus=Modulus.stated(5e6))).startswith(
+        "Young's modulus 5 MPa"
+    )
     assert model.refusal(Known(gap_m=0.0)) is None
 
 
-STUDY = Study(raw_reader=RawReaderStudy(rows=80, columns=144, row_m=50e-6, column_m=100e-6))
+STUDY = Study(
+    raw_reader=RawReaderStudy(rows=80, columns=144, row_m=50e-6, column_m=100e-6)
+)
 COUNT = 60
 
 
@@ -114,23 +178,40 @@ def source(library: Library) -> raw_reader.RawSource:
 
 def study_with(**raw: object) -> Study:
     """Return a study whose raw reader sees frames without needle or conjunctiva by the scanner of [phantom] alone."""
-    none = {"needle_share": 0.0, "conjunctiva_share": 0.0, "snr_loss_db": fixed(0.0), "speckle_factor": fixed(1.0)}
+    none = {
+        "needle_share": 0.0,
+        "conjunctiva_share": 0.0,
+        "snr_loss_db": fixed(0.0),
+        "speckle_factor": fixed(1.0),
+    }
     return replace(STUDY, raw_reader=replace(STUDY.raw_reader, **{**none, **raw}))
 
 
-def test_frames_are_bright_between_their_boundaries_and_dark_above(source: raw_reader.RawSource) -> None:
+def test_frames_are_bright_between_their_boundaries_and_dark_above(
+    source: raw_reader.RawSource,
+) -> None:
     plain = raw_reader.RawSource(source.library, study_with()).chunk(1, COUNT)
-    row, pairs = np.arange(80)[:, None], plain.frames.reshape(COUNT, 80, 72, 2).mean(axis=3)
+    row, pairs = (
+        np.arange(80)[:, None],
+        plain.frames.reshape(COUNT, 80, 72, 2).mean(axis=3),
+    )
     outer, inner = plain.boundary_rows[:, :1], plain.boundary_rows[:, 1:]
-    inside, above = (row > outer + 1.0) & (row < inner - 1.0), (row < outer - 1.5) & (row > 8)  # below the line
+    inside, above = (
+        (row > outer + 1.0) & (row < inner - 1.0),
+        (row < outer - 1.5) & (row > 8),
+    )  # below the line
     assert np.nanmean(pairs[inside]) > 0.6
     assert abs(pairs[above].mean()) < 0.05
 
 
 @pytest.mark.slow
-def test_a_needle_crosses_its_share_and_lies_within_its_diameter(source: raw_reader.RawSource) -> None:
+def test_a_needle_crosses_its_share_and_lies_within_its_diameter(
+    source: raw_reader.RawSource,
+) -> None:
     gap = GIVEN.index("gap")
-    many = raw_reader.RawSource(source.library, study_with(needle_share=0.5)).chunk(2, 400)
+    many = raw_reader.RawSource(source.library, study_with(needle_share=0.5)).chunk(
+        2, 400
+    )
     nearest, trained = STUDY.reader.gap_m.bounds
     gap_m = 0.5 * trained * (1.0 + many.given[:, gap])
     stated = many.given[:, GIVEN.index("gap known")] > 0.0
@@ -149,7 +230,9 @@ def test_the_tip_touches_the_wall() -> None:
     window, rng = FrameWindow.of(STUDY.raw_reader), np.random.default_rng(4)
     depth = np.full((1, 2, window.columns), 1.5e-3)
     optics = [raw_reader.draw_optics(STUDY, 0.0, rng)]
-    (shaft,) = raw_reader.draw_shafts(optics, depth, np.array([0.4e-3]), np.zeros(1), STUDY)
+    (shaft,) = raw_reader.draw_shafts(
+        optics, depth, np.array([0.4e-3]), np.zeros(1), STUDY
+    )
     rows, columns = np.nonzero(shaft.inside)
     lowest = columns[rows == rows.max()] - window.columns / 2
     assert rows.max() * window.row_m == pytest.approx(1.45e-3, abs=0.06e-3)
@@ -157,14 +240,23 @@ def test_the_tip_touches_the_wall() -> None:
 
 
 def drawn_optics(study: Study, count: int) -> list[BscanOptics]:
-    return [raw_reader.draw_optics(study, None, np.random.default_rng(seed)) for seed in range(count)]
+    return [
+        raw_reader.draw_optics(study, None, np.random.default_rng(seed))
+        for seed in range(count)
+    ]
 
 
 @pytest.mark.parametrize(("loss_db", "factor"), [(0.0, 1.0), (6.0, 3.0)])
-def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(loss_db: float, factor: float) -> None:
+def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(
+    loss_db: float, factor: float
+) -> None:
     study = study_with(snr_loss_db=fixed(loss_db), speckle_factor=fixed(factor))
     drawn = drawn_optics(study, 200)
-    worse = {"snr_db": (loss_db, 1.0), "lateral_resolution_m": (0.0, factor), "axial_resolution_m": (0.0, factor)}
+    worse = {
+        "snr_db": (loss_db, 1.0),
+        "lateral_resolution_m": (0.0, factor),
+        "axial_resolution_m": (0.0, factor),
+    }
     for name, (less, times) in worse.items():
         values = [(getattr(each, name) + less) / times for each in drawn]
         low, high = getattr(study.phantom, name).bounds
@@ -175,17 +267,26 @@ def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(loss_db: float
 
 def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
     study = study_with(conjunctiva_share=0.3)
-    thick = [each.conjunctiva.thickness_m for each in drawn_optics(study, 400) if each.conjunctiva is not None]
+    thick = [
+        each.conjunctiva.thickness_m
+        for each in drawn_optics(study, 400)
+        if each.conjunctiva is not None
+    ]
     assert 0.22 < len(thick) / 400 < 0.38
     low, high = study.raw_reader.conjunctiva_thickness_m.bounds
     assert low <= min(thick) < max(thick) <= high
-    everywhere = replace(study, phantom=replace(study.phantom, conjunctiva_thickness_m=fixed(1e-4)))
+    everywhere = replace(
+        study, phantom=replace(study.phantom, conjunctiva_thickness_m=fixed(1e-4))
+    )
     assert drawn_optics(everywhere, 1)[0].conjunctiva is not None
 
 
 def test_a_linear_display_is_drawn_where_the_phantom_has_one(library: Library) -> None:
     linear = replace(Study(), phantom=replace(Study().phantom, display="linear"))
     assert drawn_optics(linear, 1)[0].display == "linear"
-    frames = [raw_reader.RawSource(library, study).chunk(1, 20).frames for study in (Study(), linear)]
+    frames = [
+        raw_reader.RawSource(library, study).chunk(1, 20).frames
+        for study in (Study(), linear)
+    ]
     walls = [each[(each > 0.3) & (each < 0.9)].size / each.size for each in frames]
     assert abs(walls[1] - walls[0]) > 0.02  # dim tissue is dark on a linear display

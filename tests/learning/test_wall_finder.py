@@ -17,7 +17,12 @@ from scleraforce.learning.train import train_wall_finder
 from scleraforce.models import network_session, run_network
 from scleraforce.reader.metrics import dice
 from scleraforce.reader.model import load_model, load_wall_finder
-from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, WallFinder
+from scleraforce.segmentation.wall_finder import (
+    FINDER_FRAMES,
+    FINDER_ROWS,
+    FINDER_WALL,
+    WallFinder,
+)
 from scleraforce.study import Study, parse_study, study_hash
 
 FINDER = SMALL_STUDY.wall_finder
@@ -25,15 +30,23 @@ JUDGED = torch.ones(1, 4, dtype=torch.bool)
 
 
 @pytest.mark.slow
-def test_it_finds_walls_of_new_easy_scenes_and_writes_a_wall_finder_that_is_checked(tmp_path: Path) -> None:
+def test_it_finds_walls_of_new_easy_scenes_and_writes_a_wall_finder_that_is_checked(
+    tmp_path: Path,
+) -> None:
     folder = tmp_path / "finder"
     record = train_wall_finder(SMALL_STUDY, folder, workers=1)
     assert record["metrics"]["dice_mean"] > 0.85
     assert record["metrics"]["found"] > 0.95
-    assert json.loads(json.dumps(record)).items() <= json.loads((folder / "model.json").read_text()).items()
+    assert (
+        json.loads(json.dumps(record)).items()
+        <= json.loads((folder / "model.json").read_text()).items()
+    )
     assert record["provenance"]["study_sha256"] == study_hash(SMALL_STUDY)
     assert parse_study((folder / "study.toml").read_text()) == SMALL_STUDY
-    assert f"{FINDER.batches * FINDER.batch_size} drawn scenes" in (folder / "card.md").read_text()
+    assert (
+        f"{FINDER.batches * FINDER.batch_size} drawn scenes"
+        in (folder / "card.md").read_text()
+    )
     losses = record["curves"]["training_loss"]
     assert len(losses) == 50
     assert losses[0] > losses[-1]
@@ -42,8 +55,12 @@ def test_it_finds_walls_of_new_easy_scenes_and_writes_a_wall_finder_that_is_chec
     with pytest.raises(ModelError, match="place: inputs: found"):
         WallFinder(load_wall_finder(folder).session, Study().wall_finder, "place")
     changed = Path(shutil.copytree(folder, tmp_path / "changed"))
-    (changed / "model.onnx").write_bytes((changed / "model.onnx").read_bytes()[:-1] + b"x")
-    with pytest.raises(ModelError, match=r"model\.onnx: SHA-256 .* was changed after training"):
+    (changed / "model.onnx").write_bytes(
+        (changed / "model.onnx").read_bytes()[:-1] + b"x"
+    )
+    with pytest.raises(
+        ModelError, match=r"model\.onnx: SHA-256 .* was changed after training"
+    ):
         load_wall_finder(changed)
 
 
@@ -54,8 +71,12 @@ def test_the_graph_answers_as_the_network_does() -> None:
         frames = torch.rand(5, FINDER.rows, FINDER.columns)
         network(frames)  # moves the running means away from 0
     network.eval()
-    session = network_session(wall_finder.finder_bytes(network, {"kind": "test"}), "graph", 1)
-    rows, wall = run_network(session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: frames.numpy()}, "graph")
+    session = network_session(
+        wall_finder.finder_bytes(network, {"kind": "test"}), "graph", 1
+    )
+    rows, wall = run_network(
+        session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: frames.numpy()}, "graph"
+    )
     with torch.inference_mode():
         row_logits, wall_logits = network(frames)
     assert rows == pytest.approx(row_logits.softmax(dim=2).numpy(), abs=1e-5)
@@ -67,17 +88,36 @@ def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only() -> N
     true = torch.full((1, 2, 4), 10.0)
 
     def loss_at(place: float) -> float:
-        logits = (-((row - place) ** 2) / (2 * FINDER.target_rows**2))[None, None, :, None].expand(1, 2, -1, 4)
-        return wall_finder.finder_loss(logits, torch.full((1, 4), 9.0), true, JUDGED, FINDER.target_rows).item()
+        logits = (-((row - place) ** 2) / (2 * FINDER.target_rows**2))[
+            None, None, :, None
+        ].expand(1, 2, -1, 4)
+        return wall_finder.finder_loss(
+            logits, torch.full((1, 4), 9.0), true, JUDGED, FINDER.target_rows
+        ).item()
 
     assert loss_at(10.0) < loss_at(11.0) < loss_at(14.0) < loss_at(20.0)
-    logits, nowhere = torch.zeros(1, 2, FINDER.rows, 4), torch.full((1, 2, 4), float("nan"))
+    logits, nowhere = (
+        torch.zeros(1, 2, FINDER.rows, 4),
+        torch.full((1, 2, 4), float("nan")),
+    )
 
     def loss_without_wall(wall: list[float], judged: torch.Tensor) -> float:
-        return wall_finder.finder_loss(logits, torch.tensor([wall]), nowhere, judged, FINDER.target_rows).item()
+        return wall_finder.finder_loss(
+            logits, torch.tensor([wall]), nowhere, judged, FINDER.target_rows
+        ).item()
 
-    assert loss_without_wall([-5.0] * 4, JUDGED) < 0.01 < 4.9 < loss_without_wall([5.0] * 4, JUDGED)
-    assert loss_without_wall([-5.0, -5.0, 50.0, -50.0], torch.tensor([[True, True, False, False]])) < 0.01
+    assert (
+        loss_without_wall([-5.0] * 4, JUDGED)
+        < 0.01
+        < 4.9
+        < loss_without_wall([5.0] * 4, JUDGED)
+    )
+    assert (
+        loss_without_wall(
+            [-5.0, -5.0, 50.0, -50.0], torch.tensor([[True, True, False, False]])
+        )
+        < 0.01
+    )
 
 
 def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> None:

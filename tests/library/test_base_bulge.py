@@ -8,7 +8,12 @@ from predicted_walls import Walls, formed_wall
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye
 from scleraforce.library import unknowns as at
-from scleraforce.library.base import base_bulge, base_push, pole_directions, undented_motion
+from scleraforce.library.base import (
+    base_bulge,
+    base_push,
+    pole_directions,
+    undented_motion,
+)
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
@@ -26,34 +31,57 @@ def places(rng: np.random.Generator, count: int) -> np.ndarray:
 
 def test_a_wall_that_is_lifted_is_lifted_along_the_eye_s_axis() -> None:
     motion = np.broadcast_to([0.0, 1e-4], (1, 2, 91, 2))
-    moved = base_bulge(motion, ANGLES, places(np.random.default_rng(3), 50), np.array([[-0.3, 0.4]]))
+    moved = base_bulge(
+        motion, ANGLES, places(np.random.default_rng(3), 50), np.array([[-0.3, 0.4]])
+    )
     expected = 1e-4 * np.array([-0.3, 0.4, 1.0 - np.sqrt(1.0 - 0.25)])
-    np.testing.assert_allclose(moved, np.broadcast_to(expected, moved.shape), atol=1e-12)
+    np.testing.assert_allclose(
+        moved, np.broadcast_to(expected, moved.shape), atol=1e-12
+    )
 
 
 def test_the_motion_counts_from_the_sphere_at_rest() -> None:
     grown = 1e-4
     radii = RADIUS_M - np.array([0.0, 0.6e-3])[:, None] + grown
-    undented = np.stack([radii * np.sin(ANGLES), RADIUS_M - radii * np.cos(ANGLES)], axis=-1)[None]
-    expected = np.broadcast_to(grown * np.stack([np.sin(ANGLES), np.cos(ANGLES)], -1), (1, 2, 91, 2))
-    np.testing.assert_allclose(undented_motion(undented, ANGLES, RADIUS_M, THICKNESS), expected, atol=1e-12)
+    undented = np.stack(
+        [radii * np.sin(ANGLES), RADIUS_M - radii * np.cos(ANGLES)], axis=-1
+    )[None]
+    expected = np.broadcast_to(
+        grown * np.stack([np.sin(ANGLES), np.cos(ANGLES)], -1), (1, 2, 91, 2)
+    )
+    np.testing.assert_allclose(
+        undented_motion(undented, ANGLES, RADIUS_M, THICKNESS), expected, atol=1e-12
+    )
 
 
 def test_the_pole_lies_behind_the_contact_along_the_meridian() -> None:
     contact = Contact(polar_rad=0.6, azimuth_rad=1.1)
     for direction in (0.0, 0.7, -2.0):
         plane = ScanPlane(contact, gap_m=0.0, direction_rad=direction)
-        expected = np.array([0.0, 0.0, 1.0]) @ np.stack([plane.lateral, plane.offset], axis=1)
-        np.testing.assert_allclose(pole_directions(0.6, direction), expected, atol=1e-15)
+        expected = np.array([0.0, 0.0, 1.0]) @ np.stack(
+            [plane.lateral, plane.offset], axis=1
+        )
+        np.testing.assert_allclose(
+            pole_directions(0.6, direction), expected, atol=1e-15
+        )
 
 
 @pytest.mark.parametrize("polar_deg", [20.0, 40.0])
-def test_the_needle_s_force_moves_the_dent_as_in_three_dimensions(polar_deg: float) -> None:
+def test_the_needle_s_force_moves_the_dent_as_in_three_dimensions(
+    polar_deg: float,
+) -> None:
     contact, force_ratio = Contact(polar_rad=float(np.radians(polar_deg))), 1e-7
     wall = LinearWall(graded_mesh(RADIUS_M, 0.6e-3, contact), 0.45)
     displacement = force_ratio * wall.needle_cnc([contact], 0.35e-3)[0]
-    tip = displacement[np.argmin(np.linalg.norm(wall.mesh.points_nc - RADIUS_M * contact.normal, axis=1))]
-    pushed = base_push(np.array([force_ratio]), THICKNESS, 0.45)[0] * pole_directions(contact.polar_rad, 0.0)[0]
+    tip = displacement[
+        np.argmin(
+            np.linalg.norm(wall.mesh.points_nc - RADIUS_M * contact.normal, axis=1)
+        )
+    ]
+    pushed = (
+        base_push(np.array([force_ratio]), THICKNESS, 0.45)[0]
+        * pole_directions(contact.polar_rad, 0.0)[0]
+    )
     assert pushed == pytest.approx(float(tip @ contact.meridian), rel=0.1)
 
 
@@ -67,13 +95,28 @@ def eye(tip_m: float = 0.0) -> np.ndarray:
 
 def stated(direction_rad: float | None) -> EyeConstants:
     return EyeConstants(
-        iop_pa=300.0, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0, direction_rad=direction_rad
+        iop_pa=300.0,
+        thickness_m=0.6e-3,
+        gap_m=0.5e-3,
+        polar_rad=0.6,
+        polar_sd_rad=0.0,
+        direction_rad=direction_rad,
     )
 
 
 def calibrating(constants: EyeConstants, lateral: np.ndarray) -> LibraryEye:
-    library = bulging(analytic_library()).within(0.9 * RADIUS_M).for_contact(constants.polar_rad)
-    return LibraryEye(constants, library, lateral, (constants.polar_rad,), np.zeros((1, 2, len(lateral), 3)))
+    library = (
+        bulging(analytic_library())
+        .within(0.9 * RADIUS_M)
+        .for_contact(constants.polar_rad)
+    )
+    return LibraryEye(
+        constants,
+        library,
+        lateral,
+        (constants.polar_rad,),
+        np.zeros((1, 2, len(lateral), 3)),
+    )
 
 
 def test_calibration_and_fit_see_the_same_section() -> None:
@@ -84,7 +127,9 @@ def test_calibration_and_fit_see_the_same_section() -> None:
     unknown[0, at.POLE] = pole_directions(0.6, 0.8)
     mine = formed_wall(Walls(model.library), unknown[0])
     for boundary in (0, 1):
-        found, upright = (np.interp(lateral, *curves[boundary].T) for curves in (mine, even))
+        found, upright = (
+            np.interp(lateral, *curves[boundary].T) for curves in (mine, even)
+        )
         np.testing.assert_allclose(found, theirs[boundary, :, 1], atol=3e-6)
         assert np.abs(upright - theirs[boundary, :, 1]).max() > 10e-6
 
@@ -95,19 +140,25 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
     pushed = base_push(force_ratio, THICKNESS, library.poisson_ratio)[0] * pole
     shifted = unknown.copy()
     shifted[0, [at.GAP, at.LATERAL]] = 0.5e-3 - pushed[1], pushed[0]
-    expected = formed_wall(Walls(library), shifted[0])  # this even wall has nothing else to move
+    expected = formed_wall(
+        Walls(library), shifted[0]
+    )  # this even wall has nothing else to move
     unknown[0, at.POLE] = pole
     found = formed_wall(Walls(library), unknown[0])
     assert np.abs(pushed).min() > 20e-6
     lateral = np.linspace(-5e-3, 5e-3, 101)
     for mine, theirs in zip(found, expected, strict=True):
-        np.testing.assert_allclose(np.interp(lateral, *mine.T), np.interp(lateral, *theirs.T), atol=2e-6)
+        np.testing.assert_allclose(
+            np.interp(lateral, *mine.T), np.interp(lateral, *theirs.T), atol=2e-6
+        )
 
 
 def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> None:
     lateral, uneven = np.linspace(-6e-3, 6e-3, 121), []
     for constants in (stated(0.0), stated(None)):
-        depth = calibrating(constants, lateral).curves([stated_wall(constants, 0.3e6, 0.01, 0.6)])[0, :, :, 1]
+        depth = calibrating(constants, lateral).curves(
+            [stated_wall(constants, 0.3e6, 0.01, 0.6)]
+        )[0, :, :, 1]
         uneven.append(np.abs(depth - depth[:, ::-1]).max())
     assert uneven[0] > 5e-6
     assert uneven[1] < 1e-12

@@ -15,9 +15,16 @@ from scleraforce.mechanics.finite_strain import bend_eye
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import EyeStudy, LibraryStudy, MeshStudy, Range, Study
 
-GRID = LibraryStudy(thickness_m=Range(min=500.0e-6, max=800.0e-6), thicknesses=4, tips=24,
-                    tension=Range(min=8e-3, max=6e-2), tensions=4, max_tip_m=5e-3, elements=32,
-                    stiffenings=1)  # fmt: skip
+GRID = LibraryStudy(
+    thickness_m=Range(min=500.0e-6, max=800.0e-6),
+    thicknesses=4,
+    tips=24,
+    tension=Range(min=8e-3, max=6e-2),
+    tensions=4,
+    max_tip_m=5e-3,
+    elements=32,
+    stiffenings=1,
+)
 
 
 @pytest.fixture(scope="module")
@@ -37,22 +44,46 @@ def forces_beside_the_pole(thickness, ratio, polar, tips):
 @pytest.mark.slow
 def test_a_needle_beside_the_pole_meets_a_wall_that_is_stiffer_as_in_three_dimensions():
     """By 2 %: 3-D finite strain gives 0.46 to 0.60 of the mean of all directions."""
-    tips, polar, modulus_pa = np.array([1e-3, 2e-3, 3e-3]), float(np.radians(52.0)), 0.3e6
-    study = Study(mesh=MeshStudy(kind="graded", core=4, rings=8), eye=EyeStudy(density_kg_m3=0.0))
-    given = {"thickness_m": 0.8e-3, "youngs_modulus_pa": modulus_pa, "iop_pa": 266.0, "max_force_n": 1.0}
-    paths = [bend_eye(study, Contact(polar_rad=angle), **given, max_tip_m=3e-3) for angle in (0.0, polar)]
+    tips, polar, modulus_pa = (
+        np.array([1e-3, 2e-3, 3e-3]),
+        float(np.radians(52.0)),
+        0.3e6,
+    )
+    study = Study(
+        mesh=MeshStudy(kind="graded", core=4, rings=8), eye=EyeStudy(density_kg_m3=0.0)
+    )
+    given = {
+        "thickness_m": 0.8e-3,
+        "youngs_modulus_pa": modulus_pa,
+        "iop_pa": 266.0,
+        "max_force_n": 1.0,
+    }
+    paths = [
+        bend_eye(study, Contact(polar_rad=angle), **given, max_tip_m=3e-3)
+        for angle in (0.0, polar)
+    ]
     even_n, beside_n = (np.interp(tips, path.tips_m, path.forces_n) for path in paths)
-    even, beside = (forces_beside_the_pole(0.8e-3, 266.0 / modulus_pa, angle, tips) for angle in (0.0, polar))
+    even, beside = (
+        forces_beside_the_pole(0.8e-3, 266.0 / modulus_pa, angle, tips)
+        for angle in (0.0, polar)
+    )
     assert beside_n / even_n - 1.0 == pytest.approx(beside / even - 1.0, rel=0.25)
 
 
 @pytest.mark.slow
-def test_forces_behind_the_limbus_agree_with_polar_path_until_dents_run_into_the_base(library):
+def test_forces_behind_the_limbus_agree_with_polar_path_until_dents_run_into_the_base(
+    library,
+):
     """At 55 deg the base is 7 mm from the needle: dents beyond 4 mm begin to run into it."""
-    tips, polar = np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4e-3, 4.6e-3]), float(np.radians(LARGEST_POLAR_DEG))
+    tips, polar = (
+        np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4e-3, 4.6e-3]),
+        float(np.radians(LARGEST_POLAR_DEG)),
+    )
     for thickness, ratio in ((0.55e-3, 6e-4), (0.78e-3, 3e-3)):
         expected = forces_beside_the_pole(thickness, ratio, polar, tips)
-        found = library.for_contact(polar).forces(np.full(6, thickness), np.full(6, ratio), tips)
+        found = library.for_contact(polar).forces(
+            np.full(6, thickness), np.full(6, ratio), tips
+        )
         assert found[:5] == pytest.approx(expected[:5], rel=1e-2)
         assert found[5] == pytest.approx(expected[5], rel=2e-2)
 
@@ -64,9 +95,14 @@ def test_the_library_answers_for_its_contact():
         beside = library.for_contact(polar)
         expected = stiffness(polar) * force_ratio(*wall, tip)
         assert beside.forces(*wall, tip) == pytest.approx(expected, rel=2e-3)
-        assert beside.tips(*wall, beside.forces(*wall, tip)) == pytest.approx(tip, rel=1e-9)
+        assert beside.tips(*wall, beside.forces(*wall, tip)) == pytest.approx(
+            tip, rel=1e-9
+        )
         assert (beside.shapes(*wall, tip) == library.shapes(*wall, tip)).all()
-    with pytest.raises(InputError, match=r"polar angle: 57\.3 deg is outside the library's range, 0 to 50 deg"):
+    with pytest.raises(
+        InputError,
+        match=r"polar angle: 57\.3 deg is outside the library's range, 0 to 50 deg",
+    ):
         library.for_contact(1.0)
 
 
@@ -74,7 +110,9 @@ def test_a_contact_beside_the_pole_displaces_more_by_its_force_times_its_rise() 
     library, tips = analytic_library(nodes=41), np.linspace(1e-4, 3e-3, 7)
     walls = np.full(7, 0.6e-3), np.full(7, 8e-4)
     pole, beside = library.for_contact(0.0), library.for_contact(0.6)
-    rise = contact_rises(library.undented_tpbnc, np.zeros(1), RADIUS_M)[0]  # the same at all angles
+    rise = contact_rises(library.undented_tpbnc, np.zeros(1), RADIUS_M)[
+        0
+    ]  # the same at all angles
     slope = rise_slope(rise, library.thickness_m / RADIUS_M, library.tension)
     at = np.interp(8e-4 * RADIUS_M / 0.6e-3, library.tension, slope[4])
     more = (beside.forces(*walls, tips) - pole.forces(*walls, tips)) * at
@@ -86,7 +124,10 @@ def test_a_contact_beside_the_pole_displaces_more_by_its_force_times_its_rise() 
 def test_a_contact_that_rises_less_displaces_less() -> None:
     library = analytic_library(nodes=41)
     at = np.array([0.6e-3]), np.array([8e-4]), np.array([1e-3])
-    fewer = [other.for_contact(0.6).displaced_m3(*at)[0] for other in (library, bulging(library))]
+    fewer = [
+        other.for_contact(0.6).displaced_m3(*at)[0]
+        for other in (library, bulging(library))
+    ]
     # Rises of 6 mm times the tension: along the pole's normal, and along the contact's by cos^3.
     per_ratio = 6e-3 * RADIUS_M / 0.6e-3
     force, beside = (library.for_contact(polar).forces(*at)[0] for polar in (0.0, 0.6))
@@ -96,14 +137,24 @@ def test_a_contact_that_rises_less_displaces_less() -> None:
 
 
 @pytest.mark.parametrize("iop_ratio", [5e-4, 5e-3])
-def test_a_dent_s_volume_is_the_force_times_the_rise_and_the_work_s_slope_by_the_pressure(iop_ratio: float) -> None:
+def test_a_dent_s_volume_is_the_force_times_the_rise_and_the_work_s_slope_by_the_pressure(
+    iop_ratio: float,
+) -> None:
     """The identity behind `contact_rise`, on the pole, where everything is known: dV = F w' + d/dp (work)."""
     step, tips, size = 0.02, np.linspace(0.05e-3, 1.5e-3, 30), MeridianSize(48, 1)
     ratios = [iop_ratio * (1 + share) for share in (-step, 0.0, step)]
-    paths = [axisymmetric_path(RADIUS_M, 0.55e-3, 0.45, 0.35e-3, ratio, tips_m=tips, size=size) for ratio in ratios]
+    paths = [
+        axisymmetric_path(
+            RADIUS_M, 0.55e-3, 0.45, 0.35e-3, ratio, tips_m=tips, size=size
+        )
+        for ratio in ratios
+    ]
     rise = [-float(path.curves_sbnc[0, 0, 0, 1]) for path in paths]
     work = [np.trapezoid(path.force_ratio_m2, path.tip_m) for path in paths]
     change = 2 * step * iop_ratio
-    expected = paths[1].force_ratio_m2[-1] * (rise[2] - rise[0]) / change + (work[2] - work[0]) / change
+    expected = (
+        paths[1].force_ratio_m2[-1] * (rise[2] - rise[0]) / change
+        + (work[2] - work[0]) / change
+    )
     # The force is spread over the needle's end, the dent is its middle's: the identity is of the mean.
     assert paths[1].displaced_m3[-1] == pytest.approx(expected, rel=0.02)

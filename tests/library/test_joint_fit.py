@@ -6,12 +6,28 @@ from math import exp, log
 
 import numpy as np
 import pytest
-from analytic_frames import BOTH, LATERAL_M, RANGES, known_eye, middling_eye, noisy_boundaries
+from analytic_frames import (
+    BOTH,
+    LATERAL_M,
+    RANGES,
+    known_eye,
+    middling_eye,
+    noisy_boundaries,
+)
 
 from predicted_walls import Walls, force_n, predict_wall
 from scleraforce.known import SEALED, Known, Modulus
 from scleraforce.library import joint_fit, load_library, unknowns as at
-from scleraforce.library.joint_fit import COMPLIANCE, MODULUS, OWN, SHARED, SHIFT, JointFit, ShownFrame, fit_jointly
+from scleraforce.library.joint_fit import (
+    COMPLIANCE,
+    MODULUS,
+    OWN,
+    SHARED,
+    SHIFT,
+    JointFit,
+    ShownFrame,
+    fit_jointly,
+)
 from scleraforce.models import LIBRARY_FILE, SHIPPED_READER
 
 TRUE_PA, TIPS_M = 0.3e6, tuple(1e-3 * np.linspace(0.3, 3.2, 8))
@@ -21,16 +37,31 @@ WALLS = Walls(LIBRARY)
 
 
 def eye_of(tips_m: tuple[float, ...]) -> list[np.ndarray]:
-    return [middling_eye(tip_m, lateral_m=1e-4 * number) for number, tip_m in enumerate(tips_m)]
+    return [
+        middling_eye(tip_m, lateral_m=1e-4 * number)
+        for number, tip_m in enumerate(tips_m)
+    ]
 
 
 @cache
-def shown(tips_m: tuple[float, ...] = TIPS_M, *, travel: bool = False) -> tuple[ShownFrame, ...]:
+def shown(
+    tips_m: tuple[float, ...] = TIPS_M, *, travel: bool = False
+) -> tuple[ShownFrame, ...]:
     rng, frames = np.random.default_rng(5), []
     for unknown in eye_of(tips_m):
         depth_bc = noisy_boundaries(predict_wall(WALLS, unknown, BOTH), 2e-6, rng)
-        gone = unknown[at.TIP] + COMPLIANCE_M_PER_N * float(force_n(WALLS, unknown[None])[0]) + SHIFT_M
-        frames.append(ShownFrame(lateral_m=LATERAL_M, depth_bc=depth_bc, travel_m=gone if travel else None))
+        gone = (
+            unknown[at.TIP]
+            + COMPLIANCE_M_PER_N * float(force_n(WALLS, unknown[None])[0])
+            + SHIFT_M
+        )
+        frames.append(
+            ShownFrame(
+                lateral_m=LATERAL_M,
+                depth_bc=depth_bc,
+                travel_m=gone if travel else None,
+            )
+        )
     return tuple(frames)
 
 
@@ -39,7 +70,11 @@ def prior(mean_pa: float = 0.36e6, sd_pa: float = 0.12e6) -> Known:
     return replace(known_eye(middling_eye(0.0)), modulus=modulus)
 
 
-def fitted(frames: tuple[ShownFrame, ...], known: Known | None = None, tips_m: tuple[float, ...] = TIPS_M) -> JointFit:
+def fitted(
+    frames: tuple[ShownFrame, ...],
+    known: Known | None = None,
+    tips_m: tuple[float, ...] = TIPS_M,
+) -> JointFit:
     own = np.array([unknown[OWN] for unknown in eye_of(tips_m)]) * 1.02
     return fit_jointly(LIBRARY, frames, known or prior(), RANGES, 0.0, own)
 
@@ -61,16 +96,26 @@ def test_shallow_dents_leave_the_prior_unchanged() -> None:
 def test_the_same_frames_once_more_do_not_halve_the_variance() -> None:
     """Frames of one contact share the discrepancy: a plain product over them would be surer by 1.41."""
     once = fitted(shown())
-    twice = fit_jointly(LIBRARY, shown() * 2, prior(), RANGES, 0.0, np.tile(once.own, (2, 1)))
+    twice = fit_jointly(
+        LIBRARY, shown() * 2, prior(), RANGES, 0.0, np.tile(once.own, (2, 1))
+    )
     assert once.log_modulus[1] / twice.log_modulus[1] < 1.3
 
 
-def test_the_estimate_is_where_the_cost_is_least_and_does_not_depend_on_the_order() -> None:
+def test_the_estimate_is_where_the_cost_is_least_and_does_not_depend_on_the_order() -> (
+    None
+):
     found = fitted(shown())
-    turned = fit_jointly(LIBRARY, shown()[::-1], prior(), RANGES, 0.0, found.own[::-1], found.shared)
+    turned = fit_jointly(
+        LIBRARY, shown()[::-1], prior(), RANGES, 0.0, found.own[::-1], found.shared
+    )
     assert turned.log_modulus == pytest.approx(found.log_modulus, abs=0.02)
     problem = joint_fit._Problem(LIBRARY, shown(), prior(), RANGES, 0.0)
-    problem.noise, problem.resting_m, problem.growing_m = found.noise, found.resting_m, found.growing_m
+    problem.noise, problem.resting_m, problem.growing_m = (
+        found.noise,
+        found.resting_m,
+        found.growing_m,
+    )
     problem.precision = problem.weights_precision()
     for sign in (-1.0, 1.0):
         moved = found.shared.copy()
@@ -81,32 +126,52 @@ def test_the_estimate_is_where_the_cost_is_least_and_does_not_depend_on_the_orde
 def test_the_gradient_equals_differences_of_the_cost() -> None:
     """The gradient is half the cost's slope, with all numbers: travel, a known force, a sealed globe's law."""
     known = replace(prior(), globe=SEALED)
-    frame = replace(shown(travel=True)[5], force_n=0.02, force_sd_n=0.2e-3, iop_pa=1.1 * exp(log(270.0)))
+    frame = replace(
+        shown(travel=True)[5],
+        force_n=0.02,
+        force_sd_n=0.2e-3,
+        iop_pa=1.1 * exp(log(270.0)),
+    )
     problem = joint_fit._Problem(LIBRARY, [frame], known, RANGES, 0.0)
     shared, own = problem.mean.copy(), eye_of(TIPS_M)[5][OWN] * 1.01
-    shared[[*range(len(SHARED))]] = np.where(SHARED == at.MODULUS, log(0.31e6), shared[: len(SHARED)])
+    shared[[*range(len(SHARED))]] = np.where(
+        SHARED == at.MODULUS, log(0.31e6), shared[: len(SHARED)]
+    )
     own[-1] = log(420.0)
     (one,) = problem.frames
     seen = problem.look(one, shared, own)
     names = (at.TIP, at.DEPTH, at.PRESSURE)
     steps = {MODULUS: 1e-4, COMPLIANCE: 1e-3, SHIFT: 1e-6}
     steps |= {
-        len(shared) + OWN.tolist().index(name): step for name, step in zip(names, (1e-8, 1e-8, 1e-5), strict=True)
+        len(shared) + OWN.tolist().index(name): step
+        for name, step in zip(names, (1e-8, 1e-8, 1e-5), strict=True)
     }
     for place, step in steps.items():
         costs = []
         for sign in (-1.0, 1.0):
             both = np.concatenate([shared, own])
             both[place] += sign * step
-            costs.append(problem.look(one, both[: len(shared)], both[len(shared) :], derive=False).cost)
-        assert seen.gradient[place] == pytest.approx(-(costs[1] - costs[0]) / (4.0 * step), rel=0.05), place
+            costs.append(
+                problem.look(
+                    one, both[: len(shared)], both[len(shared) :], derive=False
+                ).cost
+            )
+        assert seen.gradient[place] == pytest.approx(
+            -(costs[1] - costs[0]) / (4.0 * step), rel=0.05
+        ), place
 
 
 def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix() -> None:
     """Oracle: the whole normal matrix of shared and own unknowns, solved at once."""
     problem = joint_fit._Problem(LIBRARY, shown()[:3], prior(), RANGES, 0.0)
-    shared, own = problem.mean.copy(), np.array([unknown[OWN] for unknown in eye_of(TIPS_M)[:3]])
-    seen = [problem.look(frame, shared, one) for frame, one in zip(problem.frames, own, strict=True)]
+    shared, own = (
+        problem.mean.copy(),
+        np.array([unknown[OWN] for unknown in eye_of(TIPS_M)[:3]]),
+    )
+    seen = [
+        problem.look(frame, shared, one)
+        for frame, one in zip(problem.frames, own, strict=True)
+    ]
     _, normal, gradient = problem.prior(shared)
     count, each = len(shared), len(OWN)
     whole, right = np.zeros((count + 3 * each,) * 2), np.zeros(count + 3 * each)
@@ -118,7 +183,9 @@ def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix() -> None:
     eliminated, pull, _ = joint_fit._eliminated(seen, count, 0.0)
     step = np.linalg.solve(normal + eliminated, gradient + pull)
     scale = np.sqrt(np.diag(np.linalg.inv(whole)))[:count]
-    np.testing.assert_allclose(step / scale, np.linalg.solve(whole, right)[:count] / scale, atol=1e-4)
+    np.testing.assert_allclose(
+        step / scale, np.linalg.solve(whole, right)[:count] / scale, atol=1e-4
+    )
 
 
 def test_travel_makes_the_modulus_surer_and_finds_compliance_and_shift() -> None:
@@ -126,7 +193,9 @@ def test_travel_makes_the_modulus_surer_and_finds_compliance_and_shift() -> None
     assert found.log_modulus[1] < without.log_modulus[1]
     assert abs(found.log_modulus[0] - log(TRUE_PA)) < 2.0 * found.log_modulus[1]
     sd = np.sqrt(np.diag(found.covariance))
-    assert abs(found.shared[COMPLIANCE] - log(COMPLIANCE_M_PER_N)) < 2.5 * sd[COMPLIANCE]
+    assert (
+        abs(found.shared[COMPLIANCE] - log(COMPLIANCE_M_PER_N)) < 2.5 * sd[COMPLIANCE]
+    )
     assert abs(found.shared[SHIFT] - SHIFT_M) < 2.5 * sd[SHIFT]
 
 
@@ -142,7 +211,11 @@ def test_one_known_force_counts_in_the_same_posterior() -> None:
 
 def test_a_known_change_of_the_pressure_is_followed() -> None:
     """Half of the frames at twice the pressure; taken for one pressure they would contradict one another."""
-    rng, frames, unknowns = np.random.default_rng(6), list[ShownFrame](), list[np.ndarray]()
+    rng, frames, unknowns = (
+        np.random.default_rng(6),
+        list[ShownFrame](),
+        list[np.ndarray](),
+    )
     for number, tip_m in enumerate(TIPS_M):
         iop_pa = 270.0 * (1 + number % 2)
         unknown = middling_eye(tip_m, log_iop=log(iop_pa))
@@ -153,4 +226,6 @@ def test_a_known_change_of_the_pressure_is_followed() -> None:
     untold = [replace(frame, iop_pa=None) for frame in frames]
     other = fit_jointly(LIBRARY, untold, prior(), RANGES, 0.0, np.array(unknowns))
     assert abs(told.log_modulus[0] - log(TRUE_PA)) < 2.0 * told.log_modulus[1]
-    assert abs(other.log_modulus[0] - log(TRUE_PA)) > 2.0 * abs(told.log_modulus[0] - log(TRUE_PA))
+    assert abs(other.log_modulus[0] - log(TRUE_PA)) > 2.0 * abs(
+        told.log_modulus[0] - log(TRUE_PA)
+    )

@@ -5,7 +5,16 @@ from math import exp, log
 
 import numpy as np
 import pytest
-from analytic_frames import BOTH, LATERAL_M, LIBRARY, RANGES, drawn_wall, known_eye, middling_eye, noisy_boundaries
+from analytic_frames import (
+    BOTH,
+    LATERAL_M,
+    LIBRARY,
+    RANGES,
+    drawn_wall,
+    known_eye,
+    middling_eye,
+    noisy_boundaries,
+)
 from analytic_library import bulging
 
 from predicted_walls import Walls, force_n, predict_wall
@@ -23,12 +32,18 @@ def eye(tip_m: float, **changed: float) -> np.ndarray:
 
 
 def drawn_eye(rng: np.random.Generator) -> np.ndarray:
-    unknown = eye(rng.uniform(0.05e-3, 3e-3), lateral_m=rng.uniform(-1e-3, 1e-3), depth_m=rng.uniform(0.3e-3, 0.6e-3))
+    unknown = eye(
+        rng.uniform(0.05e-3, 3e-3),
+        lateral_m=rng.uniform(-1e-3, 1e-3),
+        depth_m=rng.uniform(0.3e-3, 0.6e-3),
+    )
     drawn_wall(unknown, rng)
     return unknown
 
 
-def boundaries(unknown: np.ndarray, noise_m: float = 0.0, rng: np.random.Generator | None = None) -> np.ndarray:
+def boundaries(
+    unknown: np.ndarray, noise_m: float = 0.0, rng: np.random.Generator | None = None
+) -> np.ndarray:
     """The boundaries in a frame (2, column), with errors that are correlated over 0.35 mm; NaN below the window."""
     predicted = predict_wall(WALLS, unknown, BOTH)
     depth = noisy_boundaries(predicted, noise_m, rng)
@@ -40,7 +55,9 @@ def true_n(unknown: np.ndarray) -> float:
 
 
 def fitted(unknown: np.ndarray, depth: np.ndarray, known: Known | None = None):
-    fit = fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(known or known_eye(unknown), RANGES))
+    fit = fit_boundaries(
+        LIBRARY, LATERAL_M, depth, prior_of(known or known_eye(unknown), RANGES)
+    )
     assert fit is not None
     return fit
 
@@ -49,12 +66,25 @@ def fitted(unknown: np.ndarray, depth: np.ndarray, known: Known | None = None):
 @pytest.mark.parametrize("tip_m", [0.3e-3, 2.2e-3])
 def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
     form = dict(zip(at.FORMS, (2e-3, -0.02, 5.0, 3e-3, -0.1, 20.0, 5e-3), strict=True))
-    seen = {"log_size": 0.01, "inner_m": 5e-6, "log_pressure": log(420.0), "shine_m": 0.0}
-    unknown = eye(tip_m, pole_along=-0.3, pole_across=0.4, **seen, **form)  # how the shine turns is left out
+    seen = {
+        "log_size": 0.01,
+        "inner_m": 5e-6,
+        "log_pressure": log(420.0),
+        "shine_m": 0.0,
+    }
+    unknown = eye(
+        tip_m, pole_along=-0.3, pole_across=0.4, **seen, **form
+    )  # how the shine turns is left out
     walls = Walls(bulging(LIBRARY, 3e-3), globe)
     predicted = predict_wall(walls, unknown, BOTH)
     of_wall = (2e-6, 2e-6, 1e-6, 2e-4, 2e-6, 1e-6, 1e-3, 1e-3, 2e-4, 1e-6, 1e-2)
-    steps = dict(zip(at.NAMES, (*of_wall, 1e-6, 1e-6, 1e-4, 0.1, 1e-6, 1e-4, 0.1, 1e-4, 1e-3, 1e-3), strict=True))
+    steps = dict(
+        zip(
+            at.NAMES,
+            (*of_wall, 1e-6, 1e-6, 1e-4, 0.1, 1e-6, 1e-4, 0.1, 1e-4, 1e-3, 1e-3),
+            strict=True,
+        )
+    )
     for number, (name, step) in enumerate(steps.items()):
         ends = []
         for sign in (-1, 1):
@@ -64,11 +94,15 @@ def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
         difference = (ends[1] - ends[0]) / (2 * step)
         off = np.abs(predicted.jacobian[:, number] - difference)
         scale = np.abs(difference).max()
-        left_out = 0.015 if name == "gap_m" else 0.0  # how the motion of the base turns with the gap
+        left_out = (
+            0.015 if name == "gap_m" else 0.0
+        )  # how the motion of the base turns with the gap
         assert np.quantile(off, 0.9) < 0.03 * scale + left_out + 1e-9, name
 
 
-def limbus_m(truth: np.ndarray, side: float, place_m: float, angle_rad: float) -> np.ndarray:
+def limbus_m(
+    truth: np.ndarray, side: float, place_m: float, angle_rad: float
+) -> np.ndarray:
     """The change of depth (column,) by a cornea that begins at a place."""
     beyond_m = np.maximum(side * (LATERAL_M - truth[at.LATERAL]) - place_m, 0.0)
     return -np.tan(angle_rad) * beyond_m + 0.5 * (1 / 7.8e-3 - 1 / 12e-3) * beyond_m**2
@@ -97,8 +131,15 @@ def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent() -> None:
             assert fit.force_n == pytest.approx(true_n(truth), abs=1.5e-3)
 
 
-def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilities() -> None:
-    for tip_m, log_size in ((0.1e-3, 0.0), (0.8e-3, 0.0), (2.5e-3, 0.0), (1.5e-3, 0.03)):
+def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilities() -> (
+    None
+):
+    for tip_m, log_size in (
+        (0.1e-3, 0.0),
+        (0.8e-3, 0.0),
+        (2.5e-3, 0.0),
+        (1.5e-3, 0.03),
+    ):
         truth = eye(tip_m, log_size=log_size)
         fit = fitted(truth, boundaries(truth))
         assert fit.force_n == pytest.approx(true_n(truth), rel=0.01, abs=5e-5)
@@ -125,7 +166,9 @@ def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -
         assert fit.interval_n[0] < force < fit.interval_n[1]
         off.append(fit.force_n - force)
         found.append(fit.unknown[at.SHINE])
-    assert found[0] < 0.95 * SHINE_MEAN_M < 1.05 * SHINE_MEAN_M < found[2]  # a dent hides the most of it
+    assert (
+        found[0] < 0.95 * SHINE_MEAN_M < 1.05 * SHINE_MEAN_M < found[2]
+    )  # a dent hides the most of it
     assert abs(off[1]) < 0.02e-3 + 0.01 * force
     assert off[0] > off[1] > off[2]
     assert off[0] - off[2] < 0.6e-3
@@ -150,9 +193,15 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
 
 def test_unknown_values_of_the_eye_widen_the_interval() -> None:
     truth = eye(1.2e-3)
-    depth, all_known, width = boundaries(truth, 8e-6, np.random.default_rng(5)), known_eye(truth), {}
+    depth, all_known, width = (
+        boundaries(truth, 8e-6, np.random.default_rng(5)),
+        known_eye(truth),
+        {},
+    )
     for missing in ("nothing", "modulus", "iop_pa", "thickness_m", "gap_m"):
-        known = all_known if missing == "nothing" else replace(all_known, **{missing: None})
+        known = (
+            all_known if missing == "nothing" else replace(all_known, **{missing: None})
+        )
         low, high = fitted(truth, depth, known).interval_n
         assert low < true_n(truth) < high, missing
         width[missing] = high - low
@@ -164,26 +213,46 @@ def log_width(fit: BoundaryFit) -> float:
     return float(np.diff(np.log(fit.interval_n))[0])
 
 
-def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_interval() -> None:
+def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_interval() -> (
+    None
+):
     truth = eye(1.5e-3)
     depth = boundaries(truth, 4e-6, np.random.default_rng(12))
-    exact = ForceDiscrepancy(level=0.1, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0)
+    exact = ForceDiscrepancy(
+        level=0.1, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0
+    )
     found = {}
-    for name, discrepancy in (("none", None), ("exact", exact), ("unsure", replace(exact, level_sd=0.1))):
-        fit = fitted(truth, depth, replace(known_eye(truth, relative_sd=0.001), discrepancy=discrepancy))
+    for name, discrepancy in (
+        ("none", None),
+        ("exact", exact),
+        ("unsure", replace(exact, level_sd=0.1)),
+    ):
+        fit = fitted(
+            truth,
+            depth,
+            replace(known_eye(truth, relative_sd=0.001), discrepancy=discrepancy),
+        )
         found[name] = fit.force_n, log_width(fit)
     assert found["exact"][0] == pytest.approx(exp(0.1) * found["none"][0], rel=1e-3)
     assert found["unsure"][0] == pytest.approx(found["exact"][0], rel=0.01)
-    assert found["unsure"][1] == pytest.approx(np.hypot(found["exact"][1], 2 * 1.645 * 0.1), rel=0.06)
+    assert found["unsure"][1] == pytest.approx(
+        np.hypot(found["exact"][1], 2 * 1.645 * 0.1), rel=0.06
+    )
 
 
-def test_stretches_where_the_choroid_is_taken_for_the_walls_end_are_not_outliers() -> None:
+def test_stretches_where_the_choroid_is_taken_for_the_walls_end_are_not_outliers() -> (
+    None
+):
     truth = eye(0.1e-3)
     depth = boundaries(truth, 3e-6, np.random.default_rng(7))
     clean = fitted(truth, depth.copy())
     for boundary, off_m, outliers in (
-        (1, 0.13e-3, 0.0), (1, 0.5e-3, 0.12), (1, -0.13e-3, 0.12), (0, 0.13e-3, 0.12), (0, -0.13e-3, 0.12),
-    ):  # fmt: skip
+        (1, 0.13e-3, 0.0),
+        (1, 0.5e-3, 0.12),
+        (1, -0.13e-3, 0.12),
+        (0, 0.13e-3, 0.12),
+        (0, -0.13e-3, 0.12),
+    ):
         wrong = depth.copy()
         wrong[boundary, np.r_[20:50, 200:232]] += off_m
         found = fitted(truth, wrong)
@@ -210,12 +279,16 @@ def test_the_outer_boundary_is_enough_and_a_few_columns_are_not() -> None:
     assert fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(Known(), RANGES)) is None
 
 
-def test_an_inner_boundary_of_another_layer_does_not_change_the_known_thickness() -> None:
+def test_an_inner_boundary_of_another_layer_does_not_change_the_known_thickness() -> (
+    None
+):
     truth = eye(1.5e-3)
     depth = boundaries(truth, 6e-6, np.random.default_rng(9))
     sound = fitted(truth, depth)
     depth[1] += 0.15e-3
     fit = fitted(truth, depth)
-    assert abs(fit.force_n - sound.force_n) < 0.25 * (sound.interval_n[1] - sound.interval_n[0])
+    assert abs(fit.force_n - sound.force_n) < 0.25 * (
+        sound.interval_n[1] - sound.interval_n[0]
+    )
     assert fit.unknown[at.THICKNESS] == pytest.approx(truth[at.THICKNESS], abs=15e-6)
     assert fit.unknown[at.INNER_OFFSET] == pytest.approx(0.15e-3, abs=20e-6)

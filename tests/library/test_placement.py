@@ -16,7 +16,9 @@ def bowl(samples: int = 400) -> np.ndarray:
     """Two boundaries of a smooth dent, (boundary, sample, 2) in m."""
     x = np.linspace(-5e-3, 5e-3, samples)
     outer = 1e-3 * np.exp(-((x / 1.5e-3) ** 2)) + 0.04 * x**2 / 1e-3
-    return np.stack([np.stack([x, outer], axis=1), np.stack([x, outer + 0.6e-3], axis=1)])
+    return np.stack(
+        [np.stack([x, outer], axis=1), np.stack([x, outer + 0.6e-3], axis=1)]
+    )
 
 
 def first_crossing_depth(curve: np.ndarray, at: float) -> float:
@@ -38,11 +40,20 @@ def test_depths_agree_with_a_naive_search_along_the_curve() -> None:
 
 
 def test_light_sees_the_first_part_of_a_wall_that_folds_back() -> None:
-    folded = np.array([[-2.0, 0.0], [0.0, 0.0], [0.5, 1.0], [0.2, 2.0], [1.0, 3.0], [3.0, 3.0]]) * 1e-3
-    places = Places(np.array([-1e-3, 0.25e-3, 0.9e-3, 3.5e-3]), np.zeros(4, dtype=np.intp))
+    folded = (
+        np.array(
+            [[-2.0, 0.0], [0.0, 0.0], [0.5, 1.0], [0.2, 2.0], [1.0, 3.0], [3.0, 3.0]]
+        )
+        * 1e-3
+    )
+    places = Places(
+        np.array([-1e-3, 0.25e-3, 0.9e-3, 3.5e-3]), np.zeros(4, dtype=np.intp)
+    )
     depth, _, seen = curve_depths(np.stack([folded, folded]), places)
     assert depth[:2] == pytest.approx([0.0, 0.5e-3])
-    assert depth[2] == pytest.approx(1e-3 + 0.4e-3 * 2e-3 / 0.5e-3)  # straight from the fold's edge to the part ahead
+    assert depth[2] == pytest.approx(
+        1e-3 + 0.4e-3 * 2e-3 / 0.5e-3
+    )  # straight from the fold's edge to the part ahead
     assert seen.tolist() == [True, True, True, False]
     depth, slope, seen = curve_depths(bowl()[:, ::-1], BOTH)  # it only runs back
     assert not seen.any()
@@ -52,9 +63,13 @@ def test_light_sees_the_first_part_of_a_wall_that_folds_back() -> None:
 
 def test_the_oracle_smooths_by_a_gaussian_average() -> None:
     outer, sd_m = bowl(4000)[0], 60e-6
-    depth, _, _ = smoothed(outer, Places(LATERAL_M, np.zeros(len(LATERAL_M), dtype=np.intp), sd_m))
+    depth, _, _ = smoothed(
+        outer, Places(LATERAL_M, np.zeros(len(LATERAL_M), dtype=np.intp), sd_m)
+    )
     offsets = np.linspace(-5, 5, 2001) * sd_m
     weights = np.exp(-0.5 * (offsets / sd_m) ** 2)
-    averaged = [np.average(np.interp(x + offsets, *outer.T), weights=weights) for x in LATERAL_M]
+    averaged = [
+        np.average(np.interp(x + offsets, *outer.T), weights=weights) for x in LATERAL_M
+    ]
     np.testing.assert_allclose(depth, averaged, atol=0.1e-6)
     assert np.abs(depth - np.interp(LATERAL_M, *outer.T)).max() > 1e-6

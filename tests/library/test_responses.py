@@ -4,7 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library, curves, displaced_m3, draw_walls, force_ratio, with_walls
+from analytic_library import (
+    analytic_library,
+    curves,
+    displaced_m3,
+    draw_walls,
+    force_ratio,
+    with_walls,
+)
 
 from scleraforce.errors import InputError
 from scleraforce.library.sealed import iop_ratio_at_dent
@@ -18,7 +25,14 @@ def library():
 
 
 def test_shapes_and_forces_at_the_nodes_and_between_them(library):
-    nodes = np.stack([array.ravel() for array in np.meshgrid(library.thickness_m, library.tension, library.tip_m)])
+    nodes = np.stack(
+        [
+            array.ravel()
+            for array in np.meshgrid(
+                library.thickness_m, library.tension, library.tip_m
+            )
+        ]
+    )
     t, tension, d = nodes[:, ::29]
     p = tension * t / library.radius_m
     found = library.at_tip(t, p, d)
@@ -38,7 +52,9 @@ def test_a_finer_grid_gains_at_least_the_third_order(axis):
     t, p = draw_walls(rng, 300)
     tip = rng.uniform(0.0, 7.5e-3, 300)
     if axis != "ratios":
-        p = rng.choice([1e-3, 0.21], 300) * t / 12e-3  # nodes: no other error than that of the axis
+        p = (
+            rng.choice([1e-3, 0.21], 300) * t / 12e-3
+        )  # nodes: no other error than that of the axis
 
     def error(count):
         fine = {"thicknesses": 24, "ratios": 24, "tips": 160} | {axis: count}
@@ -55,24 +71,53 @@ def test_a_force_gives_the_tip_that_carries_it_first(library):
     wanted = rng.uniform(0.0, 0.999, 300) * library.largest_force_ratio(t, p)
     found = library.curves(t, p, wanted)
     fine = np.linspace(0.0, 7.5e-3, 20_001)
-    first = np.array([fine[np.argmax(force_ratio(*row[:2], fine) >= row[2])] for row in zip(t, p, wanted, strict=True)])
-    softens = np.array([(np.diff(force_ratio(*wall, fine)) < 0.0).any() for wall in zip(t, p, strict=True)])
+    first = np.array(
+        [
+            fine[np.argmax(force_ratio(*row[:2], fine) >= row[2])]
+            for row in zip(t, p, wanted, strict=True)
+        ]
+    )
+    softens = np.array(
+        [
+            (np.diff(force_ratio(*wall, fine)) < 0.0).any()
+            for wall in zip(t, p, strict=True)
+        ]
+    )
     assert 30 < softens.sum() < 270
     off = np.abs(found.tip_m - first)
     assert np.percentile(off, 95) < 8e-6
-    assert library.at_tip(t, p, found.tip_m).force_ratio == pytest.approx(wanted, abs=1e-13)
-    assert found.curves_sbnc[:, 0, 0, 1] == pytest.approx(curves(t, p, found.tip_m)[:, 0, 0, 1], abs=1e-6)
+    assert library.at_tip(t, p, found.tip_m).force_ratio == pytest.approx(
+        wanted, abs=1e-13
+    )
+    assert found.curves_sbnc[:, 0, 0, 1] == pytest.approx(
+        curves(t, p, found.tip_m)[:, 0, 0, 1], abs=1e-6
+    )
 
 
 def test_a_state_outside_is_named_and_not_covered(library):
     burst = "IOP/E: 0.07 is outside the library's range for a wall of 500 µm, 4.17e-05 to 0.00875; it bursts at 0.0173"
     good = np.array([0.5e-3, 1e-3, 1e-8])
     for t, p, f, said in (
-        (0.2e-3, 1e-3, 1e-8, "thickness: 200 µm is outside the library's range, 350 to 900 µm"),
+        (
+            0.2e-3,
+            1e-3,
+            1e-8,
+            "thickness: 200 µm is outside the library's range, 350 to 900 µm",
+        ),
         (0.5e-3, 7e-2, 1e-8, burst),
-        (0.5e-3, 1e-3, 6e-7, "F/E: 0.6 mm^2 is outside the library's range, 0 to 0.5 mm^2"),
+        (
+            0.5e-3,
+            1e-3,
+            6e-7,
+            "F/E: 0.6 mm^2 is outside the library's range, 0 to 0.5 mm^2",
+        ),
         (0.5e-3, np.nan, 1e-8, "IOP/E: nan"),
-        (0.35e-3, 8e-5, 3e-7, "F/E: 0.3 mm^2 dents a wall of 350 µm with IOP/E 8e-05 by more than .* 7.5 mm"),
+        (
+            0.35e-3,
+            8e-5,
+            3e-7,
+            "F/E: 0.3 mm^2 dents a wall of 350 µm with IOP/E 8e-05 by more than .* 7.5 mm",
+        ),
     ):
         samples = np.array([good, [t, p, f], good]).T
         with pytest.raises(InputError, match=said.replace("^", r"\^")):
@@ -97,31 +142,48 @@ def test_a_library_that_does_not_fit_together_is_refused(library):
 def test_the_pressure_of_a_sealed_globe_is_the_lowest_that_solves_its_law(library, law):
     rng = np.random.default_rng(6)
     t, p = draw_walls(rng, 400)
-    tip, globe = rng.uniform(0.0, 3e-3, 400), Globe(law, np.exp(rng.uniform(*np.log([1e5, 1e8]), 400)))
+    tip, globe = (
+        rng.uniform(0.0, 3e-3, 400),
+        Globe(law, np.exp(rng.uniform(*np.log([1e5, 1e8]), 400))),
+    )
     found = iop_ratio_at_dent(library, t, p, tip, globe)
     ratios = np.geomspace(1e-3, 0.21, 20_001)[:, None] * t / library.radius_m
-    missing = globe.level(ratios) - globe.level(p) - globe.rate * displaced_m3(t, ratios, tip)
-    first = np.where((missing >= 0.0).any(axis=0), ratios[np.argmax(missing >= 0.0, axis=0), np.arange(400)], np.nan)
+    missing = (
+        globe.level(ratios) - globe.level(p) - globe.rate * displaced_m3(t, ratios, tip)
+    )
+    first = np.where(
+        (missing >= 0.0).any(axis=0),
+        ratios[np.argmax(missing >= 0.0, axis=0), np.arange(400)],
+        np.nan,
+    )
     assert 40 < np.isfinite(first).sum() < 360
     # Where the law is met only just, or just not, either may be.
     close = np.isfinite(found) & np.isfinite(first)
     assert (np.isfinite(found) != np.isfinite(first)).sum() <= 2
     off = np.abs(found[close] / first[close] - 1.0)
     assert np.quantile(off, 0.95) < 1e-3
-    assert off.max() < 0.03  # where the pressure is about to run away, a small error of the volume moves it far
+    assert (
+        off.max() < 0.03
+    )  # where the pressure is about to run away, a small error of the volume moves it far
     assert (found[close] >= p[close] * (1.0 - 1e-9)).all()
 
 
 def test_an_open_globe_keeps_its_pressure_and_so_does_one_without_a_dent(library):
     t, p = draw_walls(np.random.default_rng(7), 20)
-    assert np.array_equal(iop_ratio_at_dent(library, t, p, np.full(20, 1e-3), OPEN_GLOBE), p)
-    assert iop_ratio_at_dent(library, t, p, np.zeros(20), Globe(rate=1e6)) == pytest.approx(p, rel=1e-4)
+    assert np.array_equal(
+        iop_ratio_at_dent(library, t, p, np.full(20, 1e-3), OPEN_GLOBE), p
+    )
+    assert iop_ratio_at_dent(
+        library, t, p, np.zeros(20), Globe(rate=1e6)
+    ) == pytest.approx(p, rel=1e-4)
     with pytest.raises(InputError, match=r"tip: 8 mm is outside"):
         iop_ratio_at_dent(library, t, p, np.full(20, 8e-3), OPEN_GLOBE)
 
 
 @pytest.mark.parametrize("rigidity", [0.0, 3e8])
-def test_an_eye_answers_with_the_force_of_a_dent_and_the_dent_of_a_force(library, rigidity):
+def test_an_eye_answers_with_the_force_of_a_dent_and_the_dent_of_a_force(
+    library, rigidity
+):
     wall = {"thickness_m": 0.6e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 300.0}
     eye = library.eye(**wall, rigidity_pa13_per_m3=rigidity, polar_angle_rad=0.0)
     forces_n = np.linspace(0.0, eye.max_force_n, 40).reshape(5, 8)
@@ -131,10 +193,18 @@ def test_an_eye_answers_with_the_force_of_a_dent_and_the_dent_of_a_force(library
     assert eye.force_n(dents_m) == pytest.approx(forces_n, rel=1e-3)
     assert eye.dent_m(float(forces_n[2, 3])) == pytest.approx(dents_m[2, 3])
     ratio = eye.pressure_pa(dents_m) / 0.3e6
-    assert eye.force_n(dents_m) == pytest.approx(0.3e6 * force_ratio(0.6e-3, ratio, dents_m), rel=5e-3, abs=1e-6)
+    assert eye.force_n(dents_m) == pytest.approx(
+        0.3e6 * force_ratio(0.6e-3, ratio, dents_m), rel=5e-3, abs=1e-6
+    )
     rise_pa13 = rigidity * displaced_m3(0.6e-3, ratio, dents_m)
-    assert np.cbrt(eye.pressure_pa(dents_m)) == pytest.approx(np.cbrt(300.0) + rise_pa13, rel=1e-3)
-    for answer, value in ((eye.force_n, 7.6e-3), (eye.dent_m, 1.01 * eye.max_force_n), (eye.dent_m, -1e-3)):
+    assert np.cbrt(eye.pressure_pa(dents_m)) == pytest.approx(
+        np.cbrt(300.0) + rise_pa13, rel=1e-3
+    )
+    for answer, value in (
+        (eye.force_n, 7.6e-3),
+        (eye.dent_m, 1.01 * eye.max_force_n),
+        (eye.dent_m, -1e-3),
+    ):
         with pytest.raises(InputError, match="is outside this eye's range, 0 to "):
             answer(value)
 
@@ -144,10 +214,15 @@ def test_an_eye_outside_the_library_is_refused(library):
     for other, said in (
         ({"thickness_m": 0.2e-3}, "thickness: 200 µm"),
         ({"iop_pa": 9e4}, "IOP/E: 0.3 is"),
-        ({"polar_angle_rad": 1.0}, "polar angle: 57.3 deg is outside the library's range, 0 to 50"),
+        (
+            {"polar_angle_rad": 1.0},
+            "polar angle: 57.3 deg is outside the library's range, 0 to 50",
+        ),
         ({"stiffening": 3.0}, "stiffening"),
     ):
         with pytest.raises(InputError, match=said):
             library.eye(**wall | other)
-    at_pole, beside = (library.eye(**wall, polar_angle_rad=polar).force_n(1e-3) for polar in (0.0, 0.8))
+    at_pole, beside = (
+        library.eye(**wall, polar_angle_rad=polar).force_n(1e-3) for polar in (0.0, 0.8)
+    )
     assert beside > at_pole

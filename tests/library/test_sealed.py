@@ -19,9 +19,14 @@ PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 RADIUS, NU, NEEDLE = 12e-3, 0.45, 0.35e-3
 DENTS_M = 1e-3 * np.array([0.3, 0.8, 1.4, 2.0])
 GRID = LibraryStudy(
-    thickness_m=Range(min=0.45e-3, max=0.9e-3), thicknesses=5, tension=Range(min=4e-3, max=0.2), tensions=8,
-    max_tip_m=3e-3, tips=24, stiffenings=1,
-)  # fmt: skip
+    thickness_m=Range(min=0.45e-3, max=0.9e-3),
+    thicknesses=5,
+    tension=Range(min=4e-3, max=0.2),
+    tensions=8,
+    max_tip_m=3e-3,
+    tips=24,
+    stiffenings=1,
+)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +37,12 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
 
 
 def loaded(
-    library: Library, dents_m: np.ndarray, eye: tuple[float, float, float], polar_rad: float, rigidity: float, law: str
+    library: Library,
+    dents_m: np.ndarray,
+    eye: tuple[float, float, float],
+    polar_rad: float,
+    rigidity: float,
+    law: str,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pressures in Pa and forces in N under dents of a sealed eye: thickness, modulus, IOP."""
     names = dict(zip(("thickness_m", "youngs_modulus_pa", "iop_pa"), eye, strict=True))
@@ -44,21 +54,36 @@ def loaded(
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
     ("thickness_m", "modulus_pa", "iop_pa", "rigidity"),
-    [(0.55e-3, 0.4e6, 266.0, 0.03), (0.7e-3, 0.6e6, 530.0, 0.02), (0.85e-3, 0.25e6, 200.0, 0.01)],
+    [
+        (0.55e-3, 0.4e6, 266.0, 0.03),
+        (0.7e-3, 0.6e6, 530.0, 0.02),
+        (0.85e-3, 0.25e6, 200.0, 0.01),
+    ],
 )
 def test_a_sealed_eye_is_that_of_a_path_with_its_own_volumes(
-    library: Library, thickness_m: float, modulus_pa: float, iop_pa: float, rigidity: float, law: str
+    library: Library,
+    thickness_m: float,
+    modulus_pa: float,
+    iop_pa: float,
+    rigidity: float,
+    law: str,
 ) -> None:
     globe = sealed_globe(rigidity * PER_UL, law)
     dents_m = DENTS_M[:3]
     path = axisymmetric_path(
-        *(RADIUS, thickness_m, NU, NEEDLE, iop_pa / modulus_pa), tips_m=dents_m, globe=globe.over(modulus_pa),
+        *(RADIUS, thickness_m, NU, NEEDLE, iop_pa / modulus_pa),
+        tips_m=dents_m,
+        globe=globe.over(modulus_pa),
         size=MeridianSize(96),
-    )  # fmt: skip
+    )
     eye = thickness_m, modulus_pa, iop_pa
-    pressures_pa, forces_n = loaded(library, dents_m, eye, 0.0, rigidity, law)  # the path knows no base beside the pole
+    pressures_pa, forces_n = loaded(
+        library, dents_m, eye, 0.0, rigidity, law
+    )  # the path knows no base beside the pole
     np.testing.assert_allclose(pressures_pa, path.iop_ratio[1:] * modulus_pa, rtol=2e-3)
-    np.testing.assert_allclose(forces_n, path.force_ratio_m2[1:] * modulus_pa, rtol=2e-3)
+    np.testing.assert_allclose(
+        forces_n, path.force_ratio_m2[1:] * modulus_pa, rtol=2e-3
+    )
 
 
 def test_a_pressure_that_runs_away_ends_the_range(library: Library) -> None:
@@ -66,7 +91,13 @@ def test_a_pressure_that_runs_away_ends_the_range(library: Library) -> None:
     eye = library.eye(**wall, rigidity_pa13_per_m3=0.03 * PER_UL)
     assert 2.1e-3 < eye.max_dent_m < 2.4e-3  # the path ends at 2.2 mm
     assert np.isfinite(eye.force_n(eye.max_dent_m))
-    for answer, value in ((eye.force_n, 2.4e-3), (eye.pressure_pa, 3e-3), (eye.dent_m, 1.01 * eye.max_force_n)):
-        with pytest.raises(InputError, match=r"(dent|force): .* is outside this eye's range, 0 to "):
+    for answer, value in (
+        (eye.force_n, 2.4e-3),
+        (eye.pressure_pa, 3e-3),
+        (eye.dent_m, 1.01 * eye.max_force_n),
+    ):
+        with pytest.raises(
+            InputError, match=r"(dent|force): .* is outside this eye's range, 0 to "
+        ):
             answer(value)
     assert library.eye(**wall).max_dent_m == library.tip_m[-1]

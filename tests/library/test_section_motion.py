@@ -8,8 +8,25 @@ from predicted_walls import Walls, formed_wall
 from scleraforce.library import Library
 from scleraforce.library.base import pole_directions
 from scleraforce.library.placement import Places, curve_depths
-from scleraforce.library.sections import Framing, column_laterals, section_motion, wall_boundaries
-from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, ROTATION, SIZE, THICKNESS, TIP
+from scleraforce.library.sections import (
+    Framing,
+    column_laterals,
+    section_motion,
+    wall_boundaries,
+)
+from scleraforce.library.unknowns import (
+    DEPTH,
+    GAP,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    POLE,
+    ROTATION,
+    SIZE,
+    THICKNESS,
+    TIP,
+)
 from scleraforce.study import SliceStudy
 
 STUDY = SliceStudy()
@@ -30,28 +47,51 @@ def drawn(seed: int, tension: float) -> np.ndarray:
     """Unknowns of walls (sample, unknown), at one tension."""
     rng = np.random.default_rng(seed)
     unknown = np.zeros((COUNT, len(NAMES)))
-    ranges = ((TIP, 0.0, 2.5e-3), (LATERAL, -1e-3, 1e-3), (DEPTH, 0.2e-3, 0.8e-3), (ROTATION, -0.08, 0.08),
-              (GAP, 0.3e-3, 1e-3), (THICKNESS, 0.4e-3, 0.8e-3), (SIZE, -0.05, 0.05))  # fmt: skip
+    ranges = (
+        (TIP, 0.0, 2.5e-3),
+        (LATERAL, -1e-3, 1e-3),
+        (DEPTH, 0.2e-3, 0.8e-3),
+        (ROTATION, -0.08, 0.08),
+        (GAP, 0.3e-3, 1e-3),
+        (THICKNESS, 0.4e-3, 0.8e-3),
+        (SIZE, -0.05, 0.05),
+    )
     for which, low, high in ranges:
         unknown[:, which] = rng.uniform(low, high, COUNT)
     unknown[: COUNT // 2, ROTATION] = 0.0
     unknown[:, MODULUS] = np.log(0.3e6)
-    unknown[:, IOP] = np.log(tension * 0.3e6 * unknown[:, THICKNESS] / np.exp(unknown[:, SIZE]) / RADIUS_M)
-    unknown[:, POLE] = pole_directions(np.radians(rng.uniform(20.0, 55.0, COUNT)), rng.uniform(-np.pi, np.pi, COUNT))
+    unknown[:, IOP] = np.log(
+        tension * 0.3e6 * unknown[:, THICKNESS] / np.exp(unknown[:, SIZE]) / RADIUS_M
+    )
+    unknown[:, POLE] = pole_directions(
+        np.radians(rng.uniform(20.0, 55.0, COUNT)), rng.uniform(-np.pi, np.pi, COUNT)
+    )
     return unknown
 
 
-@pytest.mark.parametrize(("tension", "median_m", "nearly_all_m"), [(0.02, 0.5e-6, 3e-6), (0.05, 2e-6, 8e-6)])
-def test_sections_agree_with_the_fit_s_prediction(tension: float, median_m: float, nearly_all_m: float) -> None:
+@pytest.mark.parametrize(
+    ("tension", "median_m", "nearly_all_m"), [(0.02, 0.5e-6, 3e-6), (0.05, 2e-6, 8e-6)]
+)
+def test_sections_agree_with_the_fit_s_prediction(
+    tension: float, median_m: float, nearly_all_m: float
+) -> None:
     library, unknown = bulging(analytic_library()), drawn(3, tension)
     size = np.exp(unknown[:, SIZE])
     place = unknown[:, THICKNESS] / size, np.exp(unknown[:, IOP] - unknown[:, MODULUS])
-    walls, gap_m = library.at_tip(*place, unknown[:, TIP] / size), unknown[:, GAP] / size
-    framing = Framing(*(unknown[:, which] for which in (LATERAL, DEPTH)), size, unknown[:, ROTATION])
+    walls, gap_m = (
+        library.at_tip(*place, unknown[:, TIP] / size),
+        unknown[:, GAP] / size,
+    )
+    framing = Framing(
+        *(unknown[:, which] for which in (LATERAL, DEPTH)), size, unknown[:, ROTATION]
+    )
     moved = section_motion(library, walls, place, gap_m, unknown[:, POLE], REACH_M)
     upright = np.zeros(COUNT)
     mine, even = (
-        wall_boundaries(walls.curves_sbnc, gap_m, upright, framing, STUDY, motion).depth_sbc for motion in (moved, None)
+        wall_boundaries(
+            walls.curves_sbnc, gap_m, upright, framing, STUDY, motion
+        ).depth_sbc
+        for motion in (moved, None)
     )
     theirs = np.stack([seen_by_the_fit(library, one) for one in unknown])
     off = np.abs(mine - theirs)

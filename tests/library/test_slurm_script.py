@@ -30,9 +30,20 @@ def run(folder: Path, tasks: int) -> "subprocess.CompletedProcess[str]":
     srun.chmod(0o755)
     (folder / "study.toml").write_text(STUDY)
     path = f"{folder / 'bin'}:{Path(sys.executable).parent}:{os.environ['PATH']}"
-    environment = os.environ | {"PATH": path, "SLURM_NTASKS": str(tasks), "SLURM_JOB_ID": "7"}
-    return subprocess.run(["bash", SCRIPT, "study.toml", "responses"], cwd=folder, env=environment, capture_output=True,
-                          text=True, check=False, timeout=300)  # fmt: skip
+    environment = os.environ | {
+        "PATH": path,
+        "SLURM_NTASKS": str(tasks),
+        "SLURM_JOB_ID": "7",
+    }
+    return subprocess.run(
+        ["bash", SCRIPT, "study.toml", "responses"],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
 
 
 def test_fewer_than_three_tasks_are_refused(tmp_path: Path) -> None:
@@ -44,10 +55,16 @@ def test_fewer_than_three_tasks_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(find_spec("distributed") is None, reason="the extra [cluster] is not installed")
+@pytest.mark.skipif(
+    find_spec("distributed") is None, reason="the extra [cluster] is not installed"
+)
 def test_the_job_makes_a_library_and_leaves_nothing_else(tmp_path: Path) -> None:
     done = run(tmp_path, 4)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("responses: ")
     assert len(open_library(tmp_path / "responses").thickness_m) == 4
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bin", "responses", "study.toml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "bin",
+        "responses",
+        "study.toml",
+    ]

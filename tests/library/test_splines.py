@@ -21,17 +21,24 @@ def test_values_and_slopes_agree_with_scipys_not_a_knot_spline():
         spline, oracle = CubicSpline(nodes), SciPySpline(nodes, values)
         coefficients = spline.coefficients(values)
         places = np.linspace(nodes[0], nodes[-1], 101)
-        assert evaluate(spline, coefficients, places) == pytest.approx(oracle(places), abs=1e-11)
+        assert evaluate(spline, coefficients, places) == pytest.approx(
+            oracle(places), abs=1e-11
+        )
         assert spline.slopes(coefficients) == pytest.approx(oracle(nodes, 1), abs=1e-10)
         _, weights = spline.weights(np.zeros(1))
-        assert weights.tolist() == [[1.0, 0.0, 0.0, 0.0]]  # without a dent there is no force at all
+        assert weights.tolist() == [
+            [1.0, 0.0, 0.0, 0.0]
+        ]  # without a dent there is no force at all
 
 
 def test_the_error_falls_with_the_fourth_power_of_the_spacing():
     def error(count):
         spline = CubicSpline(np.linspace(0.0, 3.0, count))
         places = np.linspace(0.0, 3.0, 1001)
-        return np.abs(evaluate(spline, spline.coefficients(np.exp(spline.nodes)), places) - np.exp(places)).max()
+        return np.abs(
+            evaluate(spline, spline.coefficients(np.exp(spline.nodes)), places)
+            - np.exp(places)
+        ).max()
 
     orders = [np.log2(error(count) / error(2 * count - 1)) for count in (11, 21, 41)]
     assert orders == pytest.approx([4.0] * 3, abs=0.35)
@@ -58,17 +65,24 @@ def search(tip, force, slope, wanted):
 def test_the_first_of_several_states_is_found(seed):
     rng = np.random.default_rng(seed)
     waves = rng.normal(size=(40, 3)) * [3.0, 2.0, 1.0]
-    force = TIP * 1e3 + (waves[:, :, None] * np.sin(TIP * 1e3 * np.array([[0.6], [1.1], [1.7]]))).sum(axis=1)
+    force = TIP * 1e3 + (
+        waves[:, :, None] * np.sin(TIP * 1e3 * np.array([[0.6], [1.1], [1.7]]))
+    ).sum(axis=1)
     slope = np.array([SciPySpline(TIP, row)(TIP, 1) for row in force])
     wanted = rng.uniform(0.0, 8.0, 40)
     found = first_crossing(TIP, np.hstack([force, slope]), wanted)
-    expected = np.array([search(TIP, *row) for row in zip(force, slope, wanted, strict=True)])
+    expected = np.array(
+        [search(TIP, *row) for row in zip(force, slope, wanted, strict=True)]
+    )
     assert np.isnan(found).tolist() == np.isnan(expected).tolist()
     assert found == pytest.approx(expected, abs=2e-9, nan_ok=True)
 
 
 def test_just_below_a_peak_between_two_tips_the_state_before_the_peak_counts():
     tip = np.array([0.0, 1.0, 2.0, 9.0])
-    path, peak = np.array([[0.0, 1.0, 1.0, 8.0, 1.0, 1.0, -1.0, 2.0]]), 1.25  # forces, slopes
+    path, peak = (
+        np.array([[0.0, 1.0, 1.0, 8.0, 1.0, 1.0, -1.0, 2.0]]),
+        1.25,
+    )  # forces, slopes
     assert first_crossing(tip, path, np.array([peak - 1e-3]))[0] < 1.5
     assert first_crossing(tip, path, np.array([peak + 1e-3]))[0] > 2.0

@@ -14,8 +14,15 @@ from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_pa
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.study import LibraryStudy, Range, Study
 
-GRID = LibraryStudy(thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tension=Range(min=8e-3, max=6e-2),
-                    tensions=4, max_tip_m=3e-3, tips=8, elements=24)  # fmt: skip
+GRID = LibraryStudy(
+    thickness_m=Range(min=0.5e-3, max=0.8e-3),
+    thicknesses=4,
+    tension=Range(min=8e-3, max=6e-2),
+    tensions=4,
+    max_tip_m=3e-3,
+    tips=8,
+    elements=24,
+)
 PLAN = plan_library(Study(library=GRID))
 SMALL_DENTS = 5  # tips, up to 1.3 mm
 WALLS = ((0, 0), (1, 2), (3, 3))  # numbers of thickness and tension in the library
@@ -30,59 +37,113 @@ def path_of(thickness: int, tension: int, stiffening: float) -> AxisymmetricPath
     """The load path of a wall of the library, in tissue of any stiffening."""
     thickness_m = float(PLAN.thickness_m[thickness])
     iop_ratio = float(PLAN.tension[tension]) * thickness_m / PLAN.radius_m
-    wall = PLAN.radius_m, thickness_m, PLAN.poisson_ratio, PLAN.needle_radius_m, iop_ratio
-    return axisymmetric_path(*wall, tips_m=PLAN.tip_m[1:], stiffening=stiffening, size=MeridianSize(24, 1))
+    wall = (
+        PLAN.radius_m,
+        thickness_m,
+        PLAN.poisson_ratio,
+        PLAN.needle_radius_m,
+        iop_ratio,
+    )
+    return axisymmetric_path(
+        *wall, tips_m=PLAN.tip_m[1:], stiffening=stiffening, size=MeridianSize(24, 1)
+    )
 
 
 @pytest.mark.parametrize("stiffening", [0.4, 1.2, 5.0, 15.0])
-def test_walls_between_the_stiffenings_agree_with_walls_of_that_tissue(library: Library, stiffening: float) -> None:
+def test_walls_between_the_stiffenings_agree_with_walls_of_that_tissue(
+    library: Library, stiffening: float
+) -> None:
     """Dents deeper than 1.3 mm change their form fast from b = 0 on: there the curves are right to 40 um."""
     found = library.for_stiffening(stiffening)
     for wall in WALLS:
         wanted = path_of(*wall, stiffening)
-        thickness_m, tip_m = np.full(len(PLAN.tip_m), PLAN.thickness_m[wall[0]]), PLAN.tip_m
+        thickness_m, tip_m = (
+            np.full(len(PLAN.tip_m), PLAN.thickness_m[wall[0]]),
+            PLAN.tip_m,
+        )
         ratio = PLAN.tension[wall[1]] * thickness_m / PLAN.radius_m
         states = found.at_tip(thickness_m, ratio, tip_m)
         off = np.abs(states.force_ratio[1:] / wanted.force_ratio_m2[1:] - 1.0)
         assert off[:SMALL_DENTS].max() < 4e-3
         assert off.max() < (5e-3 if stiffening > 1.0 else 1.5e-2)
-        off_m = np.linalg.norm(states.curves_sbnc - wanted.curves_sbnc, axis=-1).max(axis=(1, 2))
+        off_m = np.linalg.norm(states.curves_sbnc - wanted.curves_sbnc, axis=-1).max(
+            axis=(1, 2)
+        )
         assert off_m[:SMALL_DENTS].max() < 0.6e-6
         assert off_m.max() < (20e-6 if stiffening > 1.0 else 45e-6)
         volumes_m3 = found.displaced_m3(thickness_m, ratio, tip_m)
-        assert volumes_m3[1:SMALL_DENTS] == pytest.approx(wanted.displaced_m3[1:SMALL_DENTS], rel=2e-3)
-        undented_m = found.undented_tpbnc[wall].astype(np.float64) - wanted.curves_sbnc[0]
+        assert volumes_m3[1:SMALL_DENTS] == pytest.approx(
+            wanted.displaced_m3[1:SMALL_DENTS], rel=2e-3
+        )
+        undented_m = (
+            found.undented_tpbnc[wall].astype(np.float64) - wanted.curves_sbnc[0]
+        )
         assert np.abs(undented_m).max() < 0.2e-6
 
 
-def test_walls_of_a_stiffening_that_the_library_holds_are_the_solved_ones(library: Library) -> None:
+def test_walls_of_a_stiffening_that_the_library_holds_are_the_solved_ones(
+    library: Library,
+) -> None:
     for unit in (0, 16 + 6, 2 * 16 + 11, 3 * 16 + 15):
         b, *place = PLAN.place(unit)
-        found, solved = library.for_stiffening(float(PLAN.stiffening[b])), solve_path(PLAN, unit)
-        np.testing.assert_array_equal(found.force_ratio_tpd[tuple(place)], solved.force_d)
-        np.testing.assert_array_equal(found.displaced_tpd[tuple(place)], solved.displaced_d)
-        np.testing.assert_array_equal(found.curves_tpdbnc()[tuple(place)], solved.curves_dbnc)
-        np.testing.assert_array_equal(found.undented_tpbnc[tuple(place)], solved.curves_dbnc[0])
-    forces = np.stack([library.for_stiffening(b).force_ratio_tpd[..., -1] for b in (0.0, 0.5, 1.5, 4.0, 12.0, 30.0)])
+        found, solved = (
+            library.for_stiffening(float(PLAN.stiffening[b])),
+            solve_path(PLAN, unit),
+        )
+        np.testing.assert_array_equal(
+            found.force_ratio_tpd[tuple(place)], solved.force_d
+        )
+        np.testing.assert_array_equal(
+            found.displaced_tpd[tuple(place)], solved.displaced_d
+        )
+        np.testing.assert_array_equal(
+            found.curves_tpdbnc()[tuple(place)], solved.curves_dbnc
+        )
+        np.testing.assert_array_equal(
+            found.undented_tpbnc[tuple(place)], solved.curves_dbnc[0]
+        )
+    forces = np.stack(
+        [
+            library.for_stiffening(b).force_ratio_tpd[..., -1]
+            for b in (0.0, 0.5, 1.5, 4.0, 12.0, 30.0)
+        ]
+    )
     assert (np.diff(forces, axis=0) > 0.0).all()
 
 
-def test_tissue_that_does_not_stiffen_is_the_same_in_a_library_without_other_tissue(library: Library) -> None:
+def test_tissue_that_does_not_stiffen_is_the_same_in_a_library_without_other_tissue(
+    library: Library,
+) -> None:
     alone = solved_library(replace(GRID, stiffenings=1))
     assert len(alone.walls.stiffening) == 1
-    for soft in (library, library.for_stiffening(0.0), library.for_stiffening(7.0).for_stiffening(0.0)):
+    for soft in (
+        library,
+        library.for_stiffening(0.0),
+        library.for_stiffening(7.0).for_stiffening(0.0),
+    ):
         assert soft.stiffening == alone.stiffening == 0.0
-        for name in ("force_ratio_tpd", "displaced_tpd", "undented_tpbnc", "stiffness_atpd"):
+        for name in (
+            "force_ratio_tpd",
+            "displaced_tpd",
+            "undented_tpbnc",
+            "stiffness_atpd",
+        ):
             np.testing.assert_array_equal(getattr(soft, name), getattr(alone, name))
 
 
 def test_other_tissue_is_refused_with_the_range(library: Library) -> None:
     for stiffening in (-1e-6, 30.001, 1e300, np.inf, np.nan):
-        with pytest.raises(InputError, match=r"^stiffening: \S+ is outside the library's range, 0 to 30$"):
+        with pytest.raises(
+            InputError,
+            match=r"^stiffening: \S+ is outside the library's range, 0 to 30$",
+        ):
             library.for_stiffening(stiffening)
     alone = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
     assert alone.for_stiffening(0.0) is alone
     assert alone.walls.stiffening.tolist() == [0.0]
     for stiffening in (3.0, np.nan):
-        with pytest.raises(InputError, match=r"^stiffening: the library only holds tissue of 0, not of (3|nan)$"):
+        with pytest.raises(
+            InputError,
+            match=r"^stiffening: the library only holds tissue of 0, not of (3|nan)$",
+        ):
             alone.for_stiffening(stiffening)

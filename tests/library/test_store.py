@@ -20,10 +20,15 @@ from workers import Cluster
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.plan import LibraryPlan, plan_library
-
-from scleraforce.library.store import (  # isort: skip
-    build_library, cached_library, create_library, library_store, open_library, solve_path, write_library_unit,
-)  # fmt: skip
+from scleraforce.library.store import (
+    build_library,
+    cached_library,
+    create_library,
+    library_store,
+    open_library,
+    solve_path,
+    write_library_unit,
+)
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import cluster_workers
@@ -60,19 +65,28 @@ def interrupting(count, done):
 def script(folder, body):
     """A program of its own, and the environment in which it finds the analytic solver."""
     path = folder / "program.py"
-    path.write_text("import sys; from pathlib import Path; from analytic_library import solve_slowly\nfrom "
-                    "scleraforce.library.store import build_library, cached_library\nfrom scleraforce.study import "
-                    f"LibraryStudy, Study\nif __name__ == '__main__':\n    {body}\n")  # fmt: skip
+    path.write_text(
+        "import sys; from pathlib import Path; from analytic_library import solve_slowly\nfrom "
+        "scleraforce.library.store import build_library, cached_library\nfrom scleraforce.study import "
+        f"LibraryStudy, Study\nif __name__ == '__main__':\n    {body}\n"
+    )
     return path, os.environ | {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
 
 
 def test_a_library_is_read_as_it_was_solved(made):
     library, plan = open_library(made), plan_library(STUDY)
     assert library.thickness_m == pytest.approx(plan.thickness_m)
-    assert (library.radius_m, library.poisson_ratio, library.needle_radius_m) == (12e-3, 0.45, 0.35e-3)
+    assert (library.radius_m, library.poisson_ratio, library.needle_radius_m) == (
+        12e-3,
+        0.45,
+        0.35e-3,
+    )
     for number in (0, 7, 19, 20, 53, 79):
         force_d, displaced_d, curves_dbnc = solve_analytic(plan, number)
-        of_tissue, place = library.for_stiffening(plan.stiffening[number // 20]), divmod(number % 20, 5)
+        of_tissue, place = (
+            library.for_stiffening(plan.stiffening[number // 20]),
+            divmod(number % 20, 5),
+        )
         assert np.array_equal(of_tissue.force_ratio_tpd[place], force_d)
         assert np.array_equal(of_tissue.displaced_tpd[place], displaced_d)
         assert np.array_equal(of_tissue.curves_tpdbnc()[place], curves_dbnc)
@@ -84,16 +98,22 @@ def test_a_library_is_read_as_it_was_solved(made):
 def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
     path, rest = tmp_path / "library.zarr", []
     with pytest.raises(KeyboardInterrupt):
-        build_library(STUDY, path, workers=2, progress=interrupting(3, []), solve=solve_analytic)
+        build_library(
+            STUDY, path, workers=2, progress=interrupting(3, []), solve=solve_analytic
+        )
     assert not multiprocessing.active_children()
     with pytest.raises(InputError, match="not complete"):
         open_library(path)
-    result = build_library(STUDY, path, workers=2, progress=rest.append, solve=solve_analytic)
+    result = build_library(
+        STUDY, path, workers=2, progress=rest.append, solve=solve_analytic
+    )
     assert (result.paths, result.solved, sum(rest)) == (UNITS, UNITS - 3, UNITS)
     assert contents(path) == contents(made)
 
 
-@pytest.mark.skipif(find_spec("distributed") is None, reason="the extra [cluster] is not installed")
+@pytest.mark.skipif(
+    find_spec("distributed") is None, reason="the extra [cluster] is not installed"
+)
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.slow
 def test_a_worker_of_a_cluster_that_is_killed_changes_no_byte(made, tmp_path):
@@ -106,7 +126,13 @@ def test_a_worker_of_a_cluster_that_is_killed_changes_no_byte(made, tmp_path):
             victim.send_signal(signal.SIGKILL)
 
     workers = cluster_workers(cluster.address)
-    result = build_library(STUDY, tmp_path / "library", workers=workers, progress=kill_half_way, solve=solve_slowly)
+    result = build_library(
+        STUDY,
+        tmp_path / "library",
+        workers=workers,
+        progress=kill_half_way,
+        solve=solve_slowly,
+    )
     cluster.end()
     assert victim.wait() == -signal.SIGKILL
     assert result.solved == sum(done) == UNITS
@@ -117,11 +143,21 @@ def test_a_worker_of_a_cluster_that_is_killed_changes_no_byte(made, tmp_path):
 def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
     """A second program is killed, several times, by SIGKILL; the same command continues its work."""
     path = tmp_path / "library.zarr"
-    study = "Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))"
-    program, environment = script(tmp_path, f"build_library({study}, Path(sys.argv[1]), workers=2, solve=solve_slowly)")
+    study = (
+        "Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))"
+    )
+    program, environment = script(
+        tmp_path,
+        f"build_library({study}, Path(sys.argv[1]), workers=2, solve=solve_slowly)",
+    )
     for wanted in (1, 6):
-        child = subprocess.Popen([sys.executable, program, path], env=environment, start_new_session=True)
-        while child.poll() is None and len(list(path.glob("force_ratio/c/*/*/*"))) < wanted:
+        child = subprocess.Popen(
+            [sys.executable, program, path], env=environment, start_new_session=True
+        )
+        while (
+            child.poll() is None
+            and len(list(path.glob("force_ratio/c/*/*/*"))) < wanted
+        ):
             time.sleep(0.01)
         os.killpg(child.pid, signal.SIGKILL)
         assert child.wait() == -signal.SIGKILL
@@ -144,13 +180,17 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
         library_store(path, plan_library(STUDY)).finish()
 
 
-def test_impossible_values_and_other_axes_are_refused_even_where_the_hashes_agree(made, tmp_path):
+def test_impossible_values_and_other_axes_are_refused_even_where_the_hashes_agree(
+    made, tmp_path
+):
     for name, place, value, said in (
-        ("force_ratio", 0, np.nan, "not finite"), ("displaced_m3", 1, np.inf, "not finite"),
-        ("curves", 0, np.inf, "not finite"), ("curves", 1, np.inf, "not finite"),
+        ("force_ratio", 0, np.nan, "not finite"),
+        ("displaced_m3", 1, np.inf, "not finite"),
+        ("curves", 0, np.inf, "not finite"),
+        ("curves", 1, np.inf, "not finite"),
         ("thickness_m", 1, 1.0, "thickness_m: not the values of its plan"),
         ("stiffening", 1, 1.0, "stiffening: not the values of its plan"),
-    ):  # fmt: skip
+    ):
         path = Path(shutil.copytree(made, tmp_path / f"{name}-{place}"))
         zarr.open_array(path / name, mode="r+")[place] = value
         rehash_store(path)
@@ -177,7 +217,10 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
 
 @pytest.mark.slow
 def test_a_path_that_fails_and_a_worker_that_dies_end_the_build(tmp_path):
-    for solve, said in ((no_solution, "path 0 of 260: no equilibrium"), (no_worker, "worker ended")):
+    for solve, said in (
+        (no_solution, "path 0 of 260: no equilibrium"),
+        (no_worker, "worker ended"),
+    ):
         with pytest.raises(SolverError, match=said):
             build_library(STUDY, tmp_path / solve.__name__, workers=1, solve=solve)
 
@@ -185,21 +228,39 @@ def test_a_path_that_fails_and_a_worker_that_dies_end_the_build(tmp_path):
 def test_the_default_covers_what_it_says():
     plan = plan_library(Study())
     lowest, highest = 0.5 * 133.322 / 0.8e6, 5.0 * 133.322 / 0.12e6
-    lowest_tension, highest_tension = lowest * 12e-3 / plan.thickness_m[-1], highest * 12e-3 / plan.thickness_m[0]
+    lowest_tension, highest_tension = (
+        lowest * 12e-3 / plan.thickness_m[-1],
+        highest * 12e-3 / plan.thickness_m[0],
+    )
     assert plan.tension[0] < lowest_tension < highest_tension < plan.tension[-1]
     assert plan.grid.max_force_ratio_m2 == pytest.approx(60e-3 / 0.12e6)
     assert (np.diff(plan.tip_m, 2) > 0.0).all()
 
 
-@pytest.mark.parametrize(("unit", "stiffening"), [(6, 0.0), (16 + 6, 0.2 * (151.0**0.25 - 1.0)), (4 * 16 + 6, 30.0)])
+@pytest.mark.parametrize(
+    ("unit", "stiffening"),
+    [(6, 0.0), (16 + 6, 0.2 * (151.0**0.25 - 1.0)), (4 * 16 + 6, 30.0)],
+)
 def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path, unit, stiffening):
-    plan = plan_library(Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, max_tip_m=1e-3, elements=16)))
+    plan = plan_library(
+        Study(
+            library=LibraryStudy(
+                thicknesses=4, tensions=4, tips=5, max_tip_m=1e-3, elements=16
+            )
+        )
+    )
     force_d, displaced_d, curves_dbnc = solve_path(plan, unit)
     wall = plan.path(6)
     expected = axisymmetric_path(
-        12e-3, wall.thickness_m, 0.45, 0.35e-3, wall.iop_ratio, tips_m=plan.tip_m[1:],
-        stiffening=float(plan.stiffening[unit // 16]), size=MeridianSize(16, 1),
-    )  # fmt: skip
+        12e-3,
+        wall.thickness_m,
+        0.45,
+        0.35e-3,
+        wall.iop_ratio,
+        tips_m=plan.tip_m[1:],
+        stiffening=float(plan.stiffening[unit // 16]),
+        size=MeridianSize(16, 1),
+    )
     assert plan.stiffening[unit // 16] == pytest.approx(stiffening)
     assert np.array_equal(force_d, expected.force_ratio_m2)
     assert np.array_equal(displaced_d, expected.displaced_m3)
@@ -220,7 +281,9 @@ def places(folder):
 @pytest.mark.slow
 def test_a_library_is_built_on_first_need_only(monkeypatch, tmp_path):
     done = []
-    first = cached_library(CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic)
+    first = cached_library(
+        CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic
+    )
     assert sum(done) == CACHED_UNITS
     again = cached_library(CACHED, folder=tmp_path, progress=done.append)
     assert sum(done) == CACHED_UNITS
@@ -235,9 +298,17 @@ def test_a_library_is_built_on_first_need_only(monkeypatch, tmp_path):
 def test_an_interrupted_build_is_continued(tmp_path):
     done = []
     with pytest.raises(KeyboardInterrupt):
-        cached_library(CACHED, folder=tmp_path, workers=1, progress=interrupting(3, []), solve=solve_analytic)
+        cached_library(
+            CACHED,
+            folder=tmp_path,
+            workers=1,
+            progress=interrupting(3, []),
+            solve=solve_analytic,
+        )
     assert places(tmp_path) == [".begun", ".lock"]
-    cached_library(CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic)
+    cached_library(
+        CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic
+    )
     assert done[0] == 3
     assert places(tmp_path) == [".lock", ".zarr"]
 
@@ -250,7 +321,9 @@ def test_a_damaged_library_and_a_useless_beginning_are_made_again(tmp_path):
     (place.with_suffix(".begun")).mkdir()
     (place.with_suffix(".begun") / "rubbish").write_text("")
     done = []
-    cached_library(CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic)
+    cached_library(
+        CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic
+    )
     assert sum(done) == CACHED_UNITS
     assert places(tmp_path) == [".lock", ".zarr"]
 
@@ -264,7 +337,10 @@ def test_one_of_several_makers_builds(tmp_path):
         "solve=solve_slowly); print(sum(done), library.force_ratio_tpd.sum())",
     )
     command = [sys.executable, program, tmp_path / "cache"]
-    makers = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    makers = [
+        subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(3)
+    ]
     answers = [maker.communicate(timeout=300)[0].split() for maker in makers]
     assert sorted(int(built) for built, _ in answers) == [0, 0, CACHED_UNITS]
     assert len({total for _, total in answers}) == 1

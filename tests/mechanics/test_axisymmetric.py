@@ -8,30 +8,55 @@ from energy import NU, STEP, energy, radial_displacement, stress
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from reference_walls import DeadPressureWall, cut_section, polar_path, shift_in_plane, spread_needle
+from reference_walls import (
+    DeadPressureWall,
+    cut_section,
+    polar_path,
+    shift_in_plane,
+    spread_needle,
+)
 from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.base import base_angle
 from scleraforce.mechanics import meridian
-from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path, base_shift
+from scleraforce.mechanics.axisymmetric import (
+    AxisymmetricWall,
+    axisymmetric_path,
+    base_shift,
+)
 from scleraforce.mechanics.contact import Contact, ScanPlane
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.globe import sealed_globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.material import LARGEST_EXPONENT, lame_constants, strain_measure
-from scleraforce.mechanics.meridian import ElementTables, MeridianMesh, MeridianSize, meridian_mesh
+from scleraforce.mechanics.material import (
+    LARGEST_EXPONENT,
+    lame_constants,
+    strain_measure,
+)
+from scleraforce.mechanics.meridian import (
+    ElementTables,
+    MeridianMesh,
+    MeridianSize,
+    meridian_mesh,
+)
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 
 RADIUS, NEEDLE = 12e-3, 0.35e-3
 IOP_RATIO = 266.0 / 0.38e6
-RIGIDITY = 0.03 * SI_PER_UNIT["mmhg13_per_ul"][1]  # of enucleated human eyes (van der Werff 1981)
+RIGIDITY = (
+    0.03 * SI_PER_UNIT["mmhg13_per_ul"][1]
+)  # of enucleated human eyes (van der Werff 1981)
 RIGHT_ANGLE = 0.5 * np.pi
 
 
-def wall_of(thickness_mm: float, size: MeridianSize | None = None, symmetric: bool = False) -> AxisymmetricWall:
-    mesh = meridian_mesh(RADIUS, 1e-3 * thickness_mm, NEEDLE, RIGHT_ANGLE, size or MeridianSize())
+def wall_of(
+    thickness_mm: float, size: MeridianSize | None = None, symmetric: bool = False
+) -> AxisymmetricWall:
+    mesh = meridian_mesh(
+        RADIUS, 1e-3 * thickness_mm, NEEDLE, RIGHT_ANGLE, size or MeridianSize()
+    )
     return AxisymmetricWall(mesh, NU, symmetric=symmetric)
 
 
@@ -39,57 +64,89 @@ def wall_of(thickness_mm: float, size: MeridianSize | None = None, symmetric: bo
 def dented() -> tuple[AxisymmetricWall, Floats]:
     """A coarse wall of two layers with a dent of 1.5 mm."""
     wall = wall_of(0.5, MeridianSize(16, 2))
-    path = trace(wall, pressurise(wall, IOP_RATIO), IOP_RATIO, tips_m=np.array([1.5e-3]))
+    path = trace(
+        wall, pressurise(wall, IOP_RATIO), IOP_RATIO, tips_m=np.array([1.5e-3])
+    )
     return wall, path.displacement_su[-1]
 
 
-def test_tangent_is_the_derivative_of_the_residual_to_second_order(dented: tuple[AxisymmetricWall, Floats]) -> None:
+def test_tangent_is_the_derivative_of_the_residual_to_second_order(
+    dented: tuple[AxisymmetricWall, Floats],
+) -> None:
     wall, u = dented
     pressure = 20.0 * IOP_RATIO  # high, that its part of the tangent would be missed
     direction = 1e-6 * np.random.default_rng(1).normal(size=u.shape)
     solve, rest = wall.factor(u, pressure), wall.residual(u, pressure)
     errors = [
-        np.linalg.norm(solve(wall.residual(u + step * direction, pressure) - rest) - step * direction)
+        np.linalg.norm(
+            solve(wall.residual(u + step * direction, pressure) - rest)
+            - step * direction
+        )
         for step in 0.5 ** np.arange(3, 8)
     ]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     np.testing.assert_allclose(orders[1:], 2.0, atol=0.1)
 
 
-def test_following_pressure_is_the_derivative_of_the_volume(dented: tuple[AxisymmetricWall, Floats]) -> None:
+def test_following_pressure_is_the_derivative_of_the_volume(
+    dented: tuple[AxisymmetricWall, Floats],
+) -> None:
     wall, u = dented
     direction = np.random.default_rng(3).normal(size=u.shape)
     step = 1e-6
-    difference = (wall.volume(u + step * direction)[0] - wall.volume(u - step * direction)[0]) / (2.0 * step)
+    difference = (
+        wall.volume(u + step * direction)[0] - wall.volume(u - step * direction)[0]
+    ) / (2.0 * step)
     assert wall.volume(u)[1] @ direction == pytest.approx(difference, rel=1e-6)
     load = wall.residual(u, 0.0) - wall.residual(u, 1.0)
     np.testing.assert_allclose(load, wall.volume(u)[1], atol=1e-12)
-    assert wall.volume(np.zeros_like(u))[0] == pytest.approx(2.0 / 3.0 * np.pi * 11.5e-3**3, rel=1e-5)
+    assert wall.volume(np.zeros_like(u))[0] == pytest.approx(
+        2.0 / 3.0 * np.pi * 11.5e-3**3, rel=1e-5
+    )
 
 
-@pytest.mark.parametrize(("thickness_mm", "pressure"), [(0.5, 0.005), (0.8, 0.02), (3.0, 0.1)])
-def test_pressurised_sphere_takes_the_radius_of_its_radial_problem(thickness_mm: float, pressure: float) -> None:
+@pytest.mark.parametrize(
+    ("thickness_mm", "pressure"), [(0.5, 0.005), (0.8, 0.02), (3.0, 0.1)]
+)
+def test_pressurised_sphere_takes_the_radius_of_its_radial_problem(
+    thickness_mm: float, pressure: float
+) -> None:
     wall = wall_of(thickness_mm, symmetric=True)
     path = trace(wall, pressurise(wall, pressure), pressure, tips_m=np.array([1e-6]))
     outer = wall.boundaries(path).curves_sbnc[0, 0]
     radii = np.hypot(outer[:, 0], RADIUS - outer[:, 1])
-    expected = RADIUS + radial_displacement(RADIUS - 1e-3 * thickness_mm, RADIUS, pressure, np.array([RADIUS]))[0]
+    expected = (
+        RADIUS
+        + radial_displacement(
+            RADIUS - 1e-3 * thickness_mm, RADIUS, pressure, np.array([RADIUS])
+        )[0]
+    )
     assert expected > 1.02 * RADIUS
     np.testing.assert_allclose(radii - RADIUS, expected - RADIUS, rtol=1e-3)
 
 
-@pytest.mark.parametrize("thickness_mm", [0.5, pytest.param(0.8, marks=pytest.mark.slow)])
-def test_small_forces_meet_the_linear_wall_of_three_dimensions(thickness_mm: float) -> None:
+@pytest.mark.parametrize(
+    "thickness_mm", [0.5, pytest.param(0.8, marks=pytest.mark.slow)]
+)
+def test_small_forces_meet_the_linear_wall_of_three_dimensions(
+    thickness_mm: float,
+) -> None:
     contact = Contact(polar_rad=0.0)
     mesh = graded_mesh(RADIUS, 1e-3 * thickness_mm, contact)
     needle = LinearWall(mesh, NU).needle_cnc([contact], NEEDLE)[0]
-    path = axisymmetric_path(RADIUS, 1e-3 * thickness_mm, NU, NEEDLE, 0.0, tips_m=np.array([1e-6, 2e-6]))
+    path = axisymmetric_path(
+        RADIUS, 1e-3 * thickness_mm, NU, NEEDLE, 0.0, tips_m=np.array([1e-6, 2e-6])
+    )
     first, second = path.tip_m[1:] / path.force_ratio_m2[1:]
-    assert 2.0 * first - second == pytest.approx(tip_displacement(mesh, contact, needle), rel=0.005)
+    assert 2.0 * first - second == pytest.approx(
+        tip_displacement(mesh, contact, needle), rel=0.005
+    )
 
 
 def test_wall_without_pressure_snaps_through() -> None:
-    path = axisymmetric_path(RADIUS, 0.35e-3, NU, NEEDLE, 0.0, tips_m=np.linspace(0.25e-3, 7.5e-3, 30))
+    path = axisymmetric_path(
+        RADIUS, 0.35e-3, NU, NEEDLE, 0.0, tips_m=np.linspace(0.25e-3, 7.5e-3, 30)
+    )
     assert len(path.tip_m) == 31
     np.testing.assert_allclose(path.tip_m[-1], 7.5e-3)
 
@@ -97,13 +154,23 @@ def test_wall_without_pressure_snaps_through() -> None:
 def r2_tips_mm(thickness_mm: float, modulus_mpa: float, count: int) -> Floats:
     """Tips at the first `count` of R2's forces."""
     forces_mn = np.array([5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0])[:count]
-    mesh = meridian_mesh(RADIUS, 1e-3 * thickness_mm, NEEDLE, RIGHT_ANGLE, MeridianSize())
+    mesh = meridian_mesh(
+        RADIUS, 1e-3 * thickness_mm, NEEDLE, RIGHT_ANGLE, MeridianSize()
+    )
     loaded = AxisymmetricWall(mesh, NU)
     spread_needle(loaded, lambda distance_m: np.exp(-0.5 * (distance_m / 0.35e-3) ** 2))
     wall = DeadPressureWall(loaded)
     pressure = 266e-6 / modulus_mpa
-    path = trace(wall, pressurise(wall, pressure), pressure, tips_m=np.linspace(0.1e-3, 7e-3, 70), max_force=0.25e-6)
-    tips_mm: Floats = 1e3 * CubicSpline(path.force, path.tip_m)(1e-9 * forces_mn / modulus_mpa)
+    path = trace(
+        wall,
+        pressurise(wall, pressure),
+        pressure,
+        tips_m=np.linspace(0.1e-3, 7e-3, 70),
+        max_force=0.25e-6,
+    )
+    tips_mm: Floats = 1e3 * CubicSpline(path.force, path.tip_m)(
+        1e-9 * forces_mn / modulus_mpa
+    )
     return tips_mm
 
 
@@ -118,52 +185,93 @@ def r2_tips_mm(thickness_mm: float, modulus_mpa: float, count: int) -> Floats:
 def test_tip_meets_reference_problem_r2_at_35_degrees(
     thickness_mm: float, modulus_mpa: float, expected_mm: tuple[float, ...]
 ) -> None:
-    np.testing.assert_allclose(r2_tips_mm(thickness_mm, modulus_mpa, len(expected_mm)), expected_mm, rtol=0.03)
+    np.testing.assert_allclose(
+        r2_tips_mm(thickness_mm, modulus_mpa, len(expected_mm)), expected_mm, rtol=0.03
+    )
 
 
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
-def test_a_sealed_globe_is_the_open_state_whose_pressure_solves_the_law(law: str) -> None:
+def test_a_sealed_globe_is_the_open_state_whose_pressure_solves_the_law(
+    law: str,
+) -> None:
     globe = sealed_globe(RIGIDITY, law).over(0.38e6)
     tips_m = np.linspace(0.4e-3, 2e-3, 5)
     wall = (RADIUS, 0.5e-3, NU, NEEDLE)
     sealed = axisymmetric_path(*wall, IOP_RATIO, tips_m=tips_m, globe=globe)
     assert np.all(np.diff(sealed.iop_ratio) > 0.0)
     assert sealed.displaced_m3[0] == 0.0
-    np.testing.assert_allclose(globe.pressure(IOP_RATIO, sealed.displaced_m3), sealed.iop_ratio, rtol=1e-8)
+    np.testing.assert_allclose(
+        globe.pressure(IOP_RATIO, sealed.displaced_m3), sealed.iop_ratio, rtol=1e-8
+    )
     for state in (2, 5):
-        opened = axisymmetric_path(*wall, float(sealed.iop_ratio[state]), tips_m=tips_m[:state])
-        assert opened.force_ratio_m2[-1] == pytest.approx(sealed.force_ratio_m2[state], rel=1e-7)
-        assert opened.displaced_m3[-1] == pytest.approx(sealed.displaced_m3[state], rel=1e-7)
-        np.testing.assert_allclose(opened.curves_sbnc[-1], sealed.curves_sbnc[state], atol=1e-11)
+        opened = axisymmetric_path(
+            *wall, float(sealed.iop_ratio[state]), tips_m=tips_m[:state]
+        )
+        assert opened.force_ratio_m2[-1] == pytest.approx(
+            sealed.force_ratio_m2[state], rel=1e-7
+        )
+        assert opened.displaced_m3[-1] == pytest.approx(
+            sealed.displaced_m3[state], rel=1e-7
+        )
+        np.testing.assert_allclose(
+            opened.curves_sbnc[-1], sealed.curves_sbnc[state], atol=1e-11
+        )
 
 
 def test_a_sealed_path_ends_where_the_pressure_runs_away() -> None:
-    with pytest.raises(SolverError, match=r"beyond a dent of 2\.2\d+ mm, .*; the pressure runs away there"):
+    with pytest.raises(
+        SolverError,
+        match=r"beyond a dent of 2\.2\d+ mm, .*; the pressure runs away there",
+    ):
         axisymmetric_path(
-            *(RADIUS, 0.5e-3, NU, NEEDLE, IOP_RATIO), max_tip_m=3e-3, globe=sealed_globe(RIGIDITY).over(0.38e6)
+            *(RADIUS, 0.5e-3, NU, NEEDLE, IOP_RATIO),
+            max_tip_m=3e-3,
+            globe=sealed_globe(RIGIDITY).over(0.38e6),
         )
 
 
 def test_the_displaced_volume_lies_between_the_inner_curves() -> None:
-    path = axisymmetric_path(RADIUS, 0.5e-3, NU, NEEDLE, IOP_RATIO, tips_m=np.array([1.5e-3]), size=MeridianSize(96))
+    path = axisymmetric_path(
+        RADIUS,
+        0.5e-3,
+        NU,
+        NEEDLE,
+        IOP_RATIO,
+        tips_m=np.array([1.5e-3]),
+        size=MeridianSize(96),
+    )
     distance, depth = np.moveaxis(path.curves_sbnc[:, 1], -1, 0)
-    volumes_m3 = -np.pi * np.trapezoid(distance**2, depth)  # of the space above; both end on the same ring
-    assert path.displaced_m3[1] == pytest.approx(volumes_m3[1] - volumes_m3[0], rel=2e-3)
+    volumes_m3 = -np.pi * np.trapezoid(
+        distance**2, depth
+    )  # of the space above; both end on the same ring
+    assert path.displaced_m3[1] == pytest.approx(
+        volumes_m3[1] - volumes_m3[0], rel=2e-3
+    )
     assert 15e-9 < path.displaced_m3[1] < 30e-9
 
 
 def test_curves_start_on_the_axis_and_end_at_the_support() -> None:
-    path = axisymmetric_path(RADIUS, 0.5e-3, NU, NEEDLE, IOP_RATIO, tips_m=np.array([1e-3]))
+    path = axisymmetric_path(
+        RADIUS, 0.5e-3, NU, NEEDLE, IOP_RATIO, tips_m=np.array([1e-3])
+    )
     np.testing.assert_allclose(path.curves_sbnc[:, :, 0, 0], 0.0, atol=1e-15)
-    np.testing.assert_allclose(path.curves_sbnc[:, 0, -1], [[RADIUS, RADIUS]] * 2, rtol=1e-12)
+    np.testing.assert_allclose(
+        path.curves_sbnc[:, 0, -1], [[RADIUS, RADIUS]] * 2, rtol=1e-12
+    )
     moved = path.curves_sbnc[1, 0, 0, 1] - path.curves_sbnc[0, 0, 0, 1]
     assert moved == pytest.approx(1e-3, rel=1e-9)
 
 
-@pytest.mark.parametrize(("thickness_mm", "needle_mm"), [(0.0, 0.35), (12.0, 0.35), (0.5, 0.0), (0.5, 12.0)])
-def test_sizes_that_make_no_eye_are_refused(thickness_mm: float, needle_mm: float) -> None:
+@pytest.mark.parametrize(
+    ("thickness_mm", "needle_mm"), [(0.0, 0.35), (12.0, 0.35), (0.5, 0.0), (0.5, 12.0)]
+)
+def test_sizes_that_make_no_eye_are_refused(
+    thickness_mm: float, needle_mm: float
+) -> None:
     with pytest.raises(InputError, match="must be"):
-        axisymmetric_path(RADIUS, 1e-3 * thickness_mm, NU, 1e-3 * needle_mm, 0.0, max_tip_m=1e-3)
+        axisymmetric_path(
+            RADIUS, 1e-3 * thickness_mm, NU, 1e-3 * needle_mm, 0.0, max_tip_m=1e-3
+        )
 
 
 B = 12.0
@@ -179,14 +287,22 @@ def gradient_operator(solid: ElementTables) -> Floats:
     """G (element, point, 5, 18) with dF = G du, F in the order rr, rz, zr, zz, tt."""
     r, z, around = np.moveaxis(solid.shapes_epgn, 2, 0)
     G = np.zeros((*r.shape[:2], 5, 9, 2))
-    G[:, :, 0, :, 0], G[:, :, 1, :, 0], G[:, :, 2, :, 1], G[:, :, 3, :, 1], G[:, :, 4, :, 0] = r, z, r, z, around
+    (
+        G[:, :, 0, :, 0],
+        G[:, :, 1, :, 0],
+        G[:, :, 2, :, 1],
+        G[:, :, 3, :, 1],
+        G[:, :, 4, :, 0],
+    ) = r, z, r, z, around
     return G.reshape(*r.shape[:2], 5, 18)
 
 
 def deformation(solid: ElementTables, u: NDArray) -> NDArray:
     """F (element, point, 3, 3)."""
     F = np.zeros((*solid.mu_ep.shape, 3, 3), dtype=u.dtype)
-    F[(..., *ENTRIES)] = np.einsum("epkN,eN->epk", gradient_operator(solid), u[solid.unknowns_en])
+    F[(..., *ENTRIES)] = np.einsum(
+        "epkN,eN->epk", gradient_operator(solid), u[solid.unknowns_en]
+    )
     return F + np.eye(3)
 
 
@@ -194,13 +310,21 @@ def bent(mesh: MeridianMesh) -> Floats:
     """Strains of some 15 % with rotation and noise on them, none of them across the axis."""
     r, z = mesh.points_nc.T
     noise = np.random.default_rng(1).normal(size=mesh.points_nc.shape) * 5e-6
-    outward, up = 0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0), 0.2 * r - 0.08 * z + noise[:, 1]
+    outward, up = (
+        0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0),
+        0.2 * r - 0.08 * z + noise[:, 1],
+    )
     return np.stack([outward, up], axis=1).ravel()
 
 
-def test_forces_and_tangent_are_the_derivatives_of_the_energy(mesh: MeridianMesh) -> None:
+def test_forces_and_tangent_are_the_derivatives_of_the_energy(
+    mesh: MeridianMesh,
+) -> None:
     u, solid = bent(mesh), meridian.solid_of_revolution(mesh, NU, B)
-    volumes_ep, moved = solid.mu_ep / lame_constants(1.0, NU)[1], np.random.default_rng(3).normal(size=u.shape)
+    volumes_ep, moved = (
+        solid.mu_ep / lame_constants(1.0, NU)[1],
+        np.random.default_rng(3).normal(size=u.shape),
+    )
     F = deformation(solid, u + 1j * STEP * moved)
     assert np.all(np.linalg.det(F.real) > 0.1)
     work = np.sum(volumes_ep * energy(F, B).imag) / STEP
@@ -209,15 +333,26 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(mesh: MeridianMesh
     change_eN = np.einsum("ep,epk,epkN->eN", volumes_ep, P, gradient_operator(solid))
     tangents = meridian.element_tangents(solid, u)
     slope_eN = np.einsum("eMN,eN->eM", tangents, moved[solid.unknowns_en])
-    np.testing.assert_allclose(slope_eN, change_eN, rtol=0.0, atol=1e-12 * np.abs(change_eN).max())
+    np.testing.assert_allclose(
+        slope_eN, change_eN, rtol=0.0, atol=1e-12 * np.abs(change_eN).max()
+    )
     np.testing.assert_array_equal(tangents, tangents.transpose(0, 2, 1))
 
 
 def test_a_vanishing_stiffening_is_the_neo_hookean_solid(mesh: MeridianMesh) -> None:
-    u, (flat, faint) = bent(mesh), (meridian.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300))
-    np.testing.assert_allclose(meridian.nodal_forces(faint, u), meridian.nodal_forces(flat, u), rtol=1e-12)
+    u, (flat, faint) = (
+        bent(mesh),
+        (meridian.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300)),
+    )
+    np.testing.assert_allclose(
+        meridian.nodal_forces(faint, u), meridian.nodal_forces(flat, u), rtol=1e-12
+    )
     tangents = meridian.element_tangents(flat, u)
-    np.testing.assert_allclose(meridian.element_tangents(faint, u), tangents, atol=1e-13 * np.abs(tangents).max())
+    np.testing.assert_allclose(
+        meridian.element_tangents(faint, u),
+        tangents,
+        atol=1e-13 * np.abs(tangents).max(),
+    )
 
 
 def turned_over(mesh: MeridianMesh) -> Floats:
@@ -235,7 +370,9 @@ def across_the_axis(mesh: MeridianMesh) -> Floats:
 def mirrored(mesh: MeridianMesh) -> Floats:
     """Its middle mirrored in the axis: two signs change there, and the product of the stretches is unchanged."""
     away_n = mesh.points_nc[:, 0]
-    return np.stack([np.where(away_n < 3e-3, -2.0 * away_n, 0.0), np.zeros_like(away_n)], axis=1).ravel()
+    return np.stack(
+        [np.where(away_n < 3e-3, -2.0 * away_n, 0.0), np.zeros_like(away_n)], axis=1
+    ).ravel()
 
 
 @pytest.mark.parametrize("displaced", [turned_over, across_the_axis, mirrored])
@@ -244,19 +381,35 @@ def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
 ) -> None:
     solid, u = meridian.solid_of_revolution(mesh, NU), displaced(mesh)
     F = deformation(solid, u)
-    inverted_e = np.any((np.linalg.det(F[..., :2, :2]) <= 0.0) | (F[..., 2, 2] <= 0.0), axis=1)
+    inverted_e = np.any(
+        (np.linalg.det(F[..., :2, :2]) <= 0.0) | (F[..., 2, 2] <= 0.0), axis=1
+    )
     assert 0 < np.count_nonzero(inverted_e) < len(inverted_e)
-    np.testing.assert_array_equal(np.isnan(meridian.element_tangents(solid, u)).all(axis=(1, 2)), inverted_e)
+    np.testing.assert_array_equal(
+        np.isnan(meridian.element_tangents(solid, u)).all(axis=(1, 2)), inverted_e
+    )
     expected = np.isin(np.arange(len(u)), solid.unknowns_en[inverted_e])
     np.testing.assert_array_equal(np.isnan(meridian.nodal_forces(solid, u)), expected)
 
 
-@pytest.mark.parametrize(("share", "finite"), [(0.99, True), (1.01, False), (20.0, False)])  # of the largest exponent
-def test_tissue_that_is_stretched_too_far_is_not_finite(mesh: MeridianMesh, share: float, finite: bool) -> None:
-    stretched, log_ratio = 0.5 * mesh.points_nc.ravel(), 3.0 * np.log(1.5)  # by a half in every direction
+@pytest.mark.parametrize(
+    ("share", "finite"), [(0.99, True), (1.01, False), (20.0, False)]
+)  # of the largest exponent
+def test_tissue_that_is_stretched_too_far_is_not_finite(
+    mesh: MeridianMesh, share: float, finite: bool
+) -> None:
+    stretched, log_ratio = (
+        0.5 * mesh.points_nc.ravel(),
+        3.0 * np.log(1.5),
+    )  # by a half in every direction
     strain = strain_measure(np.array(3.0 * 1.5**2 - 3.0), np.array(log_ratio), NU)
-    solid = meridian.solid_of_revolution(mesh, NU, share * LARGEST_EXPONENT / float(strain))
-    for values in (meridian.nodal_forces(solid, stretched), meridian.element_tangents(solid, stretched)):
+    solid = meridian.solid_of_revolution(
+        mesh, NU, share * LARGEST_EXPONENT / float(strain)
+    )
+    for values in (
+        meridian.nodal_forces(solid, stretched),
+        meridian.element_tangents(solid, stretched),
+    ):
         assert np.isfinite(values).all() if finite else np.isnan(values).all()
 
 
@@ -269,8 +422,12 @@ def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None
     contact = Contact(polar_rad=np.radians(polar_deg))
     azimuths = np.linspace(0.0, 2.0 * np.pi, 9)
     angles = base_angle(contact.polar_rad, azimuths)
-    sideways = np.outer(np.cos(azimuths), contact.meridian) + np.outer(np.sin(azimuths), contact.parallel)
-    points = np.cos(angles)[:, None] * contact.normal + np.sin(angles)[:, None] * sideways
+    sideways = np.outer(np.cos(azimuths), contact.meridian) + np.outer(
+        np.sin(azimuths), contact.parallel
+    )
+    points = (
+        np.cos(angles)[:, None] * contact.normal + np.sin(angles)[:, None] * sideways
+    )
     np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-12)
 
 
@@ -278,10 +435,15 @@ def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None
 def test_on_the_pole_nothing_changes() -> None:
     tips = np.array([0.5e-3, 2e-3])
     beside = polar_path((*EYE, IOP_RATIO), 0.0, tips)
-    np.testing.assert_array_equal(beside.force_ratio_m2, axisymmetric_path(*EYE, IOP_RATIO, tips_m=tips).force_ratio_m2)
+    np.testing.assert_array_equal(
+        beside.force_ratio_m2,
+        axisymmetric_path(*EYE, IOP_RATIO, tips_m=tips).force_ratio_m2,
+    )
     shift = base_shift(*EYE, polar_rad=0.0)
     dent = 8.3e3  # m per F/E, the linear wall's tip
-    assert np.abs(shift.needle_mbnc).max() < 0.005 * dent  # the 3-D mesh under the needle
+    assert (
+        np.abs(shift.needle_mbnc).max() < 0.005 * dent
+    )  # the 3-D mesh under the needle
 
 
 @pytest.mark.slow
@@ -289,20 +451,31 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
     contact = Contact(polar_rad=np.radians(45.0))
     iop_ratio, force_ratio = IOP_RATIO, 2e-9
     wall = LinearWall(graded_mesh(RADIUS, 0.8e-3, contact), NU)
-    displacement_nc = iop_ratio * wall.pressure_nc + force_ratio * wall.needle_cnc([contact], NEEDLE)[0]
+    displacement_nc = (
+        iop_ratio * wall.pressure_nc
+        + force_ratio * wall.needle_cnc([contact], NEEDLE)[0]
+    )
     shift = base_shift(*EYE, polar_rad=contact.polar_rad)
     path = axisymmetric_path(*EYE, iop_ratio, tips_m=np.array([1e-6, 2e-5]))
     share = force_ratio / path.force_ratio_m2[-1]
     curves = path.curves_sbnc[0] + share * (path.curves_sbnc[-1] - path.curves_sbnc[0])
     for direction_rad in (0.0, 1.0, 2.5):
-        section = cut_section(wall.mesh, ScanPlane(contact, gap_m=GAP, direction_rad=direction_rad), displacement_nc)
+        section = cut_section(
+            wall.mesh,
+            ScanPlane(contact, gap_m=GAP, direction_rad=direction_rad),
+            displacement_nc,
+        )
         for side in (-1.0, 1.0):
             lateral_bn = side * np.sqrt(np.maximum(curves[..., 0] ** 2 - GAP**2, 0.0))
-            shifts = shift_in_plane(shift, iop_ratio, force_ratio, lateral_bn, GAP, direction_rad)[0]
+            shifts = shift_in_plane(
+                shift, iop_ratio, force_ratio, lateral_bn, GAP, direction_rad
+            )[0]
             lateral, depth = np.moveaxis(shifts, -1, 0)
             shown = (curves[0, :, 0] > 0.7e-3) & (curves[0, :, 0] < 6.5e-3)
             expected = np.interp((lateral_bn[0] + lateral)[shown], *section.outer.T)
-            np.testing.assert_allclose((curves[0, :, 1] + depth)[shown], expected, atol=4e-6)
+            np.testing.assert_allclose(
+                (curves[0, :, 1] + depth)[shown], expected, atol=4e-6
+            )
 
 
 @pytest.mark.parametrize("polar_deg", [-1.0, 60.0])

@@ -14,7 +14,10 @@ from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
 HALF_SPAN, HEIGHT = 1.0, 0.2
-SOFT, FAR = 0.01, {"max_tip_m": 2.0, "largest_step_m": 0.02}  # softer than the truss's steepest descent
+SOFT, FAR = (
+    0.01,
+    {"max_tip_m": 2.0, "largest_step_m": 0.02},
+)  # softer than the truss's steepest descent
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,9 @@ class Truss:
         self.factored.append(float(u[0]))
         left = HEIGHT - u[0]
         slope = (3.0 * left**2 - HEIGHT**2) / (HALF_SPAN**2 + HEIGHT**2) ** 1.5
-        tangent = np.array([[slope + self.spring, -self.spring], [-self.spring, self.spring]])
+        tangent = np.array(
+            [[slope + self.spring, -self.spring], [-self.spring, self.spring]]
+        )
         return lambda rhs: np.asarray(np.linalg.solve(tangent, rhs))
 
 
@@ -47,7 +52,9 @@ def truss_force(apex: Any) -> Any:
 
 def assert_on_truss(spring: float, tips: Floats, forces: Floats) -> None:
     apex = tips - forces / spring
-    np.testing.assert_allclose(forces, truss_force(apex), rtol=1e-8, atol=1e-9 * np.abs(forces).max())
+    np.testing.assert_allclose(
+        forces, truss_force(apex), rtol=1e-8, atol=1e-9 * np.abs(forces).max()
+    )
 
 
 def test_path_follows_the_exact_snap_through_past_both_limits_of_the_force() -> None:
@@ -60,9 +67,14 @@ def test_path_follows_the_exact_snap_through_past_both_limits_of_the_force() -> 
 
 def test_states_do_not_depend_on_the_steps() -> None:
     tips = np.array([0.1, 0.3, 0.5])
-    runs = [trace(Truss(1.0), np.zeros(2), 0.0, tips_m=tips, largest_step_m=step) for step in (0.3, 0.05, 0.003)]
+    runs = [
+        trace(Truss(1.0), np.zeros(2), 0.0, tips_m=tips, largest_step_m=step)
+        for step in (0.3, 0.05, 0.003)
+    ]
     for run in runs[1:]:
-        np.testing.assert_allclose(run.displacement_su, runs[0].displacement_su, rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(
+            run.displacement_su, runs[0].displacement_su, rtol=0.0, atol=1e-8
+        )
         np.testing.assert_allclose(run.force, runs[0].force, rtol=0.0, atol=1e-10)
 
 
@@ -76,7 +88,9 @@ def test_path_that_keeps_its_own_steps_ends_at_the_first_state_over_the_force() 
 
 
 def test_a_path_whose_tip_turns_back_raises_and_says_where() -> None:
-    with pytest.raises(SolverError, match=r"dent of \d+(\.\d+)? mm, F/E = "):  # the tip itself must go back
+    with pytest.raises(
+        SolverError, match=r"dent of \d+(\.\d+)? mm, F/E = "
+    ):  # the tip itself must go back
         trace(Truss(SOFT), np.zeros(2), 0.0, **FAR)
 
 
@@ -87,7 +101,9 @@ def test_a_path_that_may_end_where_it_is_lost_keeps_what_was_found() -> None:
     assert path.force.max() == pytest.approx(peak, rel=0.01)  # there the tip turns back
 
 
-def test_the_end_of_a_path_is_found_to_a_32nd_of_its_largest_step_and_not_sought_closer() -> None:
+def test_the_end_of_a_path_is_found_to_a_32nd_of_its_largest_step_and_not_sought_closer() -> (
+    None
+):
     largest_m = 0.05
     apex = HEIGHT * (1.0 - np.linspace(1.0, 0.0, 100_001))
     turn_m = np.max(apex + truss_force(apex) / SOFT)  # of the tip
@@ -121,7 +137,9 @@ class Limited:
 
 
 def test_pressure_close_to_the_limit_is_reached_in_steps() -> None:
-    assert np.tanh(pressurise(Limited(), 0.995 / 200.0)[0]) == pytest.approx(0.995, rel=1e-9)
+    assert np.tanh(pressurise(Limited(), 0.995 / 200.0)[0]) == pytest.approx(
+        0.995, rel=1e-9
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,23 +169,42 @@ def test_a_sealed_linear_structure_takes_the_exact_force_and_pressure(law: str) 
     root = random.normal(size=(6, 6))
     K, g, b = root @ root.T + np.eye(6), random.normal(size=6), random.normal(size=6)
     needle = np.linalg.solve(K, b)
-    b, needle = -np.sign(g @ needle) * b, -np.sign(g @ needle) * needle  # it displaces volume
+    b, needle = (
+        -np.sign(g @ needle) * b,
+        -np.sign(g @ needle) * needle,
+    )  # it displaces volume
     tips, pressure, globe = np.array([0.1, 0.4, 1.0]), 0.3, Globe(law, 0.7)
     springs = SealedSprings(K, g, b, b, [])
     start = pressurise(springs, pressure)
     np.testing.assert_allclose(start, pressure * np.linalg.solve(K, g), rtol=1e-8)
     path = trace(springs, start, pressure, tips_m=tips, globe=globe, largest_step_m=1.0)
 
-    force = np.append(0.0, tips / (b @ needle))  # the dent counts from the undented wall at the same pressure
+    force = np.append(
+        0.0, tips / (b @ needle)
+    )  # the dent counts from the undented wall at the same pressure
     rising = globe.pressure(pressure, -force * (g @ needle))
     undented = rising[:, None] * np.linalg.solve(K, g)
     np.testing.assert_allclose(path.force, force, rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(path.pressure, rising, rtol=1e-8)
     np.testing.assert_allclose(path.undented_su, undented, rtol=1e-7)
-    np.testing.assert_allclose(path.displacement_su, undented + force[:, None] * needle, atol=1e-8)
+    np.testing.assert_allclose(
+        path.displacement_su, undented + force[:, None] * needle, atol=1e-8
+    )
 
 
-def test_tips_that_do_not_ascend_from_above_zero_and_a_path_without_an_end_are_refused() -> None:
-    for tips, fault in (([], "tips"), ([0.0, 0.1], "tips"), ([0.2, 0.1], "tips"), (None, "no end")):
+def test_tips_that_do_not_ascend_from_above_zero_and_a_path_without_an_end_are_refused() -> (
+    None
+):
+    for tips, fault in (
+        ([], "tips"),
+        ([0.0, 0.1], "tips"),
+        ([0.2, 0.1], "tips"),
+        (None, "no end"),
+    ):
         with pytest.raises(InputError, match=fault):
-            trace(Truss(1.0), np.zeros(2), 0.0, tips_m=None if tips is None else np.array(tips))
+            trace(
+                Truss(1.0),
+                np.zeros(2),
+                0.0,
+                tips_m=None if tips is None else np.array(tips),
+            )

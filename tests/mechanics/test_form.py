@@ -9,7 +9,13 @@ import pytest
 from scleraforce.errors import InputError, StudyError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.form import corneal_surface, element_modulus, form_mesh, modulus_factor, thickness_factor
+from scleraforce.mechanics.form import (
+    corneal_surface,
+    element_modulus,
+    form_mesh,
+    modulus_factor,
+    thickness_factor,
+)
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
 from scleraforce.study import FormStudy, parse_study
@@ -20,8 +26,12 @@ CONTACT = Contact(polar_rad=radians(35), azimuth_rad=0.7)
 AXES = (1.06, 0.97, 0.94)
 WAVY = FormStudy(
     wave=(
-        WaveStudy(amplitude_fraction=0.12, degree=2, polar_rad=radians(60), azimuth_rad=0.3),
-        WaveStudy(amplitude_fraction=-0.05, degree=3, polar_rad=radians(20), azimuth_rad=2.0),
+        WaveStudy(
+            amplitude_fraction=0.12, degree=2, polar_rad=radians(60), azimuth_rad=0.3
+        ),
+        WaveStudy(
+            amplitude_fraction=-0.05, degree=3, polar_rad=radians(20), azimuth_rad=2.0
+        ),
     )
 )
 
@@ -34,7 +44,9 @@ def back_on_the_axes(mesh: HexMesh, axes: tuple[float, ...]) -> np.ndarray:
     target = sphere[outer] * axes
     moved = base[outer]
     shift, aim = moved.mean(axis=0), target.mean(axis=0)
-    u, _, vt = np.linalg.svd((moved - shift).T @ (target - aim))  # Kabsch: the best rotation
+    u, _, vt = np.linalg.svd(
+        (moved - shift).T @ (target - aim)
+    )  # Kabsch: the best rotation
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
     return (mesh.points_nc - shift) @ turn + aim
 
@@ -46,11 +58,15 @@ def test_a_plain_form_leaves_the_wall_unchanged() -> None:
     np.testing.assert_array_equal(element_modulus(eye, FormStudy()), 1.0)
 
 
-def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_for() -> None:
+def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_for() -> (
+    None
+):
     mesh = form_mesh(graded_mesh(R, T, CONTACT), FormStudy(semi_axes=AXES), CONTACT)
     own = back_on_the_axes(mesh, AXES)
     outer, inner = own[np.unique(mesh.outer_qn)], own[np.unique(mesh.inner_qn)]
-    np.testing.assert_allclose(np.sum((outer / np.multiply(AXES, R)) ** 2, axis=1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.sum((outer / np.multiply(AXES, R)) ** 2, axis=1), 1.0, rtol=1e-12
+    )
     # The nodes of both surfaces are numbered alike: inner minus outer is the wall, along the normal of the ellipsoid.
     normal = outer / np.square(AXES)
     wall = outer - inner
@@ -63,28 +79,44 @@ def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_
 @pytest.mark.parametrize("whole", [False, True])
 def test_the_contact_and_its_normal_are_where_the_sphere_has_them(whole: bool) -> None:
     form = FormStudy(semi_axes=AXES, wave=WAVY.wave)
-    mesh = form_mesh(graded_mesh(R, T, CONTACT, core=8, rings=24, whole=whole), form, CONTACT)
-    angles = np.add([CONTACT.polar_rad, CONTACT.azimuth_rad], [(0, 0), (1e-4, 0), (0, 1e-4)])
-    quads, weights_pn = locate(mesh, np.array([Contact(polar_rad=a, azimuth_rad=b).normal for a, b in angles]))
+    mesh = form_mesh(
+        graded_mesh(R, T, CONTACT, core=8, rings=24, whole=whole), form, CONTACT
+    )
+    angles = np.add(
+        [CONTACT.polar_rad, CONTACT.azimuth_rad], [(0, 0), (1e-4, 0), (0, 1e-4)]
+    )
+    quads, weights_pn = locate(
+        mesh, np.array([Contact(polar_rad=a, azimuth_rad=b).normal for a, b in angles])
+    )
     points = np.einsum("pn,pnc->pc", weights_pn, mesh.points_nc[mesh.outer_qn[quads]])
     np.testing.assert_allclose(points[0], R * CONTACT.normal, atol=1e-9)
     normal = np.cross(points[1] - points[0], points[2] - points[0])
-    np.testing.assert_allclose(normal / np.linalg.norm(normal), CONTACT.normal, atol=2e-4)
+    np.testing.assert_allclose(
+        normal / np.linalg.norm(normal), CONTACT.normal, atol=2e-4
+    )
 
 
-@pytest.mark.parametrize("form", [FormStudy(semi_axes=AXES), WAVY, FormStudy(semi_axes=AXES, wave=WAVY.wave)], ids=str)
+@pytest.mark.parametrize(
+    "form",
+    [FormStudy(semi_axes=AXES), WAVY, FormStudy(semi_axes=AXES, wave=WAVY.wave)],
+    ids=str,
+)
 def test_the_volume_is_that_of_the_form(form: FormStudy) -> None:
     """Half an ellipsoid's wall: by a fine sum over latitude and longitude of area, thickness and curvature."""
     mesh = form_mesh(build_mesh(R, T), form, CONTACT)
     axes = np.array(form.semi_axes)
     count = 400
-    u = (np.arange(count) + 0.5) / count  # z of the direction: equal steps are equal areas of the sphere
+    u = (
+        np.arange(count) + 0.5
+    ) / count  # z of the direction: equal steps are equal areas of the sphere
     v = (np.arange(2 * count) + 0.5) * pi / count
     z, azimuth = np.meshgrid(u, v, indexing="ij")
     flat = np.sqrt(1 - z**2)
     d = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), z], axis=-1)
     normal = d / axes
-    stretch = np.prod(axes) * np.linalg.norm(normal, axis=-1)  # Nanson: area of the ellipsoid over that of the sphere
+    stretch = np.prod(axes) * np.linalg.norm(
+        normal, axis=-1
+    )  # Nanson: area of the ellipsoid over that of the sphere
     h2 = 1.0 / np.sum(d**2 / axes**2, axis=-1)
     total, product = axes**2 @ np.ones(3), np.prod(axes**2)
     mean = (total - np.sum((axes * d) ** 2, axis=-1)) * h2**1.5 / (2 * product)
@@ -102,20 +134,36 @@ def test_thickness_waves_are_legendre_polynomials_of_the_angle_to_their_axis() -
     by_degree = {1: x, 2: (3 * x**2 - 1) / 2, 3: (5 * x**3 - 3 * x) / 2}
     for degree, legendre in by_degree.items():
         form = FormStudy(wave=(WaveStudy(amplitude_fraction=0.2, degree=degree),))
-        np.testing.assert_allclose(thickness_factor(form, d), 1 + 0.2 * legendre, atol=1e-15)
-    sideways = replace(form.wave[0], degree=1, polar_rad=radians(90), azimuth_rad=radians(90))
-    np.testing.assert_allclose(thickness_factor(FormStudy(wave=(sideways,)), np.eye(3)), [1.0, 1.2, 1.0], atol=1e-15)
+        np.testing.assert_allclose(
+            thickness_factor(form, d), 1 + 0.2 * legendre, atol=1e-15
+        )
+    sideways = replace(
+        form.wave[0], degree=1, polar_rad=radians(90), azimuth_rad=radians(90)
+    )
+    np.testing.assert_allclose(
+        thickness_factor(FormStudy(wave=(sideways,)), np.eye(3)),
+        [1.0, 1.2, 1.0],
+        atol=1e-15,
+    )
 
 
-def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge() -> None:
-    cornea = RegionStudy(modulus_ratio=0.6, half_angle_rad=asin(5.75 / 12), edge_rad=radians(4))
+def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge() -> (
+    None
+):
+    cornea = RegionStudy(
+        modulus_ratio=0.6, half_angle_rad=asin(5.75 / 12), edge_rad=radians(4)
+    )
     form = FormStudy(region=(cornea,))
     edge = degrees(asin(5.75 / 12))
     polar = np.radians([0.0, edge - 2.1, edge, edge + 2.1, 80.0])
     d = np.stack([np.sin(polar), 0 * polar, np.cos(polar)], axis=-1)
-    np.testing.assert_allclose(modulus_factor(form, d), [0.6, 0.6, 0.8, 1.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(
+        modulus_factor(form, d), [0.6, 0.6, 0.8, 1.0, 1.0], atol=1e-12
+    )
     fine = np.radians(np.linspace(edge - 3, edge + 3, 601))
-    values = modulus_factor(form, np.stack([np.sin(fine), 0 * fine, np.cos(fine)], axis=-1))
+    values = modulus_factor(
+        form, np.stack([np.sin(fine), 0 * fine, np.cos(fine)], axis=-1)
+    )
     assert np.all(np.diff(values) >= 0)
     assert np.abs(np.diff(values, 2)).max() < 3e-5  # no kink
     eye = form_mesh(graded_mesh(R, T, CONTACT), form, CONTACT)
@@ -123,12 +171,17 @@ def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge
     assert per_point.shape == (len(eye.cells_en), 27)
     assert per_point.min() == pytest.approx(0.6)
     assert per_point.max() == 1.0
-    stretched, mesh = FormStudy(AXES, region=(cornea,)), graded_mesh(R, T, CONTACT)  # regions are of the sphere
+    stretched, mesh = (
+        FormStudy(AXES, region=(cornea,)),
+        graded_mesh(R, T, CONTACT),
+    )  # regions are of the sphere
     modulus_ep = element_modulus(form_mesh(mesh, stretched, CONTACT), stretched)
     np.testing.assert_array_equal(modulus_ep, element_modulus(mesh, stretched))
     volumes = volume_points(eye).volumes_ep
     soft = np.sum(volumes * (1 - per_point)) / 0.4 / volumes.sum()
-    assert soft == pytest.approx(1 - np.cos(asin(5.75 / 12)), rel=2e-2)  # share of a cap of the half-sphere's area
+    assert soft == pytest.approx(
+        1 - np.cos(asin(5.75 / 12)), rel=2e-2
+    )  # share of a cap of the half-sphere's area
 
 
 def test_a_form_out_of_range_is_refused() -> None:
@@ -137,7 +190,9 @@ def test_a_form_out_of_range_is_refused() -> None:
     with pytest.raises(StudyError, match="three ratios"):
         FormStudy(semi_axes=(1.0, 1.0))
     with pytest.raises(StudyError, match="add up"):
-        FormStudy(wave=(WaveStudy(amplitude_fraction=0.3), WaveStudy(amplitude_fraction=-0.3)))
+        FormStudy(
+            wave=(WaveStudy(amplitude_fraction=0.3), WaveStudy(amplitude_fraction=-0.3))
+        )
 
 
 CORNEA = CorneaStudy()
@@ -151,15 +206,23 @@ def meridian(angles_rad: np.ndarray) -> np.ndarray:
     return np.stack([np.sin(angles_rad), 0 * angles_rad, np.cos(angles_rad)], axis=-1)
 
 
-def test_the_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_globe() -> None:
+def test_the_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_globe() -> (
+    None
+):
     inside = np.linspace(0.0, LIMBUS_RAD - HALF_EDGE_RAD, 9)
     points, normals = corneal_surface(meridian(inside), CORNEA, R)
     centre = np.array([0.0, 0.0, CENTRE_M])
-    np.testing.assert_allclose(np.linalg.norm(points - centre, axis=1), 7.8e-3, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.linalg.norm(points - centre, axis=1), 7.8e-3, rtol=1e-12
+    )
     np.testing.assert_allclose(normals, (points - centre) / 7.8e-3, atol=1e-12)
-    np.testing.assert_allclose(points[0], [0.0, 0.0, CENTRE_M + 7.8e-3], atol=1e-15)  # the apex, 1.06 mm in front
+    np.testing.assert_allclose(
+        points[0], [0.0, 0.0, CENTRE_M + 7.8e-3], atol=1e-15
+    )  # the apex, 1.06 mm in front
     ring = R * meridian(np.array([LIMBUS_RAD]))
-    np.testing.assert_allclose(np.linalg.norm(ring - centre, axis=1), 7.8e-3, rtol=1e-12)  # the two spheres meet here
+    np.testing.assert_allclose(
+        np.linalg.norm(ring - centre, axis=1), 7.8e-3, rtol=1e-12
+    )  # the two spheres meet here
     outside = meridian(np.linspace(LIMBUS_RAD + HALF_EDGE_RAD, 0.5 * pi, 9))
     points, normals = corneal_surface(outside, CORNEA, R)
     np.testing.assert_allclose(points, R * outside, rtol=1e-12)
@@ -167,13 +230,17 @@ def test_the_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_
 
 
 @pytest.mark.parametrize("cornea", [CORNEA, FLAT], ids=["steep", "flat"])
-def test_the_surface_has_no_kink_and_its_normals_are_its_own(cornea: CorneaStudy) -> None:
+def test_the_surface_has_no_kink_and_its_normals_are_its_own(
+    cornea: CorneaStudy,
+) -> None:
     angles = np.linspace(0.0, 0.9, 40_001)
     points, normals = corneal_surface(meridian(angles), cornea, R)
     along = np.gradient(points, angles, axis=0)[1:-1]
     assert np.abs(np.sum(along * normals[1:-1], axis=1)).max() < 1e-4 * R
     turned = np.linalg.norm(np.diff(normals, axis=0), axis=1)
-    assert turned.max() < 6.0 * np.diff(angles)[0]  # the curvature is finite: a kink would turn by 0.33 rad at once
+    assert (
+        turned.max() < 6.0 * np.diff(angles)[0]
+    )  # the curvature is finite: a kink would turn by 0.33 rad at once
     at_the_ends = np.array([LIMBUS_RAD - HALF_EDGE_RAD, LIMBUS_RAD + HALF_EDGE_RAD])
     for angle in at_the_ends:
         two = corneal_surface(meridian(angle + np.array([-1e-9, 1e-9])), CORNEA, R)
@@ -198,31 +265,45 @@ def test_a_cornea_lies_about_its_own_axis() -> None:
 
 @pytest.mark.parametrize("polar_deg", [38.0, 46.0, 55.0])
 @pytest.mark.parametrize("whole", [False, True])
-def test_the_wall_behind_a_cornea_has_sound_elements_even_thickness_and_its_contact_in_place(whole, polar_deg) -> None:
+def test_the_wall_behind_a_cornea_has_sound_elements_even_thickness_and_its_contact_in_place(
+    whole, polar_deg
+) -> None:
     contact = Contact(polar_rad=radians(polar_deg), azimuth_rad=0.7)
     sphere = graded_mesh(R, T, contact, core=8, rings=20, whole=whole)
     form = FormStudy(cornea=CORNEA)
     mesh = form_mesh(sphere, form, contact)
-    outer, inner = mesh.points_nc[np.unique(mesh.outer_qn)], mesh.points_nc[np.unique(mesh.inner_qn)]
+    outer, inner = (
+        mesh.points_nc[np.unique(mesh.outer_qn)],
+        mesh.points_nc[np.unique(mesh.inner_qn)],
+    )
     np.testing.assert_allclose(np.linalg.norm(outer - inner, axis=1), T, rtol=1e-12)
     sizes = volume_points(mesh).volumes_ep / volume_points(sphere).volumes_ep
     assert sizes.min() > 0.5  # every Jacobian is positive, and far from 0
     assert sizes.max() < 2.0
     up = sphere.points_nc[:, 2] / np.linalg.norm(sphere.points_nc, axis=1)
     behind = np.arccos(up) > LIMBUS_RAD + HALF_EDGE_RAD  # the contact is there, too
-    np.testing.assert_allclose(mesh.points_nc[behind], sphere.points_nc[behind], atol=1e-15)
+    np.testing.assert_allclose(
+        mesh.points_nc[behind], sphere.points_nc[behind], atol=1e-15
+    )
 
 
 def test_the_volume_of_the_wall_is_that_of_the_surface() -> None:
     """Of a surface of revolution: by a fine sum of area, thickness and curvatures along the meridian."""
     contact = Contact(polar_rad=radians(45))
-    mesh = form_mesh(graded_mesh(R, T, contact, core=8, rings=28), FormStudy(cornea=CORNEA), contact)
+    mesh = form_mesh(
+        graded_mesh(R, T, contact, core=8, rings=28), FormStudy(cornea=CORNEA), contact
+    )
     angles = np.linspace(0.0, 0.5 * pi, 100_001)
     points, normals = corneal_surface(meridian(angles), CORNEA, R)
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)
-    middle, across = 0.5 * (points[1:] + points[:-1]), 0.5 * (normals[1:] + normals[:-1])
-    along = np.sum(np.diff(normals, axis=0) * step, axis=1) / length**2  # principal curvatures
+    middle, across = (
+        0.5 * (points[1:] + points[:-1]),
+        0.5 * (normals[1:] + normals[:-1]),
+    )
+    along = (
+        np.sum(np.diff(normals, axis=0) * step, axis=1) / length**2
+    )  # principal curvatures
     around = across[:, 0] / middle[:, 0]
     thick = T - 0.5 * (along + around) * T**2 + along * around * T**3 / 3
     exact = 2 * pi * np.sum(middle[:, 0] * length * thick)
@@ -233,26 +314,55 @@ def test_semi_axes_stretch_the_cornea_too_and_waves_act_on_its_wall() -> None:
     contact = Contact(polar_rad=radians(45), azimuth_rad=0.3)
     wave = WaveStudy(amplitude_fraction=0.1, degree=1)
     plain = graded_mesh(R, T, contact)
-    both = form_mesh(plain, FormStudy((1.05, 1.0, 0.97), (wave,), cornea=CORNEA), contact)
-    outer, inner = both.points_nc[np.unique(both.outer_qn)], both.points_nc[np.unique(both.inner_qn)]
+    both = form_mesh(
+        plain, FormStudy((1.05, 1.0, 0.97), (wave,), cornea=CORNEA), contact
+    )
+    outer, inner = (
+        both.points_nc[np.unique(both.outer_qn)],
+        both.points_nc[np.unique(both.inner_qn)],
+    )
     up = plain.points_nc[np.unique(plain.outer_qn), 2] / R
-    np.testing.assert_allclose(np.linalg.norm(outer - inner, axis=1), T * (1.0 + 0.1 * up), rtol=1e-12)
-    stretched = form_mesh(plain, FormStudy(cornea=CORNEA), contact).points_nc[np.unique(plain.outer_qn)]
+    np.testing.assert_allclose(
+        np.linalg.norm(outer - inner, axis=1), T * (1.0 + 0.1 * up), rtol=1e-12
+    )
+    stretched = form_mesh(plain, FormStudy(cornea=CORNEA), contact).points_nc[
+        np.unique(plain.outer_qn)
+    ]
     stretched = stretched * (1.05, 1.0, 0.97)
-    between = np.linalg.norm(stretched[::50, None] - stretched[None, ::50], axis=-1)  # the rest is a rigid motion
-    np.testing.assert_allclose(np.linalg.norm(outer[::50, None] - outer[None, ::50], axis=-1), between, atol=1e-12)
+    between = np.linalg.norm(
+        stretched[::50, None] - stretched[None, ::50], axis=-1
+    )  # the rest is a rigid motion
+    np.testing.assert_allclose(
+        np.linalg.norm(outer[::50, None] - outer[None, ::50], axis=-1),
+        between,
+        atol=1e-12,
+    )
 
 
 def test_a_cornea_that_does_not_fit_the_globe_is_refused() -> None:
     directions = meridian(np.array([0.1]))
     wide = CorneaStudy(radius_m=14e-3, limbus_radius_m=13e-3)
-    with pytest.raises(InputError, match=r"^form\.cornea: limbus_radius_mm: 13 mm; must be below .*, 12 mm$"):
+    with pytest.raises(
+        InputError,
+        match=r"^form\.cornea: limbus_radius_mm: 13 mm; must be below .*, 12 mm$",
+    ):
         corneal_surface(directions, wide, R)
-    with pytest.raises(InputError, match=r"^form\.cornea: edge_mm: 3 mm; must be narrower than the cornea is wide$"):
+    with pytest.raises(
+        InputError,
+        match=r"^form\.cornea: edge_mm: 3 mm; must be narrower than the cornea is wide$",
+    ):
         corneal_surface(directions, CorneaStudy(limbus_radius_m=1e-3, edge_m=3e-3), R)
-    with pytest.raises(InputError, match=r"^form\.cornea: .*polar_deg: 60; the limbus must lie above the base plane$"):
+    with pytest.raises(
+        InputError,
+        match=r"^form\.cornea: .*polar_deg: 60; the limbus must lie above the base plane$",
+    ):
         corneal_surface(directions, CorneaStudy(polar_rad=radians(60)), R)
-    with pytest.raises(StudyError, match=r"^study:2: form\.cornea\.radius_mm: 1 is below"):
+    with pytest.raises(
+        StudyError, match=r"^study:2: form\.cornea\.radius_mm: 1 is below"
+    ):
         parse_study("[form.cornea]\nradius_mm = 1.0\n")
-    with pytest.raises(StudyError, match=r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; .* below .* radius_mm, 5$"):
+    with pytest.raises(
+        StudyError,
+        match=r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; .* below .* radius_mm, 5$",
+    ):
         parse_study("[form.cornea]\nradius_mm = 5.0\n")

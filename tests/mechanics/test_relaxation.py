@@ -11,7 +11,10 @@ from scleraforce.errors import InputError
 from scleraforce.mechanics.material import PronySeries, driven_back, line_weights
 
 TISSUE = PronySeries((0.12, 0.15), (1.2, 12.0))
-TURNS_S, TURNS_N = np.array([0.0, 2.0, 3.0, 9.0, 9.5, 14.0, 20.0]), np.array([0.0, 0.0, 0.03, 0.03, 0.05, 0.02, 0.04])
+TURNS_S, TURNS_N = (
+    np.array([0.0, 2.0, 3.0, 9.0, 9.5, 14.0, 20.0]),
+    np.array([0.0, 0.0, 0.03, 0.03, 0.05, 0.02, 0.04]),
+)
 
 
 def uneven_times(count: int = 400) -> np.ndarray:
@@ -32,21 +35,33 @@ def test_a_ramp_and_hold_follow_the_closed_form() -> None:
     rise_s, hold_s = 0.7, np.array([0.0, 0.3, 2.0, 11.0, 80.0])
     expected = np.full(len(hold_s), 1.0)
     for share, tau_s in zip(TISSUE.shares, TISSUE.times_s, strict=True):
-        lag = tau_s / rise_s * (1.0 - np.exp(-rise_s / tau_s))  # 1 - m at the end of the ramp
+        lag = (
+            tau_s / rise_s * (1.0 - np.exp(-rise_s / tau_s))
+        )  # 1 - m at the end of the ramp
         expected -= share * (1.0 - lag * np.exp(-hold_s / tau_s))
-    assert TISSUE.felt_along([0.0, rise_s], [0.0, 1.0], rise_s + hold_s) == pytest.approx(expected, rel=1e-12)
+    assert TISSUE.felt_along(
+        [0.0, rise_s], [0.0, 1.0], rise_s + hold_s
+    ) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_fast_rise_leaves_the_share_g() -> None:
     held_s = np.array([0.1, 1.0, 10.0, 100.0])
-    assert TISSUE.felt_along([0.0, 1e-5], [0.0, 1.0], held_s) == pytest.approx(TISSUE.left(held_s), abs=1e-6)
+    assert TISSUE.felt_along([0.0, 1e-5], [0.0, 1.0], held_s) == pytest.approx(
+        TISSUE.left(held_s), abs=1e-6
+    )
 
 
 def test_the_felt_force_agrees_with_a_solver_of_differential_equations() -> None:
     tau = np.array(TISSUE.times_s)
     memory, ends = np.zeros(2), []
     for begin_s, end_s in pairwise(TURNS_S):  # the solver does not see the corners
-        solved = solve_ivp(lambda t, m: (path(t) - m) / tau, (begin_s, end_s), memory, rtol=1e-11, atol=1e-15)
+        solved = solve_ivp(
+            lambda t, m: (path(t) - m) / tau,
+            (begin_s, end_s),
+            memory,
+            rtol=1e-11,
+            atol=1e-15,
+        )
         memory = solved.y[:, -1]
         ends.append(path(end_s) - memory @ TISSUE.shares)
     assert felt(TISSUE, TURNS_S[1:]) == pytest.approx(ends, abs=1e-11)
@@ -57,19 +72,29 @@ def test_the_felt_force_agrees_with_the_convolution() -> None:
     felt_n = felt(TISSUE, time_s)
     for index in (150, 250, 390):
         now_s, expected = time_s[index], 0.0
-        for begin_s, end_s, slope in zip(TURNS_S[:-1], TURNS_S[1:], slopes, strict=True):
+        for begin_s, end_s, slope in zip(
+            TURNS_S[:-1], TURNS_S[1:], slopes, strict=True
+        ):
             upto_s = min(end_s, now_s)
             if upto_s > begin_s:
-                left = quad(lambda s, now_s=now_s: float(TISSUE.left(np.array(now_s - s))), begin_s, upto_s)[0]
+                left = quad(
+                    lambda s, now_s=now_s: float(TISSUE.left(np.array(now_s - s))),
+                    begin_s,
+                    upto_s,
+                )[0]
                 expected += slope * left
         assert felt_n[index] == pytest.approx(expected, abs=1e-12)
 
 
-def test_elastic_force_and_memory_come_back_from_the_felt_force_for_each_candidate() -> None:
+def test_elastic_force_and_memory_come_back_from_the_felt_force_for_each_candidate() -> (
+    None
+):
     time_s = uneven_times()
     shares = np.array([TISSUE.shares, (0.0, 0.0)])
     felt_n = felt(TISSUE, time_s)
-    elastic_n, memories_n = driven_back(felt_n, time_s, np.ones(len(time_s), dtype=bool), shares, TISSUE.times_s)
+    elastic_n, memories_n = driven_back(
+        felt_n, time_s, np.ones(len(time_s), dtype=bool), shares, TISSUE.times_s
+    )
     assert elastic_n[0] == pytest.approx(path(time_s), abs=1e-13)
     assert path(time_s) - memories_n[0] @ shares[0] == pytest.approx(felt_n, abs=1e-13)
     assert np.array_equal(elastic_n[1], felt_n)
@@ -79,10 +104,16 @@ def test_memory_decays_where_contact_is_lost_and_is_felt_in_the_next_push() -> N
     time_s = np.array([0.0, 1.0, 20.0, 20.001, 25.0, 25.001])
     contact = np.array([False, True, True, False, False, True])
     (elastic_n,), (memories_n,) = driven_back(
-        np.array([0.0, 0.9, 0.75, 0.0, 0.0, 0.8]), time_s, contact, np.array([TISSUE.shares]), TISSUE.times_s
+        np.array([0.0, 0.9, 0.75, 0.0, 0.0, 0.8]),
+        time_s,
+        contact,
+        np.array([TISSUE.shares]),
+        TISSUE.times_s,
     )
     assert (elastic_n[[0, 3, 4]] == 0.0).all()
-    assert memories_n[4] == pytest.approx(memories_n[3] * np.exp(-4.999 / np.array(TISSUE.times_s)), rel=1e-9)
+    assert memories_n[4] == pytest.approx(
+        memories_n[3] * np.exp(-4.999 / np.array(TISSUE.times_s)), rel=1e-9
+    )
     assert elastic_n[5] == pytest.approx(0.8 + memories_n[5] @ TISSUE.shares, rel=1e-9)
     assert elastic_n[5] > 0.8 + 0.9 * 0.15 * memories_n[4, 1]
 
@@ -104,8 +135,16 @@ def test_weights_keep_their_digits(x: float) -> None:
 
 @pytest.mark.parametrize(
     ("shares", "times_s"),
-    [((0.6, 0.5), (1.0, 10.0)), ((-0.1,), (1.0,)), ((0.1,), (0.0,)), ((0.1,), ()), ((float("nan"),), (1.0,))],
+    [
+        ((0.6, 0.5), (1.0, 10.0)),
+        ((-0.1,), (1.0,)),
+        ((0.1,), (0.0,)),
+        ((0.1,), ()),
+        ((float("nan"),), (1.0,)),
+    ],
 )
-def test_an_impossible_series_is_refused(shares: tuple[float, ...], times_s: tuple[float, ...]) -> None:
+def test_an_impossible_series_is_refused(
+    shares: tuple[float, ...], times_s: tuple[float, ...]
+) -> None:
     with pytest.raises(InputError, match="relaxation"):
         PronySeries(shares, times_s)

@@ -36,16 +36,26 @@ def fine_mesh():
 def planes(count, seed=0):
     rng = np.random.default_rng(seed)
     for _ in range(count):
-        contact = Contact(polar_rad=rng.uniform(0.0, 1.1), azimuth_rad=rng.uniform(0.0, 2 * np.pi))
-        gap_m, direction_rad, tilt_rad = rng.uniform(0.0, 1.5e-3), rng.uniform(-np.pi, np.pi), rng.uniform(-0.5, 0.5)
-        yield ScanPlane(contact, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad)
+        contact = Contact(
+            polar_rad=rng.uniform(0.0, 1.1), azimuth_rad=rng.uniform(0.0, 2 * np.pi)
+        )
+        gap_m, direction_rad, tilt_rad = (
+            rng.uniform(0.0, 1.5e-3),
+            rng.uniform(-np.pi, np.pi),
+            rng.uniform(-0.5, 0.5),
+        )
+        yield ScanPlane(
+            contact, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad
+        )
 
 
 def distance_to_circle(curve, plane, radius):
     """Return the distance of points of the plane from the circle that it cuts out of a sphere about the centre."""
     centre = -plane.origin(RADIUS)
     from_centre = curve - (centre @ plane.lateral, centre @ plane.depth)
-    return np.abs(np.hypot(*from_centre.T) - np.sqrt(radius**2 - (centre @ plane.normal) ** 2))
+    return np.abs(
+        np.hypot(*from_centre.T) - np.sqrt(radius**2 - (centre @ plane.normal) ** 2)
+    )
 
 
 def in_space(curve, plane):
@@ -59,7 +69,9 @@ def distance_to_contour(points, contour):
     nearest = np.full(len(points), np.inf)
     for corner, along, length in zip(start, edge, square, strict=True):
         t = np.clip((points - corner) @ along / length, 0.0, 1.0)
-        nearest = np.minimum(nearest, np.hypot(*(points - corner - t[:, None] * along).T))
+        nearest = np.minimum(
+            nearest, np.hypot(*(points - corner - t[:, None] * along).T)
+        )
     return nearest
 
 
@@ -70,41 +82,70 @@ def area(contour):
 
 def inside(points, contour):
     """Winding number not zero, by the sum of angles."""
-    seen = (contour[:, 0] + 1j * contour[:, 1]) - (points[:, 0] + 1j * points[:, 1])[:, None]
+    seen = (contour[:, 0] + 1j * contour[:, 1]) - (points[:, 0] + 1j * points[:, 1])[
+        :, None
+    ]
     return np.abs(np.angle(np.roll(seen, -1, axis=1) * seen.conj()).sum(axis=1)) > np.pi
 
 
 @pytest.mark.parametrize("plane", list(planes(12)), ids=str)
-def test_the_undeformed_wall_is_cut_in_two_circles_that_end_on_the_base(fine_mesh, plane):
+def test_the_undeformed_wall_is_cut_in_two_circles_that_end_on_the_base(
+    fine_mesh, plane
+):
     section = cut_section(fine_mesh, plane, np.zeros_like(fine_mesh.points_nc))
     assert distance_to_circle(section.outer, plane, RADIUS).max() < 0.5 * MICRON
-    assert distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max() < 0.5 * MICRON
+    assert (
+        distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max()
+        < 0.5 * MICRON
+    )
     for curve in (section.outer, section.inner):
         height = in_space(curve, plane)[:, 2]
         assert height.min() > -MICRON
-        if np.hypot(*(curve[0] - curve[-1])) > MICRON:  # else the plane misses the base: a full circle
+        if (
+            np.hypot(*(curve[0] - curve[-1])) > MICRON
+        ):  # else the plane misses the base: a full circle
             assert np.abs(height[[0, -1]]).max() < 5 * MICRON
 
 
 @pytest.mark.parametrize("move_mm", [-1.6, -0.4, 0.9, 3.0])
-def test_a_wall_moved_across_the_plane_is_cut_as_by_a_plane_moved_the_other_way(fine_mesh, move_mm):
-    plane = ScanPlane(Contact(polar_rad=0.6, azimuth_rad=0.2), gap_m=1e-3, direction_rad=0.4)
+def test_a_wall_moved_across_the_plane_is_cut_as_by_a_plane_moved_the_other_way(
+    fine_mesh, move_mm
+):
+    plane = ScanPlane(
+        Contact(polar_rad=0.6, azimuth_rad=0.2), gap_m=1e-3, direction_rad=0.4
+    )
     move = move_mm * 1e-3
-    section = cut_section(fine_mesh, plane, np.broadcast_to(move * plane.normal, fine_mesh.points_nc.shape))
-    moved = ScanPlane(plane.contact, gap_m=plane.gap_m - move, direction_rad=plane.direction_rad)
+    section = cut_section(
+        fine_mesh,
+        plane,
+        np.broadcast_to(move * plane.normal, fine_mesh.points_nc.shape),
+    )
+    moved = ScanPlane(
+        plane.contact, gap_m=plane.gap_m - move, direction_rad=plane.direction_rad
+    )
     assert distance_to_circle(section.outer, moved, RADIUS).max() < 2 * MICRON
-    assert distance_to_circle(section.inner, moved, RADIUS - THICKNESS).max() < 2 * MICRON
+    assert (
+        distance_to_circle(section.inner, moved, RADIUS - THICKNESS).max() < 2 * MICRON
+    )
 
 
 def test_a_wall_that_has_left_the_plane_is_an_error_and_not_a_gap(mesh):
     plane = ScanPlane(Contact(polar_rad=0.6, azimuth_rad=0.2), gap_m=1e-3)
     with pytest.raises(SolverError, match="across the B-scan plane"):
-        cut_section(mesh, plane, np.broadcast_to(30e-3 * plane.normal, mesh.points_nc.shape))
+        cut_section(
+            mesh, plane, np.broadcast_to(30e-3 * plane.normal, mesh.points_nc.shape)
+        )
 
 
 def test_a_plane_that_misses_the_wall_is_an_input_error(mesh):
-    for polar, gap, direction, tilt in ((0.6, 20e-3, 0.0, 0.0), (0.6, 5e-3, 0.0, 0.78), (1.4, -5e-3, 0.5 * np.pi, 0.0)):
-        plane = ScanPlane(Contact(polar_rad=polar), gap_m=gap, direction_rad=direction, tilt_rad=tilt)
+    for polar, gap, direction, tilt in (
+        (0.6, 20e-3, 0.0, 0.0),
+        (0.6, 5e-3, 0.0, 0.78),
+        (1.4, -5e-3, 0.5 * np.pi, 0.0),
+    ):
+        plane = ScanPlane(
+            Contact(polar_rad=polar), gap_m=gap, direction_rad=direction, tilt_rad=tilt
+        )
         with pytest.raises(InputError, match="B-scan plane"):
             cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
 
@@ -112,7 +153,10 @@ def test_a_plane_that_misses_the_wall_is_an_input_error(mesh):
 def dent(mesh, plane):
     """A soft wall with a needle in it, from the mechanics: deeper than it is thick."""
     wall = LinearWall(mesh, 0.45)
-    return 0.06 / 0.2e6 * wall.needle_cnc([plane.contact], 0.35e-3)[0] + 266 / 0.2e6 * wall.pressure_nc
+    return (
+        0.06 / 0.2e6 * wall.needle_cnc([plane.contact], 0.35e-3)[0]
+        + 266 / 0.2e6 * wall.pressure_nc
+    )
 
 
 def bumps(mesh, plane, *parts):
@@ -121,7 +165,11 @@ def bumps(mesh, plane, *parts):
     lateral, offset = from_origin @ plane.lateral, from_origin @ plane.offset
     total = np.zeros_like(mesh.points_nc)
     for direction, size, centre, width in parts:
-        total += size * np.exp(-((lateral - centre) ** 2 + offset**2) / width**2)[:, None] * direction
+        total += (
+            size
+            * np.exp(-((lateral - centre) ** 2 + offset**2) / width**2)[:, None]
+            * direction
+        )
     return total * (mesh.points_nc[:, 2:] > 4e-3)
 
 
@@ -132,18 +180,28 @@ def twisted_dent(mesh, plane):
 
 def fold(mesh, plane):
     """The wall bent to an S that hangs over; its thickness and its distance from the plane stay."""
-    lateral, depth, height = (mesh.points_nc @ axis for axis in (plane.lateral, plane.depth, plane.normal))
+    lateral, depth, height = (
+        mesh.points_nc @ axis for axis in (plane.lateral, plane.depth, plane.normal)
+    )
     u = np.arctan2(lateral, -depth) / 1.5
     tangent = np.stack([12 - 6.75 * np.pi * np.cos(np.pi * u), np.full_like(u, 8.0)])
     outward = np.stack([tangent[1], -tangent[0]]) / np.hypot(*tangent)
     middle = 1e-3 * np.stack([12 * u - 6.75 * np.sin(np.pi * u), 8 * u])
     place = middle + (np.hypot(lateral, depth) - RADIUS) * outward
-    moved = place.T @ np.stack([plane.lateral, plane.depth]) + height[:, None] * plane.normal
+    moved = (
+        place.T @ np.stack([plane.lateral, plane.depth])
+        + height[:, None] * plane.normal
+    )
     return moved - mesh.points_nc
 
 
 def w_dent(mesh, plane):
-    return bumps(mesh, plane, (plane.depth, 2e-3, -2.5e-3, 1.6e-3), (plane.depth, 1.5e-3, 2e-3, 1.8e-3))
+    return bumps(
+        mesh,
+        plane,
+        (plane.depth, 2e-3, -2.5e-3, 1.6e-3),
+        (plane.depth, 1.5e-3, 2e-3, 1.8e-3),
+    )
 
 
 def cut_tetrahedra(mesh, plane, displacement, pieces):
@@ -151,14 +209,22 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
     moved = mesh.points_nc + displacement - plane.origin(RADIUS)
     height = (moved @ plane.normal)[mesh.cells_en]
     near = (height.min(axis=1) < 1e-4) & (height.max(axis=1) > -1e-4)
-    grid = np.stack(np.meshgrid(*(np.linspace(-1, 1, n + 1) for n in pieces), indexing="ij"), axis=-1).reshape(-1, 3)
+    grid = np.stack(
+        np.meshgrid(*(np.linspace(-1, 1, n + 1) for n in pieces), indexing="ij"),
+        axis=-1,
+    ).reshape(-1, 3)
     weights = shape_values(grid, mesh.cells_en.shape[1])
     number = np.arange(len(grid)).reshape([n + 1 for n in pieces])
     corner = {
-        c: number[tuple(slice(k, k + n) for k, n in zip(c, pieces, strict=True))].ravel() for c in np.ndindex(2, 2, 2)
+        c: number[
+            tuple(slice(k, k + n) for k, n in zip(c, pieces, strict=True))
+        ].ravel()
+        for c in np.ndindex(2, 2, 2)
     }
     tetrahedra = []
-    for order in permutations(range(3)):  # Kuhn: each order of the axes is a path from corner 000 to 111
+    for order in permutations(
+        range(3)
+    ):  # Kuhn: each order of the axes is a path from corner 000 to 111
         path = [np.zeros(3, int)]
         for axis in order:
             path.append(path[-1] + np.eye(3, dtype=int)[axis])
@@ -171,7 +237,9 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
             h = tetrahedron[:, 2]
             above, below = tetrahedron[h >= 0], tetrahedron[h < 0]
             if len(above) and len(below):
-                polygon = [a + (b - a) * a[2] / (a[2] - b[2]) for a in above for b in below]
+                polygon = [
+                    a + (b - a) * a[2] / (a[2] - b[2]) for a in above for b in below
+                ]
                 if len(polygon) == 4:
                     polygon = [polygon[k] for k in (0, 1, 3, 2)]
                 polygons.append(np.array(polygon)[:, :2])
@@ -188,9 +256,16 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
         pytest.param(w_dent, 0.0, "fine_mesh", 8, marks=pytest.mark.slow),
     ],
 )
-def test_the_section_is_what_all_the_small_tetrahedra_cut(request, deform, tilt, which, pieces):
+def test_the_section_is_what_all_the_small_tetrahedra_cut(
+    request, deform, tilt, which, pieces
+):
     mesh = request.getfixturevalue(which)
-    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=0.7), gap_m=0.5e-3, direction_rad=0.6, tilt_rad=tilt)
+    plane = ScanPlane(
+        Contact(polar_rad=0.5, azimuth_rad=0.7),
+        gap_m=0.5e-3,
+        direction_rad=0.6,
+        tilt_rad=tilt,
+    )
     displacement = deform(mesh, plane)
     section = cut_section(mesh, plane, displacement)
     polygons = cut_tetrahedra(mesh, plane, displacement, (pieces, pieces, 1))
@@ -209,20 +284,31 @@ def test_many_planes_and_deformations_at_once_are_each_as_alone(mesh):
         for gap, direction, tilt in [(0.3e-3, 0, 0), (1e-3, 2, 0.2)]
     ]
     modes = np.stack([twisted_dent(mesh, cuts[0]), w_dent(mesh, cuts[1])])
-    weights = np.array([[[0.0, 0.0], [1.0, 0.3], [0.2, 0.9]], [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]])
+    weights = np.array(
+        [[[0.0, 0.0], [1.0, 0.3], [0.2, 0.9]], [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]]
+    )
     together = cut_sections(mesh, cuts, modes, weights)
     for plane, of_plane, rows in zip(cuts, together, weights, strict=True):
         for section, row in zip(of_plane, rows, strict=True):
             alone = cut_section(mesh, plane, np.tensordot(row, modes, 1))
-            assert distance_to_contour(section.contour, alone.contour).max() < 10 * MICRON
+            assert (
+                distance_to_contour(section.contour, alone.contour).max() < 10 * MICRON
+            )
 
 
 @pytest.mark.parametrize("options", [{"order": 1}, {"order": 1, "layers": 3}])
 def test_other_elements_are_cut_on_their_own_surface(options):
     mesh = build_mesh(RADIUS, THICKNESS, divisions=10, level=1, **options)
-    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=0.7), gap_m=0.5e-3, direction_rad=0.4, tilt_rad=0.1)
+    plane = ScanPlane(
+        Contact(polar_rad=0.5, azimuth_rad=0.7),
+        gap_m=0.5e-3,
+        direction_rad=0.4,
+        tilt_rad=0.1,
+    )
     section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
-    facet = 2 * (1e-3) ** 2 / 8 / RADIUS if mesh.order == 1 else MICRON  # a facet sags along both of its sides
+    facet = (
+        2 * (1e-3) ** 2 / 8 / RADIUS if mesh.order == 1 else MICRON
+    )  # a facet sags along both of its sides
     assert distance_to_circle(section.outer, plane, RADIUS).max() < facet
     assert distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max() < facet
 
@@ -237,16 +323,23 @@ def own_frame(mesh, axes):
 
 @pytest.mark.parametrize("whole", [False, True])
 @pytest.mark.parametrize("plane", list(planes(4, seed=3)), ids=str)
-def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_normal(whole, plane):
+def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_normal(
+    whole, plane
+):
     axes = np.array([1.06, 0.95, 1.03])
     contact = replace(plane.contact, polar_rad=min(plane.contact.polar_rad, 0.9))
     plane = replace(plane, contact=contact)
     sphere = graded_mesh(RADIUS, THICKNESS, contact, core=8, rings=24, whole=whole)
     mesh = form_mesh(sphere, FormStudy(semi_axes=tuple(axes)), contact)
     section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
-    near = [np.abs(curve[:, 0]) < 8e-3 for curve in (section.outer, section.inner)]  # what a B-scan sees
+    near = [
+        np.abs(curve[:, 0]) < 8e-3 for curve in (section.outer, section.inner)
+    ]  # what a B-scan sees
     to_own = own_frame(mesh, axes)
-    outer, inner = (to_own(in_space(c[n], plane)) for c, n in zip((section.outer, section.inner), near, strict=True))
+    outer, inner = (
+        to_own(in_space(c[n], plane))
+        for c, n in zip((section.outer, section.inner), near, strict=True)
+    )
     level = np.linalg.norm(outer / axes, axis=1)
     assert np.abs(level - RADIUS).max() < 2 * MICRON
     # An inner point is x - t n(x) of an outer point x: found by Newton's method on x = point + t n(x).
@@ -264,13 +357,18 @@ WINDOW = SliceWindow(left_m=-7e-3, top_m=-3e-4, columns=140, rows=40, pixel_m=PI
 
 def from_pixels(contour, window=WINDOW):
     """Section whose closed contour is given in pixels, (0, 0) being the window's upper left corner."""
-    points = np.asarray(contour, dtype=np.float64) * window.pixel_m + (window.left_m, window.top_m)
+    points = np.asarray(contour, dtype=np.float64) * window.pixel_m + (
+        window.left_m,
+        window.top_m,
+    )
     half = len(points) // 2
     return Section(points[:half], points[half:][::-1])
 
 
 def test_a_rectangle_through_pixel_centres_holds_its_left_and_top_edge_only():
-    image = fill_section(from_pixels([(10.5, 5.5), (20.5, 5.5), (20.5, 9.5), (10.5, 9.5)]), WINDOW)
+    image = fill_section(
+        from_pixels([(10.5, 5.5), (20.5, 5.5), (20.5, 9.5), (10.5, 9.5)]), WINDOW
+    )
     rows, columns = np.nonzero(image)
     assert (columns.min(), columns.max(), rows.min(), rows.max()) == (10, 19, 5, 8)
     assert np.count_nonzero(image) == 10 * 4
@@ -287,19 +385,32 @@ def test_walls_that_touch_neither_overlap_nor_leave_a_seam():
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.lists(st.tuples(st.floats(-5, 17), st.floats(-5, 15)), min_size=3, max_size=9))
+@given(
+    st.lists(st.tuples(st.floats(-5, 17), st.floats(-5, 15)), min_size=3, max_size=9)
+)
 def test_any_polygon_agrees_with_opencv_away_from_its_edge(points):
     window = SliceWindow(left_m=0.0, top_m=0.0, columns=12, rows=10, pixel_m=PIXEL)
     contour = np.asarray(points, dtype=np.float32)
     image = fill_section(from_pixels(contour, window), window)
-    centres = np.stack(np.meshgrid(np.arange(12) + 0.5, np.arange(10) + 0.5), axis=-1).reshape(-1, 2)
-    clear = np.array([abs(cv2.pointPolygonTest(contour, centre, measureDist=True)) > 1e-3 for centre in centres])
-    np.testing.assert_array_equal(image.ravel()[clear] > 0, inside(centres[clear], np.float64(contour)))
+    centres = np.stack(
+        np.meshgrid(np.arange(12) + 0.5, np.arange(10) + 0.5), axis=-1
+    ).reshape(-1, 2)
+    clear = np.array(
+        [
+            abs(cv2.pointPolygonTest(contour, centre, measureDist=True)) > 1e-3
+            for centre in centres
+        ]
+    )
+    np.testing.assert_array_equal(
+        image.ravel()[clear] > 0, inside(centres[clear], np.float64(contour))
+    )
 
 
 def test_the_window_puts_the_unloaded_top_below_the_margin_and_framing_moves_the_wall_right_and_down():
     study = SliceStudy()
-    flat = Section(np.array([[-1e-3, 0.0], [1e-3, 0.0]]), np.array([[-1e-3, 5e-4], [1e-3, 5e-4]]))
+    flat = Section(
+        np.array([[-1e-3, 0.0], [1e-3, 0.0]]), np.array([[-1e-3, 5e-4], [1e-3, 5e-4]])
+    )
     rows, columns = np.nonzero(fill_section(flat, slice_window(study, top_m=0.0)))
     assert (columns.min(), columns.max(), rows.min(), rows.max()) == (60, 79, 3, 7)
     window = slice_window(study, 0.0, framing_lateral_m=4e-4, framing_depth_m=2e-4)

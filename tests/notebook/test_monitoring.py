@@ -14,14 +14,42 @@ import scleraforce as sf
 from scleraforce.errors import InputError
 from scleraforce.openigtlink import Image
 
-MATRIX = (SCALE.lateral_m * 1e3, 0.0, 0.0, 0.0, SCALE.depth_m * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the monitor runs on Linux only")
+MATRIX = (
+    SCALE.lateral_m * 1e3,
+    0.0,
+    0.0,
+    0.0,
+    SCALE.depth_m * 1e3,
+    0.0,
+    0.0,
+    0.0,
+    1.0,
+    0.0,
+    0.0,
+    0.0,
+)
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="the monitor runs on Linux only"
+)
 
 
-def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(tmp_path: Path) -> None:
+def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(
+    tmp_path: Path,
+) -> None:
     folder = monitor_folder(tmp_path)
-    given = {"calibration": folder / "calibration.json", "eye": "mine", "iop_pa": IOP_PA, "gap_m": GAP_M}
-    meets = sf.monitor(folder / "reader", **given, globe="open", second_opinion=False, black_box=tmp_path / "box")
+    given = {
+        "calibration": folder / "calibration.json",
+        "eye": "mine",
+        "iop_pa": IOP_PA,
+        "gap_m": GAP_M,
+    }
+    meets = sf.monitor(
+        folder / "reader",
+        **given,
+        globe="open",
+        second_opinion=False,
+        black_box=tmp_path / "box",
+    )
     with meets as running, Peer(running.port, version=2) as robot:
         assert f"gap {1e3 * GAP_M:.2f} mm" in "".join(running.lines)
         robot.hear(lambda peer: bool(peer.statuses()))
@@ -33,14 +61,23 @@ def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(tmp
     assert running.summary["frames"] >= 1
     assert running.lines[-1].startswith("ended after")
     assert (tmp_path / "box" / "log").is_dir()
-    with pytest.raises(ConnectionRefusedError), socket.create_connection((running.host, running.port)):
+    with (
+        pytest.raises(ConnectionRefusedError),
+        socket.create_connection((running.host, running.port)),
+    ):
         pass
 
 
 def test_a_monitor_that_cannot_start_is_one_clear_line(tmp_path: Path) -> None:
-    for model, given, words in ((tmp_path / "gone", {}, "gone"), ("default", {"iop_pa": -5.0}, "iop-mmhg"),
-                                ("default", {"globe": "shut"}, "shut")):  # fmt: skip
-        with pytest.raises(InputError, match=words) as fault, sf.monitor(model, **given):
+    for model, given, words in (
+        (tmp_path / "gone", {}, "gone"),
+        ("default", {"iop_pa": -5.0}, "iop-mmhg"),
+        ("default", {"globe": "shut"}, "shut"),
+    ):
+        with (
+            pytest.raises(InputError, match=words) as fault,
+            sf.monitor(model, **given),
+        ):
             pass
         assert "\n" not in str(fault.value)
 

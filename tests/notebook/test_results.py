@@ -19,9 +19,14 @@ from scleraforce.segmentation.observations import segmented_boundaries
 FRAMES = np.stack([image(wall_section(tip_of(force_n))) for force_n in (0.010, 0.020)])
 assert KNOWN.modulus is not None
 EYE = {
-    "youngs_modulus_pa": KNOWN.modulus.mean_pa, "iop_pa": KNOWN.iop_pa, "thickness_m": KNOWN.thickness_m,
-    "gap_m": KNOWN.gap_m, "globe": "open", "width_m": 15e-3, "depth_m": 4e-3,
-}  # fmt: skip
+    "youngs_modulus_pa": KNOWN.modulus.mean_pa,
+    "iop_pa": KNOWN.iop_pa,
+    "thickness_m": KNOWN.thickness_m,
+    "gap_m": KNOWN.gap_m,
+    "globe": "open",
+    "width_m": 15e-3,
+    "depth_m": 4e-3,
+}
 
 
 def read(frame: object, **given: object) -> Answer:
@@ -32,11 +37,18 @@ def test_a_stack_is_read_as_its_frames_are_one_by_one() -> None:
     counted: list[int] = []
     stack = read(FRAMES, progress=counted.append)
     assert isinstance(stack, Answers)
-    assert [answer.to_dict() for answer in stack] == [read(frame).to_dict() for frame in FRAMES]
+    assert [answer.to_dict() for answer in stack] == [
+        read(frame).to_dict() for frame in FRAMES
+    ]
     assert counted == [1, 1]
     assert list(stack[1:]) == [stack[1]]
-    masks = np.stack([sf.segment(frame, width_m=15e-3, depth_m=4e-3).mask for frame in FRAMES])
-    assert [answer.segmentation.source for answer in read(FRAMES, mask=masks)] == ["mask", "mask"]
+    masks = np.stack(
+        [sf.segment(frame, width_m=15e-3, depth_m=4e-3).mask for frame in FRAMES]
+    )
+    assert [answer.segmentation.source for answer in read(FRAMES, mask=masks)] == [
+        "mask",
+        "mask",
+    ]
     with pytest.raises(InputError, match="mask: 1 for a stack of 2 frames"):
         read(FRAMES, mask=masks[:1])
 
@@ -49,7 +61,10 @@ def test_floats_are_scaled_alike_in_a_stack_and_a_note_says_so() -> None:
             f"frame: pixels of 0 to {shares.max():g} were scaled to counts of 0 to 65"
         )
     whole = read(FRAMES[0].astype(np.int64))
-    assert (whole.force_n, whole.warnings) == (read(FRAMES[0]).force_n, read(FRAMES[0]).warnings)
+    assert (whole.force_n, whole.warnings) == (
+        read(FRAMES[0]).force_n,
+        read(FRAMES[0]).warnings,
+    )
     for value in (np.nan, np.inf):
         shares[0, 3, 3] = value
         with pytest.raises(FrameError, match="1 pixels are not finite"):
@@ -80,11 +95,15 @@ def test_columns_that_a_masked_array_masks_are_not_judged_and_leave_no_edge() ->
 def test_masked_columns_are_not_judged_in_a_given_wall_either() -> None:
     half = np.broadcast_to(np.arange(512) < 256, FRAMES[1].shape)
     wall = sf.segment(FRAMES[1], width_m=15e-3, depth_m=4e-3).mask
-    expected = read(FRAMES[1], mask=np.where(half, 128, wall).astype(np.uint8)).to_dict()
+    expected = read(
+        FRAMES[1], mask=np.where(half, 128, wall).astype(np.uint8)
+    ).to_dict()
     for answer in (
-        read(np.ma.array(FRAMES[1], mask=half), mask=wall), read(FRAMES[1], mask=np.ma.array(wall > 0, mask=half)),
-        read(np.ma.array(wall > 0, mask=half)), read(np.ma.array(FRAMES[1:], mask=half[None]), mask=wall[None])[0],
-    ):  # fmt: skip
+        read(np.ma.array(FRAMES[1], mask=half), mask=wall),
+        read(FRAMES[1], mask=np.ma.array(wall > 0, mask=half)),
+        read(np.ma.array(wall > 0, mask=half)),
+        read(np.ma.array(FRAMES[1:], mask=half[None]), mask=wall[None])[0],
+    ):
         assert answer.to_dict() == expected
     assert read((wall > 0)[None])[0].to_dict() == read(wall > 0).to_dict()
     for empty in (FRAMES[:0], FRAMES[:, :0], FRAMES[0, :0]):
@@ -97,10 +116,14 @@ def test_results_become_plain_types_and_tables() -> None:
     plain = stack.to_dict()
     assert json.loads(json.dumps(plain, allow_nan=False)) == plain
     table = stack.to_dataframe()
-    assert table["predicted_force_mn"].tolist()[:2] == [1e3 * answer.force_n for answer in stack[:2]]
+    assert table["predicted_force_mn"].tolist()[:2] == [
+        1e3 * answer.force_n for answer in stack[:2]
+    ]
     assert table["usable"].tolist() == [True, True, False]
     data = stack.to_xarray()
-    assert data["force_n"].values.tolist()[:2] == [answer.force_n for answer in stack[:2]]
+    assert data["force_n"].values.tolist()[:2] == [
+        answer.force_n for answer in stack[:2]
+    ]
     assert np.isnan(data["force_n"].values[2])
     assert data["outer_row"].dims == ("frame", "column")
     assert float(data["interval_n"].sel(end="high")[1]) == stack[1].interval_n[1]
@@ -112,22 +135,38 @@ def test_an_evaluation_and_a_calibration_become_tables(tmp_path, monkeypatch) ->
     found = sf.evaluate(force_reader(), ["eye-a"])
     table = found.to_dataframe()
     assert list(table["file"]) == [frame.file for frame in found.frames]
-    assert {"recording", "eye", "measured_force_mn", "interval_low_mn", "interval_high_mn"} <= set(table.columns)
+    assert {
+        "recording",
+        "eye",
+        "measured_force_mn",
+        "interval_low_mn",
+        "interval_high_mn",
+    } <= set(table.columns)
     assert sf.export(found, "answers.csv") == len(found.frames)
     with pytest.raises(InputError, match=r"answers\.csv: exists already"):
         sf.export(found, "answers.csv")
     stack = read(
-        np.stack([recording.frame(entry) for recording in [sf.read_recording("eye-a")] for entry in recording.frames])
+        np.stack(
+            [
+                recording.frame(entry)
+                for recording in [sf.read_recording("eye-a")]
+                for entry in recording.frames
+            ]
+        )
     )
     assert sf.export("eye-a", "stack.csv", answers=stack) == len(stack)
     for wrong in (stack[:1], stack[0]):
         with pytest.raises(InputError, match="answers: "):
             sf.export("eye-a", "wrong.csv", answers=wrong)  # type: ignore[arg-type]  # the mistake
     with pytest.raises(InputError, match="author: 'a"):
-        sf.save_wall("eye-a", found.frames[0].file, stack[0].segmentation.mask, author="a\nb")
+        sf.save_wall(
+            "eye-a", found.frames[0].file, stack[0].segmentation.mask, author="a\nb"
+        )
     assert sf.export("eye-a", "both.json", answers=found) == len(found.frames)
     rows = json.loads((tmp_path / "both.json").read_text())["frames"]
-    assert [row["predicted"] for row in rows] == [frame.answer.predicted for frame in found.frames]
+    assert [row["predicted"] for row in rows] == [
+        frame.answer.predicted for frame in found.frames
+    ]
     for one in (found, sf.read_recording("eye-a")):
         assert_is_html(one._repr_html_(), "eye-a" if one is not found else "frames")
 
@@ -135,12 +174,20 @@ def test_an_evaluation_and_a_calibration_become_tables(tmp_path, monkeypatch) ->
 def test_jupyter_shows_frame_wall_force_and_interval() -> None:
     answer = read(FRAMES[1])
     low_mn, high_mn = (1e3 * end for end in answer.interval_n)
-    assert_is_html(answer._repr_html_(), f"{1e3 * answer.force_n:.1f} mN (90 %: {low_mn:.1f} to {high_mn:.1f})")
+    assert_is_html(
+        answer._repr_html_(),
+        f"{1e3 * answer.force_n:.1f} mN (90 %: {low_mn:.1f} to {high_mn:.1f})",
+    )
     assert "data:image/png;base64," in answer._repr_html_()
-    assert_is_html(read(np.zeros_like(FRAMES[0]))._repr_html_(), "the frame is empty: all pixels are alike")
+    assert_is_html(
+        read(np.zeros_like(FRAMES[0]))._repr_html_(),
+        "the frame is empty: all pixels are alike",
+    )
     assert_is_html(read(FRAMES)._repr_html_(), "frame 1")
     shown = answer.segmentation.overlay.reshape(-1, 3)
-    assert {(0, 159, 230), (233, 180, 86)} <= set(map(tuple, shown.tolist())), "both boundaries are drawn"
+    assert {(0, 159, 230), (233, 180, 86)} <= set(map(tuple, shown.tolist())), (
+        "both boundaries are drawn"
+    )
     named = Calibration({}, "<b>", (5e-3, 30e-3), "<script>")
     assert "<script>" not in named._repr_html_()
 
@@ -148,7 +195,10 @@ def test_jupyter_shows_frame_wall_force_and_interval() -> None:
 def test_a_missing_package_is_named_with_its_extra(monkeypatch) -> None:
     for name, call in (("pandas", "to_dataframe"), ("xarray", "to_xarray")):
         monkeypatch.setitem(sys.modules, name, None)
-        with pytest.raises(InputError, match=rf"{name}, which is not installed: pip install 'scleraforce\[tables\]'"):
+        with pytest.raises(
+            InputError,
+            match=rf"{name}, which is not installed: pip install 'scleraforce\[tables\]'",
+        ):
             getattr(read(FRAMES[:1]), call)()
 
 

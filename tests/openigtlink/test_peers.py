@@ -22,7 +22,14 @@ pyigtl = pytest.importorskip("pyigtl")
 messages = pytest.importorskip("pyigtl.messages")
 
 VERSIONS = [1, 2]
-MATRIX = np.array([[0.0, -2.0, 0.0, 5.0], [1.0, 0.0, 0.0, -3.0], [0.0, 0.0, 4.0, 0.5], [0.0, 0.0, 0.0, 1.0]])
+MATRIX = np.array(
+    [
+        [0.0, -2.0, 0.0, 5.0],
+        [1.0, 0.0, 0.0, -3.0],
+        [0.0, 0.0, 4.0, 0.5],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+)
 
 
 def read_by_pyigtl(data: bytes):
@@ -41,7 +48,9 @@ def written_by_pyigtl(message, version: int) -> Received:
     assert isinstance(event, Received)  # its CRC is right
     assert event.header.version == version
     assert event.header.time_s == pytest.approx(1234.5, abs=1e-6)
-    assert (event.message_id, event.metadata) == ((9, {"eye": "left", "probe": "b"}) if version > 1 else (0, {}))
+    assert (event.message_id, event.metadata) == (
+        (9, {"eye": "left", "probe": "b"}) if version > 1 else (0, {})
+    )
     return event
 
 
@@ -49,10 +58,14 @@ def written_by_pyigtl(message, version: int) -> Received:
 @pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int16, np.uint16])
 def test_images_are_read_and_written(dtype: np.dtype, version: int) -> None:
     pixels = np.arange(60).reshape(1, 6, 10).astype(dtype)
-    event = written_by_pyigtl(pyigtl.ImageMessage(pixels, timestamp=1234.5, device_name="Scanner"), version)
+    event = written_by_pyigtl(
+        pyigtl.ImageMessage(pixels, timestamp=1234.5, device_name="Scanner"), version
+    )
     assert isinstance(event.message, Image)
     assert np.array_equal(event.message.pixels, pixels)
-    ours = encode(Image(pixels.astype(pixels.dtype.newbyteorder("="))), "Scanner", version=version)
+    ours = encode(
+        Image(pixels.astype(pixels.dtype.newbyteorder("="))), "Scanner", version=version
+    )
     theirs = read_by_pyigtl(ours)
     assert theirs.image.dtype.itemsize == pixels.dtype.itemsize
     assert np.array_equal(theirs.image.reshape(pixels.shape), pixels)
@@ -61,7 +74,10 @@ def test_images_are_read_and_written(dtype: np.dtype, version: int) -> None:
 def test_its_image_becomes_a_frame_with_the_pixels_of_its_matrix() -> None:
     """Columns 0.003 * 5 mm apart, rows 0.001 * 3 mm, in a plane that lies askew."""
     matrix = np.eye(4)
-    matrix[:3, 0], matrix[:3, 1] = 0.003 * np.array([3.0, 0.0, 4.0]), 0.001 * np.array([1.0, -2.0, 2.0])
+    matrix[:3, 0], matrix[:3, 1] = (
+        0.003 * np.array([3.0, 0.0, 4.0]),
+        0.001 * np.array([1.0, -2.0, 2.0]),
+    )
     pixels = np.arange(60, dtype=np.int16).reshape(1, 6, 10)
     message = pyigtl.ImageMessage(pixels, ijk_to_world_matrix=matrix, timestamp=1234.5)
     image = written_by_pyigtl(message, 1).message
@@ -75,16 +91,26 @@ def test_its_image_becomes_a_frame_with_the_pixels_of_its_matrix() -> None:
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_strings_and_transforms_are_read_and_written(version: int) -> None:
-    assert written_by_pyigtl(pyigtl.StringMessage("force", timestamp=1234.5), version).message == Text("force")
+    assert written_by_pyigtl(
+        pyigtl.StringMessage("force", timestamp=1234.5), version
+    ).message == Text("force")
     assert read_by_pyigtl(encode(Text("force"), "M", version=version)).string == "force"
-    found = written_by_pyigtl(pyigtl.TransformMessage(MATRIX, timestamp=1234.5), version).message
+    found = written_by_pyigtl(
+        pyigtl.TransformMessage(MATRIX, timestamp=1234.5), version
+    ).message
     assert isinstance(found, Transform)
     assert np.array_equal(np.reshape(found.matrix, (4, 3)).T, MATRIX[:3])
-    assert np.array_equal(read_by_pyigtl(encode(found, "M", version=version)).matrix, MATRIX)
+    assert np.array_equal(
+        read_by_pyigtl(encode(found, "M", version=version)).matrix, MATRIX
+    )
 
 
 def test_our_metadata_is_read() -> None:
-    theirs = read_by_pyigtl(encode(Text("a"), "M", version=2, message_id=3, metadata={"eye": "left", "b": ""}))
+    theirs = read_by_pyigtl(
+        encode(
+            Text("a"), "M", version=2, message_id=3, metadata={"eye": "left", "b": ""}
+        )
+    )
     assert (theirs.message_id, theirs.metadata) == (3, {"eye": "left", "b": ""})
 
 
@@ -93,9 +119,12 @@ EXAMPLES = Path("/usr/share/doc/openigtlink-examples/examples")
 SUPPORT = Path(__file__).parents[1] / "support"
 
 compiled = pytest.mark.skipif(
-    shutil.which("g++") is None or not HEADERS.is_dir(), reason="g++ or libopenigtlink-dev is not installed"
+    shutil.which("g++") is None or not HEADERS.is_dir(),
+    reason="g++ or libopenigtlink-dev is not installed",
 )
-debians = pytest.mark.skipif(not EXAMPLES.is_dir(), reason="openigtlink-examples is not installed")
+debians = pytest.mark.skipif(
+    not EXAMPLES.is_dir(), reason="openigtlink-examples is not installed"
+)
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +134,16 @@ def build(tmp_path_factory):
 
     def compiled_program(source: Path) -> str:
         program = folder / source.stem
-        command = ["g++", "-w", f"-I{HEADERS}", str(source), "-o", str(program), "-lOpenIGTLink", "-lpthread"]
+        command = [
+            "g++",
+            "-w",
+            f"-I{HEADERS}",
+            str(source),
+            "-o",
+            str(program),
+            "-lOpenIGTLink",
+            "-lpthread",
+        ]
         subprocess.run(command, check=True)
         return str(program)
 
@@ -114,19 +152,31 @@ def build(tmp_path_factory):
 
 @compiled
 @pytest.mark.slow
-def test_a_scanner_in_cpp_is_answered_frame_by_frame_up_to_the_withdrawal(build) -> None:
+def test_a_scanner_in_cpp_is_answered_frame_by_frame_up_to_the_withdrawal(
+    build,
+) -> None:
     with serving() as port:
         size = [str(COLUMNS), str(ROWS), str(SCALE_M[0] * 1e3), str(SCALE_M[1] * 1e3)]
         forces_un = ["10000"] * 11 + ["45000"]
-        command = [build(SUPPORT / "image_sender.cxx"), str(port), *size, "14", *forces_un]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=FUSE_S, check=True)
+        command = [
+            build(SUPPORT / "image_sender.cxx"),
+            str(port),
+            *size,
+            "14",
+            *forces_un,
+        ]
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=FUSE_S, check=True
+        )
     lines = [line.split(" ", 3) for line in done.stdout.splitlines()]
     codes = [(int(code), int(sub_code)) for _, code, sub_code, _ in lines]
     assert codes[:11] == [(1, 0)] * 11
     assert [code for code, _ in codes[11:]] == [3, 3, 3]
     readings = [json.loads(text) for *_, text in lines]
     assert [reading["frame"] for reading in readings] == list(range(1, 15))
-    assert [reading["force_mn"] for reading in readings[10:12]] == pytest.approx([10.0, 45.0])
+    assert [reading["force_mn"] for reading in readings[10:12]] == pytest.approx(
+        [10.0, 45.0]
+    )
     assert readings[11]["sub_code"] == codes[11][1] in (101, 102, 103)
 
 
@@ -148,8 +198,10 @@ def test_debians_receiver_prints_what_the_monitor_says(build) -> None:
     with serving() as port, Peer(port) as scanner:
         child = subprocess.Popen(
             [program, "127.0.0.1", str(port)],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        )  # fmt: skip
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
         out = lines_until(child, " Code      : 13\n")
         scanner.watch(force_mn=10.0)
         scanner.read(45.0)
@@ -172,7 +224,9 @@ def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
             matrix = np.diag([SCALE_M[0] * 1e3, SCALE_M[1] * 1e3, 1.0, 1.0])
             for number in range(1, 9):
                 pixels = frame_of(12_000, number)[None]
-                message = pyigtl.ImageMessage(pixels, ijk_to_world_matrix=matrix, device_name="PyScanner")
+                message = pyigtl.ImageMessage(
+                    pixels, ijk_to_world_matrix=matrix, device_name="PyScanner"
+                )
                 assert client.send_message(message)
                 robot.hear(lambda peer: peer.readings() == number)  # noqa: B023 - called at once
             reading = client.wait_for_message("ForceReading", timeout=FUSE_S)
@@ -187,7 +241,9 @@ def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
 @pytest.fixture
 def _own_signals():
     """Give back the signals that a pyigtl server takes."""
-    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    kept = {
+        number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)
+    }
     yield
     for number, handler in kept.items():
         signal.signal(number, handler)

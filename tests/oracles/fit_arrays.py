@@ -18,24 +18,44 @@ FORM_STEP = 1e-7  # m
 
 def predict_wall(walls: Walls, unknown: Floats, places: Places) -> Placed:
     """Return the boundaries at places, without derivatives."""
-    state, size, library = library_place(walls, unknown[None]), np.exp(unknown[at.SIZE]), walls.library
-    curves = values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
-    section = cut_by_plane(curves, unknown[None, at.GAP], ring_motion(walls, state, unknown[None, at.POLE]) * size)
-    outer, inner = place_curves(section, unknown[at.LATERAL], unknown[at.DEPTH], unknown[at.ROTATION])[0]
-    parts = smoothed(outer, places), depths_along(inner, places.lateral_m[places.outer :])
+    state, size, library = (
+        library_place(walls, unknown[None]),
+        np.exp(unknown[at.SIZE]),
+        walls.library,
+    )
+    curves = (
+        values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
+    )
+    section = cut_by_plane(
+        curves,
+        unknown[None, at.GAP],
+        ring_motion(walls, state, unknown[None, at.POLE]) * size,
+    )
+    outer, inner = place_curves(
+        section, unknown[at.LATERAL], unknown[at.DEPTH], unknown[at.ROTATION]
+    )[0]
+    parts = (
+        smoothed(outer, places),
+        depths_along(inner, places.lateral_m[places.outer :]),
+    )
     depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
     form, from_contact_m = unknown[at.FORM], places.lateral_m - unknown[at.LATERAL]
     ends = [
-        at.form_depths(form, from_contact_m + step, places.is_inner) for step in (0.5 * FORM_STEP, -0.5 * FORM_STEP)
+        at.form_depths(form, from_contact_m + step, places.is_inner)
+        for step in (0.5 * FORM_STEP, -0.5 * FORM_STEP)
     ]
     form_slope = np.subtract(*ends) / FORM_STEP
     shine = (1.0 - places.is_inner) * shining(slope + form_slope)
     formed = at.form_depths(form, from_contact_m, places.is_inner)
-    offset = unknown[at.INNER_OFFSET] * places.is_inner + formed - unknown[at.SHINE] * shine
+    offset = (
+        unknown[at.INNER_OFFSET] * places.is_inner + formed - unknown[at.SHINE] * shine
+    )
     return Placed(depth + offset, slope + form_slope, np.zeros((len(depth), 0)), seen)
 
 
-def ring_motion(walls: Walls, place: tuple[Floats, Floats, Floats], pole_s2: Floats) -> Floats:
+def ring_motion(
+    walls: Walls, place: tuple[Floats, Floats, Floats], pole_s2: Floats
+) -> Floats:
     """Return the motion of the points where the plane meets the rings (sample, boundary, [left, right], node, 3), m.
 
     `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each. The motion is
@@ -43,13 +63,17 @@ def ring_motion(walls: Walls, place: tuple[Floats, Floats, Floats], pole_s2: Flo
     """
     library, (thickness, ratio, _) = walls.library, place
     angles, is_inner = library.node_angles(), np.array([[0], [1]])
-    stations = np.sin(angles[-1]) * np.linspace(-1.0, 1.0, 2 * int(np.ceil(angles[-1] / STATION_RAD)) + 3)
+    stations = np.sin(angles[-1]) * np.linspace(
+        -1.0, 1.0, 2 * int(np.ceil(angles[-1] / STATION_RAD)) + 3
+    )
     across = walls.gap_m / (library.radius_m - is_inner * walls.thickness_m)
     rings = np.sqrt(np.maximum(np.sin(angles) ** 2 - across**2, 0.0))
     wanted = np.concatenate([-rings, rings], axis=1)
     left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
     share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
-    bulge = library.base_bulge(thickness, ratio, section_places(stations, across), pole_s2)
+    bulge = library.base_bulge(
+        thickness, ratio, section_places(stations, across), pole_s2
+    )
     pushed = base_push(library.forces(*place), thickness, library.poisson_ratio)
     bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
     low, high = bulge[:, is_inner, left], bulge[:, is_inner, left + 1]
@@ -69,18 +93,28 @@ def cut_by_plane(curves_sbnc: Floats, gap_s: Floats, moved_sbwnc: Floats) -> Flo
     left, left_down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 0], -1.0)
     right, down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 1], 1.0)
     lateral = np.concatenate([left[..., ::-1], right], axis=2)
-    return np.stack([lateral, np.concatenate([left_down[..., ::-1], down], axis=2)], axis=3)
+    return np.stack(
+        [lateral, np.concatenate([left_down[..., ::-1], down], axis=2)], axis=3
+    )
 
 
-def _moved_side(curves_sbnc: Floats, gap: Floats, moved_sbnc: Floats, sign: float) -> tuple[Floats, Floats]:
+def _moved_side(
+    curves_sbnc: Floats, gap: Floats, moved_sbnc: Floats, sign: float
+) -> tuple[Floats, Floats]:
     """Return one side's lateral places and depths (sample, boundary, node)."""
     lateral, down, first = _cut_side(curves_sbnc, gap - moved_sbnc[..., 1])
-    nodes = np.maximum(np.arange(curves_sbnc.shape[2]), first)  # what lies in the middle moves as its neighbour
-    along, deeper = (np.take_along_axis(moved_sbnc[..., axis], nodes, axis=2) for axis in (0, 2))
+    nodes = np.maximum(
+        np.arange(curves_sbnc.shape[2]), first
+    )  # what lies in the middle moves as its neighbour
+    along, deeper = (
+        np.take_along_axis(moved_sbnc[..., axis], nodes, axis=2) for axis in (0, 2)
+    )
     return sign * lateral + along, down + deeper
 
 
-def _cut_side(curves_sbnc: Floats, gap: Floats) -> tuple[Floats, Floats, NDArray[np.intp]]:
+def _cut_side(
+    curves_sbnc: Floats, gap: Floats
+) -> tuple[Floats, Floats, NDArray[np.intp]]:
     """Return the right side's lateral places and depths, and the first node beyond the plane (sample, boundary, 1)."""
     distance, depth = curves_sbnc[..., 0], curves_sbnc[..., 1]
     square = distance**2 - gap**2
@@ -98,8 +132,12 @@ def _cut_side(curves_sbnc: Floats, gap: Floats) -> tuple[Floats, Floats, NDArray
 def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Depth, slope and whether it is seen, of an outer boundary under a Gaussian: Gauss and Hermite's three points."""
     lateral, apart = places.lateral_m[: places.outer], np.sqrt(3.0) * places.smoothing_m
-    found = depths_along(outer, (lateral + np.array([[-apart], [0.0], [apart]])).ravel())
-    depth, slope = (np.array([1.0, 4.0, 1.0]) @ part.reshape(3, -1) / 6.0 for part in found[:2])
+    found = depths_along(
+        outer, (lateral + np.array([[-apart], [0.0], [apart]])).ravel()
+    )
+    depth, slope = (
+        np.array([1.0, 4.0, 1.0]) @ part.reshape(3, -1) / 6.0 for part in found[:2]
+    )
     return depth, slope, found[2].reshape(3, -1)[1]
 
 
@@ -107,22 +145,35 @@ def off_the_law(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats]:
     """Return the error of pressures against their globe's law, and its standard deviation, (sample,) each."""
     known, volume = walls.globe, displaced_m3(walls, unknown_su)
     mean, spread = known.globe(known.mean), known.globe(known.sd)
-    pressure, resting = np.exp(unknown_su[:, at.PRESSURE]), np.exp(unknown_su[:, at.IOP])
+    pressure, resting = (
+        np.exp(unknown_su[:, at.PRESSURE]),
+        np.exp(unknown_su[:, at.IOP]),
+    )
     off = mean.level(pressure) - mean.level(resting) - mean.rate * volume
-    return off, np.hypot(spread.rate * volume, LEAST_SD * mean.level_slope(resting) * resting)
+    return off, np.hypot(
+        spread.rate * volume, LEAST_SD * mean.level_slope(resting) * resting
+    )
 
 
 def displaced_m3(walls: Walls, unknown_su: Floats) -> Floats:
     """Return the volume that the dent displaces, (sample,), m^3."""
     library, state = walls.library, library_place(walls, unknown_su)
-    return np.exp(3.0 * unknown_su[:, at.SIZE]) * values_at(library, library.tables.volumes, *state)
+    return np.exp(3.0 * unknown_su[:, at.SIZE]) * values_at(
+        library, library.tables.volumes, *state
+    )
 
 
 def library_place(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats, Floats]:
     """Return thickness, pressure over E and tip of samples in the library's size, kept within its ranges."""
     library, size = walls.library, np.exp(unknown_su[:, at.SIZE])
-    thickness = np.clip(unknown_su[:, at.THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
-    ratio = np.exp(unknown_su[:, law_of(walls.globe).pressure] - unknown_su[:, at.MODULUS])
+    thickness = np.clip(
+        unknown_su[:, at.THICKNESS] / size,
+        library.thickness_m[0],
+        library.thickness_m[-1],
+    )
+    ratio = np.exp(
+        unknown_su[:, law_of(walls.globe).pressure] - unknown_su[:, at.MODULUS]
+    )
     tip_m = np.clip(unknown_su[:, at.TIP] / size, library.tip_m[0], library.tip_m[-1])
     return thickness, np.clip(ratio, *library.iop_ratio_ends(thickness)), tip_m
 
@@ -130,4 +181,6 @@ def library_place(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats, Flo
 def force_n(walls: Walls, unknown_su: Floats) -> Floats:
     """Return the needle's force (sample,), N."""
     state = library_place(walls, unknown_su)
-    return np.exp(unknown_su[:, at.MODULUS] + 2.0 * unknown_su[:, at.SIZE]) * walls.library.forces(*state)
+    return np.exp(
+        unknown_su[:, at.MODULUS] + 2.0 * unknown_su[:, at.SIZE]
+    ) * walls.library.forces(*state)

@@ -16,7 +16,14 @@ from scleraforce.library.placement import Columns, Placed, Places, robust_spread
 from scleraforce.library.prior import HEAVY, Prior
 from scleraforce.library.responses import Library
 
-LAW_STEPS = {at.TIP: 1e-7, at.THICKNESS: 1e-7, at.MODULUS: 1e-4, at.IOP: 1e-4, at.SIZE: 1e-4, at.PRESSURE: 1e-4}
+LAW_STEPS = {
+    at.TIP: 1e-7,
+    at.THICKNESS: 1e-7,
+    at.MODULUS: 1e-4,
+    at.IOP: 1e-4,
+    at.SIZE: 1e-4,
+    at.PRESSURE: 1e-4,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,55 +38,104 @@ class Problem:
         """The deviations (sample, 2) of the force at a dent and of the pressure."""
         off, sd = fit_arrays.off_the_law(self.walls, unknown_su)
         law = off / sd if self.walls.globe.can_be_sealed else np.zeros_like(off)
-        return np.stack([(unknown_su - self.prior.mean) @ self.prior.same_force, law], axis=1)
+        return np.stack(
+            [(unknown_su - self.prior.mean) @ self.prior.same_force, law], axis=1
+        )
 
     def evaluate(self, unknown: Floats) -> tuple[Placed, float]:
         """The prediction and its cost."""
-        placed, away = predict_wall(self.walls, unknown, self.columns.places), unknown - self.prior.mean
+        placed, away = (
+            predict_wall(self.walls, unknown, self.columns.places),
+            unknown - self.prior.mean,
+        )
         heavy = away[HEAVY] / (search_loops.HEAVY_CAUCHY * self.prior.sd[HEAVY])
         away[HEAVY] = 0.0
-        known = away @ self.prior.precision @ away + search_loops.HEAVY_CAUCHY**2 * np.log1p(heavy**2).sum()
+        known = (
+            away @ self.prior.precision @ away
+            + search_loops.HEAVY_CAUCHY**2 * np.log1p(heavy**2).sum()
+        )
         off = self.off(unknown[None])[0]
-        return placed, self.columns.loss(placed) + float(known + off @ self.prior.calibrated @ off)
+        return placed, self.columns.loss(placed) + float(
+            known + off @ self.prior.calibrated @ off
+        )
 
-    def normal_equations(self, unknown: Floats, placed: Placed, scale: float = 1.0) -> tuple[Floats, Floats]:
+    def normal_equations(
+        self, unknown: Floats, placed: Placed, scale: float = 1.0
+    ) -> tuple[Floats, Floats]:
         """The normal matrix (unknown, unknown) and the gradient (unknown,)."""
         normal, gradient = self.columns.normal_equations(placed, scale)
         precision, away = self.prior.precision.copy(), unknown - self.prior.mean
-        precision[HEAVY, HEAVY] /= 1.0 + (away[HEAVY] / (search_loops.HEAVY_CAUCHY * self.prior.sd[HEAVY])) ** 2
+        precision[HEAVY, HEAVY] /= (
+            1.0
+            + (away[HEAVY] / (search_loops.HEAVY_CAUCHY * self.prior.sd[HEAVY])) ** 2
+        )
         slopes = np.zeros((2, len(unknown)))
         slopes[0] = self.prior.same_force
         if self.walls.globe.can_be_sealed:
-            varied = unknown + np.array([step * np.eye(len(unknown))[which] for which, step in LAW_STEPS.items()])
-            off, sd = fit_arrays.off_the_law(self.walls, np.concatenate([unknown[None], varied]))
-            slopes[1, list(LAW_STEPS)] = (off[1:] - off[0]) / (np.array(list(LAW_STEPS.values())) * sd[0])
+            varied = unknown + np.array(
+                [
+                    step * np.eye(len(unknown))[which]
+                    for which, step in LAW_STEPS.items()
+                ]
+            )
+            off, sd = fit_arrays.off_the_law(
+                self.walls, np.concatenate([unknown[None], varied])
+            )
+            slopes[1, list(LAW_STEPS)] = (off[1:] - off[0]) / (
+                np.array(list(LAW_STEPS.values())) * sd[0]
+            )
         weighted = slopes.T @ self.prior.calibrated
         off = self.off(unknown[None])[0]
-        return normal + precision + weighted @ slopes, gradient - precision @ away - weighted @ off
+        return (
+            normal + precision + weighted @ slopes,
+            gradient - precision @ away - weighted @ off,
+        )
 
     def spread(self, unknown: Floats, placed: Placed, scale: float = 1.0) -> Floats:
         """The matrix from standard normal numbers to draws about the unknowns (unknown, number)."""
         normal, sd = self.normal_equations(unknown, placed, scale)[0], self.prior.sd
-        return np.asarray(sd[:, None] * np.linalg.inv(np.linalg.cholesky(sd[:, None] * normal * sd)).T)
+        return np.asarray(
+            sd[:, None] * np.linalg.inv(np.linalg.cholesky(sd[:, None] * normal * sd)).T
+        )
 
     def drawn_forces(self, unknown: Floats, spread_uz: Floats) -> Floats:
         """Forces drawn from the posterior."""
-        normal, (level_z, growth_z) = _standard_normal(len(unknown) + 2), _standard_normal(2, seed=1).T
+        normal, (level_z, growth_z) = (
+            _standard_normal(len(unknown) + 2),
+            _standard_normal(2, seed=1).T,
+        )
         drawn = unknown + normal[:, :-2] @ spread_uz.T
         drawn[:, at.TIP] = np.maximum(drawn[:, at.TIP], 0.0)
         known = self.walls.globe
         if known.can_be_sealed:
-            volume, resting_pa = fit_arrays.displaced_m3(self.walls, drawn), np.exp(drawn[:, at.IOP])
-            ends = [np.log(known.globe(k).pressure(resting_pa, volume)) for k in (known.lowest, known.highest)]
+            volume, resting_pa = (
+                fit_arrays.displaced_m3(self.walls, drawn),
+                np.exp(drawn[:, at.IOP]),
+            )
+            ends = [
+                np.log(known.globe(k).pressure(resting_pa, volume))
+                for k in (known.lowest, known.highest)
+            ]
             drawn[:, at.PRESSURE] = np.clip(drawn[:, at.PRESSURE], *ends)
-        eye_z = np.clip(self.off(drawn), -fit_frame.FARTHEST_EYE, fit_frame.FARTHEST_EYE)
-        corrected = self.prior.discrepancy.corrected_n(fit_arrays.force_n(self.walls, drawn), level_z, growth_z, eye_z)
-        noise = np.exp(fit_frame.MODEL_SD * normal[:, -2]), fit_frame.MODEL_SD_N * normal[:, -1]
+        eye_z = np.clip(
+            self.off(drawn), -fit_frame.FARTHEST_EYE, fit_frame.FARTHEST_EYE
+        )
+        corrected = self.prior.discrepancy.corrected_n(
+            fit_arrays.force_n(self.walls, drawn), level_z, growth_z, eye_z
+        )
+        noise = (
+            np.exp(fit_frame.MODEL_SD * normal[:, -2]),
+            fit_frame.MODEL_SD_N * normal[:, -1],
+        )
         return np.maximum(corrected * noise[0] + noise[1], 0.0)
 
 
 def problem_of(
-    library: Library, lateral_m: Floats, depth_bc: Floats, prior: Prior, smoothing_m: float = 0.0
+    library: Library,
+    lateral_m: Floats,
+    depth_bc: Floats,
+    prior: Prior,
+    smoothing_m: float = 0.0,
 ) -> Problem:
     """The problem of a frame."""
     step = -(-len(lateral_m) // fit_frame.COLUMNS)
@@ -87,8 +143,18 @@ def problem_of(
     places = Places(lateral_m[column * step], boundary, smoothing_m)
     apart_m = float(np.median(np.diff(places.lateral_m[: places.outer])))
     sd_m = np.where(boundary == 0, fit_frame.OUTER_SD_M, fit_frame.INNER_SD_M)
-    columns = Columns(places, depth_bc[boundary, column * step], sd_m, max(1.0, fit_frame.CORRELATED_M / apart_m))
-    walls = Walls(library, prior.globe, gap_m=float(prior.mean[at.GAP]), thickness_m=float(prior.mean[at.THICKNESS]))
+    columns = Columns(
+        places,
+        depth_bc[boundary, column * step],
+        sd_m,
+        max(1.0, fit_frame.CORRELATED_M / apart_m),
+    )
+    walls = Walls(
+        library,
+        prior.globe,
+        gap_m=float(prior.mean[at.GAP]),
+        thickness_m=float(prior.mean[at.THICKNESS]),
+    )
     return Problem(walls, columns, prior)
 
 
@@ -97,16 +163,38 @@ def fit_at(problem: Problem, unknown: Floats) -> BoundaryFit:
     placed, cost = problem.evaluate(unknown)
     residual = np.where(placed.seen, np.abs(problem.columns.residual(placed)), np.inf)
     misfit, law = robust_spread(residual), law_of(problem.walls.globe)
-    spread_uz = problem.spread(unknown, placed, float(np.clip(misfit, fit_frame.LEAST_NOISE, fit_frame.MOST_NOISE)))
+    spread_uz = problem.spread(
+        unknown,
+        placed,
+        float(np.clip(misfit, fit_frame.LEAST_NOISE, fit_frame.MOST_NOISE)),
+    )
     draws_n = problem.drawn_forces(unknown, spread_uz)
     low_n, force, high_n = np.quantile(draws_n, [0.05, 0.5, 0.95])
-    iop_pa, radius_m = np.exp(unknown[law.pressure]), problem.walls.library.radius_m * np.exp(unknown[at.SIZE])
+    iop_pa, radius_m = (
+        np.exp(unknown[law.pressure]),
+        problem.walls.library.radius_m * np.exp(unknown[at.SIZE]),
+    )
     below_m = problem.columns.residual(placed) * fit_frame.INNER_SD_M
-    layer = (problem.columns.places.boundary == 1) & placed.seen & (below_m > 0.0) & (below_m < fit_frame.LAYER_M)
+    layer = (
+        (problem.columns.places.boundary == 1)
+        & placed.seen
+        & (below_m > 0.0)
+        & (below_m < fit_frame.LAYER_M)
+    )
     return BoundaryFit(
-        force_n=force, interval_n=(low_n, high_n), draws_n=draws_n, contact_m=unknown[at.LATERAL],
-        tip_m=unknown[at.TIP], misfit_m=misfit * fit_frame.OUTER_SD_M,
-        outliers=float(np.mean((residual > fit_frame.OUTLIER_SD * max(1.0, misfit)) & ~layer)),
-        wall_bmc=formed_wall(problem.walls, unknown), unknown=unknown, spread=spread_uz.T,
-        iop_pa=iop_pa, tension=iop_pa / np.exp(unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS], loss=cost,
-    )  # fmt: skip
+        force_n=force,
+        interval_n=(low_n, high_n),
+        draws_n=draws_n,
+        contact_m=unknown[at.LATERAL],
+        tip_m=unknown[at.TIP],
+        misfit_m=misfit * fit_frame.OUTER_SD_M,
+        outliers=float(
+            np.mean((residual > fit_frame.OUTLIER_SD * max(1.0, misfit)) & ~layer)
+        ),
+        wall_bmc=formed_wall(problem.walls, unknown),
+        unknown=unknown,
+        spread=spread_uz.T,
+        iop_pa=iop_pa,
+        tension=iop_pa / np.exp(unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS],
+        loss=cost,
+    )

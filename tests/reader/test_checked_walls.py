@@ -8,13 +8,29 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-
-from analytic_frames import (  # isort: skip
-    CLEAN, GAP_M, IOP_PA, KNOWN, LIBRARY, MODULUS_PA, SCALE, STUDY, THICKNESS_M, image, recording_toml, tip_of,
+from analytic_frames import (
+    CLEAN,
+    GAP_M,
+    IOP_PA,
+    KNOWN,
+    LIBRARY,
+    MODULUS_PA,
+    SCALE,
+    STUDY,
+    THICKNESS_M,
+    image,
+    recording_toml,
+    tip_of,
     wall_section,
-)  # fmt: skip
+)
 from commands import said
-from small_models import FINDER_STUDY, FIVE_MN, FixedNetwork, fixed_finder, write_blind_finder
+from small_models import (
+    FINDER_STUDY,
+    FIVE_MN,
+    FixedNetwork,
+    fixed_finder,
+    write_blind_finder,
+)
 from small_recordings import FORCE_TOML, write_places
 
 import scleraforce as sf
@@ -22,7 +38,16 @@ from predicted_walls import Walls, formed_wall
 from scleraforce.known import known_of_recording
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.light import sample_conjunctiva, sample_optics
-from scleraforce.library.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
+from scleraforce.library.unknowns import (
+    DEPTH,
+    GAP,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    THICKNESS,
+    TIP,
+)
 from scleraforce.mechanics.contact import Section
 from scleraforce.reader.answer import Answer
 from scleraforce.reader.felt import History
@@ -53,7 +78,9 @@ def blind(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_loop_reads_what_the_second_opinion_refuses() -> None:
     frame = image(wall_section(tip_of(0.02)))
     elsewhere = fixed_finder(np.full(HALF, 100.0), np.full(HALF, 110.0), sd=0.3)
-    reader = ForceReader(Path("model"), STUDY, FixedNetwork(FIVE_MN), LIBRARY, "fit", finder=elsewhere)
+    reader = ForceReader(
+        Path("model"), STUDY, FixedNetwork(FIVE_MN), LIBRARY, "fit", finder=elsewhere
+    )
     answer = reader.read(frame, SCALE, KNOWN)
     assert not answer.usable
     assert answer.predicted == 2
@@ -62,10 +89,15 @@ def test_the_loop_reads_what_the_second_opinion_refuses() -> None:
     assert reader.read_live(frame, SCALE, KNOWN).usable
 
 
-def test_a_classifier_checks_its_walls_too(tmp_path: Path, blind: Path, write_model) -> None:
+def test_a_classifier_checks_its_walls_too(
+    tmp_path: Path, blind: Path, write_model
+) -> None:
     frame = image(wall_section(tip_of(0.02)))
     path = write_model(tmp_path / "tiny", STUDY).path
-    checked, alone = load_classifier(path, finder=blind), load_classifier(path, finder=None)
+    checked, alone = (
+        load_classifier(path, finder=blind),
+        load_classifier(path, finder=None),
+    )
     assert alone.read(frame, SCALE).usable
     assert not checked.read(frame, SCALE).usable
     assert checked.read(frame, SCALE).reason.startswith(SAID)
@@ -83,20 +115,44 @@ def test_the_commands_check_with_the_given_wall_finder(places, blind, capsys) ->
         words = [] if finder is None else ["--wall-finder", finder]
         (read[finder],) = frames_of(capsys, "classify", places["model"], frame, *words)
         found = frames_of(capsys, "evaluate", places["model"], places["mine"], *words)
-        assert [one["usable"] for one in found] == [read[finder]["usable"]] * 4 + [False]
+        assert [one["usable"] for one in found] == [read[finder]["usable"]] * 4 + [
+            False
+        ]
         assert found[1]["reason"] == read[finder]["reason"]
     assert read[None]["usable"]  # the network may move the wall's end by a few rows
-    assert read[None]["predicted_force_mn"] == pytest.approx(read["none"]["predicted_force_mn"], rel=0.05)
+    assert read[None]["predicted_force_mn"] == pytest.approx(
+        read["none"]["predicted_force_mn"], rel=0.05
+    )
     assert not read[blind]["usable"]
     assert read[blind]["reason"].startswith(SAID)
-    message = said(capsys, "evaluate", places["model"], places["mine"], "--wall-finder", places["model"], code=2)
+    message = said(
+        capsys,
+        "evaluate",
+        places["model"],
+        places["mine"],
+        "--wall-finder",
+        places["model"],
+        code=2,
+    )
     assert "kind: found 'reader', a wall-finder is needed here" in message
 
 
 @pytest.mark.slow
-def test_calibrate_takes_no_frame_that_the_wall_finder_doubts(places, blind, capsys, tmp_path) -> None:
-    command = ["calibrate", places["mine"], "--mechanics", "linear", "--frames", 1, "--out"]
-    message = said(capsys, *command, tmp_path / "a.json", "--wall-finder", blind, code=2)
+def test_calibrate_takes_no_frame_that_the_wall_finder_doubts(
+    places, blind, capsys, tmp_path
+) -> None:
+    command = [
+        "calibrate",
+        places["mine"],
+        "--mechanics",
+        "linear",
+        "--frames",
+        1,
+        "--out",
+    ]
+    message = said(
+        capsys, *command, tmp_path / "a.json", "--wall-finder", blind, code=2
+    )
     assert any(f"not usable: {words}" in message for words in SAID)
     assert not (tmp_path / "a.json").exists()
     said(capsys, *command, tmp_path / "b.json", "--wall-finder", "none")
@@ -113,17 +169,27 @@ LAYER_M = 140e-6
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One frame of the analytic wall at 15 mN, under a layer."""
     path, rng = tmp_path_factory.mktemp("layered") / "eye", np.random.default_rng(1)
-    over = sample_conjunctiva(replace(CLEAN, conjunctiva_thickness_m=fixed(LAYER_M)), rng)
+    over = sample_conjunctiva(
+        replace(CLEAN, conjunctiva_thickness_m=fixed(LAYER_M)), rng
+    )
     optics = replace(sample_optics(CLEAN, STUDY.oct, rng), conjunctiva=over)
     (path / "frames").mkdir(parents=True)
-    cv2.imwrite(str(path / "frames" / "1.png"), render_bscan(wall_section(tip_of(0.015)), STUDY.oct, optics, rng).frame)
+    cv2.imwrite(
+        str(path / "frames" / "1.png"),
+        render_bscan(wall_section(tip_of(0.015)), STUDY.oct, optics, rng).frame,
+    )
     (path / "recording.toml").write_text(recording_toml("mine", more=FORCE_TOML))
     (path / "frames.csv").write_text("file,time_s\n1.png,5.0\n")
     return path
 
 
-def test_commands_and_python_look_below_a_layer(recording, places, blind, capsys, tmp_path) -> None:
-    frame, modulus = recording / "frames" / "1.png", ("--youngs-modulus-mpa", MODULUS_PA / 1e6)
+def test_commands_and_python_look_below_a_layer(
+    recording, places, blind, capsys, tmp_path
+) -> None:
+    frame, modulus = (
+        recording / "frames" / "1.png",
+        ("--youngs-modulus-mpa", MODULUS_PA / 1e6),
+    )
     (found,) = frames_of(capsys, "segment", recording, "--out", tmp_path / "a")
     assert found["thickness_um"] == pytest.approx(1e6 * THICKNESS_M, rel=0.06)
     (read,) = frames_of(capsys, "classify", places["model"], frame, *modulus)
@@ -132,14 +198,19 @@ def test_commands_and_python_look_below_a_layer(recording, places, blind, capsys
         assert entry["usable"], entry["reason"]
         assert entry["conjunctiva_um"] == pytest.approx(1e6 * LAYER_M, rel=0.15)
     assert read["predicted_force_mn"] == pytest.approx(15.0, abs=1.5)
-    (alone,) = frames_of(capsys, "segment", recording, "--out", tmp_path / "b", "--wall-finder", "none")
+    (alone,) = frames_of(
+        capsys, "segment", recording, "--out", tmp_path / "b", "--wall-finder", "none"
+    )
     assert alone["conjunctiva_um"] == found["conjunctiva_um"]
     for wall in (sf.segment(frame), sf.segment(frame, wall_finder=None)):
         assert wall.conjunctiva_m == pytest.approx(LAYER_M, rel=0.15)
     models = [
-        sf.load_model(places["model"], **finder) for finder in ({}, {"wall_finder": None}, {"wall_finder": blind})
+        sf.load_model(places["model"], **finder)
+        for finder in ({}, {"wall_finder": None}, {"wall_finder": blind})
     ]
-    usable = [sf.read(model, frame, youngs_modulus_pa=MODULUS_PA).usable for model in models]
+    usable = [
+        sf.read(model, frame, youngs_modulus_pa=MODULUS_PA).usable for model in models
+    ]
     assert usable == [True, True, False]
     assert not sf.segment(frame, wall_finder=blind).usable
 
@@ -157,13 +228,23 @@ def small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     frames = []
     for dent_mm in DENTS_MM:
         unknown = np.zeros(len(NAMES))
-        unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = dent_mm * 1e-3, 0.3e-3, 0.5e-3, GAP_M, THICKNESS_M
+        unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = (
+            dent_mm * 1e-3,
+            0.3e-3,
+            0.5e-3,
+            GAP_M,
+            THICKNESS_M,
+        )
         unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
         frames.append(image(Section(*formed_wall(walls, unknown))))
-    frames.append(np.random.default_rng(0).integers(0, 4096, frames[0].shape, dtype=np.uint16))
+    frames.append(
+        np.random.default_rng(0).integers(0, 4096, frames[0].shape, dtype=np.uint16)
+    )
     for file, frame in zip(FILES, frames, strict=True):
         assert cv2.imwrite(str(folder / "frames" / file), frame)
-    (folder / "frames.csv").write_text("file,time_s\n" + "".join(f"{file},{n}.0\n" for n, file in enumerate(FILES)))
+    (folder / "frames.csv").write_text(
+        "file,time_s\n" + "".join(f"{file},{n}.0\n" for n, file in enumerate(FILES))
+    )
     (folder / "recording.toml").write_text(recording_toml("eye"))
     return folder
 
@@ -171,37 +252,71 @@ def small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def in_json(answer: Answer) -> dict[str, object]:
     """The answer's keys in the JSON of commands."""
     return {
-        "predicted": answer.predicted, "predicted_force_mn": from_si(answer.force_n, "mn"),
-        "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
-        "usable": answer.usable, "reason": answer.reason, "lean_deg": answer.to_dict()["lean_deg"],
+        "predicted": answer.predicted,
+        "predicted_force_mn": from_si(answer.force_n, "mn"),
+        "interval_mn": None
+        if answer.interval_n is None
+        else [from_si(end, "mn") for end in answer.interval_n],
+        "usable": answer.usable,
+        "reason": answer.reason,
+        "lean_deg": answer.to_dict()["lean_deg"],
         "elastic_force_mn": from_si(answer.elastic_force_n, "mn"),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("remembers", [False, True])
-def test_all_readings_of_a_frame_are_one(small_recording: Path, capsys, remembers: bool) -> None:
+def test_all_readings_of_a_frame_are_one(
+    small_recording: Path, capsys, remembers: bool
+) -> None:
     if remembers:
         toml = small_recording / "recording.toml"
         text = toml.read_text().replace("[eye]", "[eye]\nrelaxation = [[0.2, 3.0]]")
         toml.write_text(text.replace("[needle]", "[needle]\nlean_rad = 0.4"))
         rows = [f"{file},{n}e-1\n" for n, file in enumerate(FILES)]
         (small_recording / "frames.csv").write_text("".join(["file,time_s\n", *rows]))
-    model, paths = sf.load_model("default"), [small_recording / "frames" / file for file in FILES]
+    model, paths = (
+        sf.load_model("default"),
+        [small_recording / "frames" / file for file in FILES],
+    )
     answers = [sf.read(model, path) for path in paths]
     assert [answer.usable for answer in answers] == [True, True, True, False]
     info = read_recording(small_recording).info
     known, scale = known_of_recording(info), PixelScale.of(info.oct)
-    evaluated, history = sf.evaluate(model, small_recording).frames, History.unknown(known, 60e-3)
-    for n, (answer, other, path) in enumerate(zip(answers, evaluated, paths, strict=True)):
-        elastic = model.read(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), scale, known)  # as the second opinion does
-        opinion, history = history.read(elastic, model.study.classes.bounds_n, n * 0.1 if remembers else float(n))
+    evaluated, history = (
+        sf.evaluate(model, small_recording).frames,
+        History.unknown(known, 60e-3),
+    )
+    for n, (answer, other, path) in enumerate(
+        zip(answers, evaluated, paths, strict=True)
+    ):
+        elastic = model.read(
+            cv2.imread(str(path), cv2.IMREAD_UNCHANGED), scale, known
+        )  # as the second opinion does
+        opinion, history = history.read(
+            elastic, model.study.classes.bounds_n, n * 0.1 if remembers else float(n)
+        )
         assert opinion.verdict == other.answer.verdict
-        assert (other.answer.verdict == answer.verdict) == (not (remembers and answer.usable))
+        assert (other.answer.verdict == answer.verdict) == (
+            not (remembers and answer.usable)
+        )
         for wall in (answer.segmentation, sf.segment(path)):
-            np.testing.assert_array_equal(wall.outer_row, other.answer.segmentation.outer_row)
-            np.testing.assert_array_equal(wall.inner_row, other.answer.segmentation.inner_row)
-            assert (wall.usable, wall.reason) == (other.answer.segmentation.usable, other.answer.segmentation.reason)
-    read, sequence = ["read", "default", *paths], ["evaluate", "default", small_recording]
-    for command, expected in ((read, answers), (sequence, [frame.answer for frame in evaluated])):
+            np.testing.assert_array_equal(
+                wall.outer_row, other.answer.segmentation.outer_row
+            )
+            np.testing.assert_array_equal(
+                wall.inner_row, other.answer.segmentation.inner_row
+            )
+            assert (wall.usable, wall.reason) == (
+                other.answer.segmentation.usable,
+                other.answer.segmentation.reason,
+            )
+    read, sequence = (
+        ["read", "default", *paths],
+        ["evaluate", "default", small_recording],
+    )
+    for command, expected in (
+        (read, answers),
+        (sequence, [frame.answer for frame in evaluated]),
+    ):
         for answer, entry in zip(expected, frames_of(capsys, *command), strict=True):
             assert {key: entry[key] for key in in_json(answer)} == in_json(answer)

@@ -9,7 +9,13 @@ import cv2
 import numpy as np
 import pytest
 from commands import said
-from small_recordings import LOGGED_INFO, LOOKED_AT_COLUMNS, LOOKED_AT_ROWS, calibration_text, drawn_wall
+from small_recordings import (
+    LOGGED_INFO,
+    LOOKED_AT_COLUMNS,
+    LOOKED_AT_ROWS,
+    calibration_text,
+    drawn_wall,
+)
 
 from scleraforce.errors import RecordingError
 from scleraforce.known.calibration_file import read_calibration
@@ -18,7 +24,13 @@ from scleraforce.reader.answer import unusable
 from scleraforce.reader.evaluate import FrameAnswer, _Session, evaluate_recordings
 from scleraforce.reader.kinds import Classifier
 from scleraforce.reader.model import load_classifier, load_wall_finder
-from scleraforce.recording.folder import EyeInfo, NeedleInfo, RecordingInfo, frame_digest, read_recording
+from scleraforce.recording.folder import (
+    EyeInfo,
+    NeedleInfo,
+    RecordingInfo,
+    frame_digest,
+    read_recording,
+)
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.tables import FrameEntry
@@ -26,11 +38,20 @@ from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study, format_record
 
-FORCES_N = (0.002, 0.010, 0.020, 0.040, 0.080, 0.050)  # classes 0 1 1 2, over the largest force, pierced
+FORCES_N = (
+    0.002,
+    0.010,
+    0.020,
+    0.040,
+    0.080,
+    0.050,
+)  # classes 0 1 1 2, over the largest force, pierced
 SCALE = PixelScale(lateral_m=15e-3 / LOOKED_AT_COLUMNS, depth_m=4e-3 / LOOKED_AT_ROWS)
 
 
-def write_recording(path: Path, eye: str, gap_m: float = 0.5e-3, forces: bool = True) -> Path:
+def write_recording(
+    path: Path, eye: str, gap_m: float = 0.5e-3, forces: bool = True
+) -> Path:
     """Six frames, 4 s apart, each in the middle of a push; the fourth shows nothing."""
     rng = np.random.default_rng(4)
     (path / "frames").mkdir(parents=True)
@@ -38,7 +59,9 @@ def write_recording(path: Path, eye: str, gap_m: float = 0.5e-3, forces: bool = 
         replace(LOGGED_INFO.oct, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS),
         NeedleInfo(gauge=22, slice_gap_m=gap_m),
     )
-    info = RecordingInfo(EyeInfo(eye, thickness_m=6e-4), scan, needle, LOGGED_INFO.force)
+    info = RecordingInfo(
+        EyeInfo(eye, thickness_m=6e-4), scan, needle, LOGGED_INFO.force
+    )
     (path / "recording.toml").write_text(format_record(info))
     lines = ["file,time_s,pierced"]
     for number, force_n in enumerate(FORCES_N):
@@ -50,11 +73,23 @@ def write_recording(path: Path, eye: str, gap_m: float = 0.5e-3, forces: bool = 
     (path / "frames.csv").write_text("\n".join(lines) + "\n")
     if forces:
         time_s = np.arange(0.0, 45.0, 0.01)
-        force_n = sum(f * (np.abs(time_s - 5 - 6 * n) < 2.0) for n, f in enumerate(FORCES_N))
+        force_n = sum(
+            f * (np.abs(time_s - 5 - 6 * n) < 2.0) for n, f in enumerate(FORCES_N)
+        )
         log = np.zeros((len(time_s), 7))
-        log[:, 0], log[:, 3] = time_s, 0.1 - force_n + rng.normal(0.0, 1e-4, len(time_s))
+        log[:, 0], log[:, 3] = (
+            time_s,
+            0.1 - force_n + rng.normal(0.0, 1e-4, len(time_s)),
+        )
         header = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
-        np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
+        np.savetxt(
+            path / "forces.csv",
+            log,
+            fmt="%.6f",
+            delimiter=",",
+            header=header,
+            comments="",
+        )
     return path
 
 
@@ -80,7 +115,9 @@ def test_labels_exclusions_and_metrics_follow_the_recording(places, reader) -> N
     found = evaluate_recordings(reader, [places["a"]])
     frames = found.frames
     assert [frame.file for frame in frames] == [f"{number}.png" for number in range(6)]
-    np.testing.assert_allclose([frame.measured_force_n for frame in frames], FORCES_N, atol=3e-4)
+    np.testing.assert_allclose(
+        [frame.measured_force_n for frame in frames], FORCES_N, atol=3e-4
+    )
     assert [frame.target for frame in frames] == [0, 1, 1, 2, 2, 2]
     assert [frame.scored for frame in frames] == [True] * 4 + [False] * 2
     assert "largest force" in frames[4].excluded
@@ -94,71 +131,137 @@ def test_labels_exclusions_and_metrics_follow_the_recording(places, reader) -> N
     assert found.notes == ()
 
 
-def read_as(recording: Path, times_s: np.ndarray, forces_n: np.ndarray, reader: Classifier) -> tuple[FrameAnswer, ...]:
+def read_as(
+    recording: Path, times_s: np.ndarray, forces_n: np.ndarray, reader: Classifier
+) -> tuple[FrameAnswer, ...]:
     """Return the frames of an evaluation at these times that read as these forces."""
     one = FrameAnswer(recording="", eye="", file="", answer=unusable(3, "not asked"))
     given = zip(times_s.tolist(), forces_n.tolist(), strict=True)
-    frames = tuple(FrameEntry(f"{number}.png", at_s) for number, (at_s, _) in enumerate(given))
-    session = _Session.of(reader, replace(read_recording(recording), frames=frames, forces=None), None)
-    answers = [replace(one, answer=replace(one.answer, force_n=force_n)) for force_n in forces_n.tolist()]
+    frames = tuple(
+        FrameEntry(f"{number}.png", at_s) for number, (at_s, _) in enumerate(given)
+    )
+    session = _Session.of(
+        reader, replace(read_recording(recording), frames=frames, forces=None), None
+    )
+    answers = [
+        replace(one, answer=replace(one.answer, force_n=force_n))
+        for force_n in forces_n.tolist()
+    ]
     return session.without_pierced(tuple(answers))
 
 
-def test_frames_after_a_puncture_in_the_readings_are_left_out_up_to_the_end_of_the_push(places, reader) -> None:
+def test_frames_after_a_puncture_in_the_readings_are_left_out_up_to_the_end_of_the_push(
+    places, reader
+) -> None:
     times_s = np.arange(300) / 100.0
-    corners_s, corners_n = [0.0, 0.5, 0.503, 1.2, 1.25, 2.0, 2.1], [0.01, 0.03, 0.008, 0.008, 0.0, 0.0, 0.02]
-    found = read_as(places["silent"], times_s, np.interp(times_s, corners_s, corners_n), reader)
+    corners_s, corners_n = (
+        [0.0, 0.5, 0.503, 1.2, 1.25, 2.0, 2.1],
+        [0.01, 0.03, 0.008, 0.008, 0.0, 0.0, 0.02],
+    )
+    found = read_as(
+        places["silent"], times_s, np.interp(times_s, corners_s, corners_n), reader
+    )
     pierced = np.array([frame.pierced for frame in found])
     assert not pierced[times_s < 0.5].any()
     assert pierced[(times_s > 0.51) & (times_s < 1.2)].all()
     assert not pierced[times_s > 2.0].any()
     assert [frame.excluded == "pierced" for frame in found] == pierced.tolist()
     slow_n = np.interp(times_s, [0.0, 0.5, 0.8, 1.2], [0.01, 0.03, 0.008, 0.0])
-    assert not any(frame.pierced for frame in read_as(places["silent"], times_s, slow_n, reader))
+    assert not any(
+        frame.pierced for frame in read_as(places["silent"], times_s, slow_n, reader)
+    )
 
 
-def test_a_puncture_in_the_force_log_is_found_unless_frames_csv_says_otherwise(places, reader, tmp_path: Path) -> None:
+def test_a_puncture_in_the_force_log_is_found_unless_frames_csv_says_otherwise(
+    places, reader, tmp_path: Path
+) -> None:
     path = shutil.copytree(places["a"], tmp_path / "through")
     log = np.loadtxt(path / "forces.csv", delimiter=",", skiprows=1)
-    log[(log[:, 0] > 16.5) & (log[:, 0] < 20.0), 3] = 0.1 - 6e-3  # of the third push: friction, before its middle
+    log[(log[:, 0] > 16.5) & (log[:, 0] < 20.0), 3] = (
+        0.1 - 6e-3
+    )  # of the third push: friction, before its middle
     header = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
-    np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
-    assert [frame.pierced for frame in evaluate_recordings(reader, [path]).frames] == [False] * 5 + [True]
-    lines = [line.rpartition(",")[0] for line in (path / "frames.csv").read_text().splitlines()]
+    np.savetxt(
+        path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments=""
+    )
+    assert [frame.pierced for frame in evaluate_recordings(reader, [path]).frames] == [
+        False
+    ] * 5 + [True]
+    lines = [
+        line.rpartition(",")[0]
+        for line in (path / "frames.csv").read_text().splitlines()
+    ]
     (path / "frames.csv").write_text("\n".join(lines) + "\n")
     found = evaluate_recordings(reader, [path])
-    assert [frame.pierced for frame in found.frames] == [False, False, True, False, False, False]
+    assert [frame.pierced for frame in found.frames] == [
+        False,
+        False,
+        True,
+        False,
+        False,
+        False,
+    ]
     assert found.frames[2].to_dict()["pierced"] is True
-    assert found.notes == (f"{path}: 1 frames after a puncture are left out, from 2.png on",)
+    assert found.notes == (
+        f"{path}: 1 frames after a puncture are left out, from 2.png on",
+    )
 
 
-def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(places, reader) -> None:
+def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(
+    places, reader
+) -> None:
     frames = evaluate_recordings(reader, [places["a"]]).frames
     pixels = cv2.imread(str(places["a"] / "frames" / "2.png"), cv2.IMREAD_UNCHANGED)
     finder = load_wall_finder(SHIPPED_WALL_FINDER)
-    cut = boundary_slice(find_wall(pixels, SCALE, finder=finder), SCALE, reader.study.slice)
+    cut = boundary_slice(
+        find_wall(pixels, SCALE, finder=finder), SCALE, reader.study.slice
+    )
     assert 0.02 < (cut > 0).mean() < 0.3
-    np.testing.assert_allclose(frames[2].answer.probabilities, reader.probabilities(cut[None])[0], atol=1e-12)
+    np.testing.assert_allclose(
+        frames[2].answer.probabilities, reader.probabilities(cut[None])[0], atol=1e-12
+    )
     assert frames[2].answer.predicted == np.argmax(frames[2].answer.probabilities)
     answers = [found.answer.probabilities for found in frames if found.answer.usable]
-    assert np.ptp(answers, axis=0).max() > 0.02, "a network that always gives the same answer proves nothing"
+    assert np.ptp(answers, axis=0).max() > 0.02, (
+        "a network that always gives the same answer proves nothing"
+    )
 
 
-def test_a_recording_that_was_read_is_not_read_again(places, reader, tmp_path: Path) -> None:
+def test_a_recording_that_was_read_is_not_read_again(
+    places, reader, tmp_path: Path
+) -> None:
     recording = read_recording(shutil.copytree(places["a"], tmp_path / "a"))
     (recording.path / "frames.csv").unlink()
     (recording.path / "forces.csv").unlink()
-    found, again = evaluate_recordings(reader, [recording]), evaluate_recordings(reader, [places["a"]])
-    assert [frame.recording for frame in found.frames] == [str(recording.path)] * len(FORCES_N)
-    assert found.frames == tuple(replace(frame, recording=str(recording.path)) for frame in again.frames)
-    for twice in ([recording, recording.path], [places["a"], places["a"] / "." / "frames" / ".."]):
+    found, again = (
+        evaluate_recordings(reader, [recording]),
+        evaluate_recordings(reader, [places["a"]]),
+    )
+    assert [frame.recording for frame in found.frames] == [str(recording.path)] * len(
+        FORCES_N
+    )
+    assert found.frames == tuple(
+        replace(frame, recording=str(recording.path)) for frame in again.frames
+    )
+    for twice in (
+        [recording, recording.path],
+        [places["a"], places["a"] / "." / "frames" / ".."],
+    ):
         with pytest.raises(RecordingError, match="given twice"):
             evaluate_recordings(reader, twice)
 
 
-def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(reader) -> None:
+def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(
+    reader,
+) -> None:
     rng = np.random.default_rng(2)
-    for dent_m, leaves in ((0.0, False), (1.5e-3, False), (3.2e-3, False), (4e-3, True), (6e-3, True)):
+    for dent_m, leaves in (
+        (0.0, False),
+        (1.5e-3, False),
+        (3.2e-3, False),
+        (4e-3, True),
+        (6e-3, True),
+    ):
         answer = reader.read(drawn_wall(rng, dent_m), SCALE)
         assert answer.usable is not leaves
         if leaves:
@@ -166,35 +269,58 @@ def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(reader)
             assert "dent" in answer.reason
 
 
-def test_frames_that_calibrated_are_known_by_their_content_and_not_scored(places, reader, tmp_path: Path) -> None:
+def test_frames_that_calibrated_are_known_by_their_content_and_not_scored(
+    places, reader, tmp_path: Path
+) -> None:
     """A renamed copy is marked; another recording's frame of the same eye and name is not."""
     names, file = ("1.png", "2.png"), tmp_path / "calibration.json"
-    digests = {name: frame_digest(read_frame(places["a"] / "frames" / name)) for name in names}
+    digests = {
+        name: frame_digest(read_frame(places["a"] / "frames" / name)) for name in names
+    }
     used = [{"file": name, "sha256": digest} for name, digest in digests.items()]
     file.write_text(calibration_text(eyes={"eye a": {"frames": used}}))
-    copy, other = shutil.copytree(places["a"], tmp_path / "copy"), shutil.copytree(places["a"], tmp_path / "other")
+    copy, other = (
+        shutil.copytree(places["a"], tmp_path / "copy"),
+        shutil.copytree(places["a"], tmp_path / "other"),
+    )
     (copy / "frames" / "1.png").rename(copy / "frames" / "renamed.png")
-    (copy / "frames.csv").write_text((copy / "frames.csv").read_text().replace("1.png", "renamed.png"))
+    (copy / "frames.csv").write_text(
+        (copy / "frames.csv").read_text().replace("1.png", "renamed.png")
+    )
     for name in names:
         changed = read_frame(other / "frames" / name)
         changed[0, 0] += 1
         cv2.imwrite(str(other / "frames" / name), changed)
     found = evaluate_recordings(reader, [copy, other], read_calibration(file))
-    marked = [(frame.recording, frame.file) for frame in found.frames if frame.calibration]
+    marked = [
+        (frame.recording, frame.file) for frame in found.frames if frame.calibration
+    ]
     assert marked == [(str(copy), "renamed.png"), (str(copy), "2.png")]
     assert len(found.scored) == 2 + 4
 
 
-def test_a_frame_outside_the_log_is_left_out_and_noted_and_the_others_are_scored(places, reader, tmp_path) -> None:
+def test_a_frame_outside_the_log_is_left_out_and_noted_and_the_others_are_scored(
+    places, reader, tmp_path
+) -> None:
     path = shutil.copytree(places["a"], tmp_path / "changed")
     header, *rows = (path / "forces.csv").read_text().splitlines()
     late = [row for row in rows if float(row.split(",")[0]) > 6.0]
     (path / "forces.csv").write_text("\n".join([header, *late]) + "\n")
     found = evaluate_recordings(reader, [path])
-    assert [frame.scored for frame in found.frames] == [False, True, True, True, False, False]
+    assert [frame.scored for frame in found.frames] == [
+        False,
+        True,
+        True,
+        True,
+        False,
+        False,
+    ]
     assert (found.frames[0].measured_force_n, found.frames[0].target) == (None, None)
     assert "force samples within" in found.frames[0].excluded
-    assert any("1 of 6 frames have no label and are left out (0.png: " in note for note in found.notes)
+    assert any(
+        "1 of 6 frames have no label and are left out (0.png: " in note
+        for note in found.notes
+    )
 
 
 def test_a_gap_outside_the_study_s_is_noted_and_not_an_error(places, reader) -> None:
@@ -202,17 +328,30 @@ def test_a_gap_outside_the_study_s_is_noted_and_not_an_error(places, reader) -> 
     assert note.startswith(f"{places['far']}: gap")
     assert "0.8 mm, the model was trained on 0.5 mm" in note
     farther = load_classifier(places["model"])
-    farther.study = replace(reader.study, needle=replace(reader.study.needle, gap_m=0.8e-3))
+    farther.study = replace(
+        reader.study, needle=replace(reader.study.needle, gap_m=0.8e-3)
+    )
     assert evaluate_recordings(farther, [places["far"]]).notes == ()
 
 
 def test_a_recording_without_a_force_log_is_read_but_not_scored(places, capsys) -> None:
-    result = json.loads(said(capsys, "evaluate", places["model"], places["silent"], "--json"))
-    assert {"accuracy", "confusion", "recall", "precision", "intervals", "frames"} <= set(result)
+    result = json.loads(
+        said(capsys, "evaluate", places["model"], places["silent"], "--json")
+    )
+    assert {
+        "accuracy",
+        "confusion",
+        "recall",
+        "precision",
+        "intervals",
+        "frames",
+    } <= set(result)
     assert (result["accuracy"], result["recall"]) == (None, [None] * 3)
     assert "no forces.csv" in result["notes"][0]
     assert len(result["frames"]) == 6
-    assert {(frame["measured_force_mn"], frame["target"]) for frame in result["frames"]} == {(None, None)}
+    assert {
+        (frame["measured_force_mn"], frame["target"]) for frame in result["frames"]
+    } == {(None, None)}
     blank = result["frames"][3]
     assert blank["recording"] == str(places["silent"])
     assert (blank["probabilities"], blank["usable"]) == (None, False)

@@ -41,7 +41,11 @@ def model(places) -> Reader:
 
 @pytest.fixture(scope="module")
 def both(places, model) -> Evaluation:
-    return evaluate_recordings(model, [places["mine"], places["other"]], read_calibration(places["calibration"]))
+    return evaluate_recordings(
+        model,
+        [places["mine"], places["other"]],
+        read_calibration(places["calibration"]),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -54,8 +58,13 @@ def width_n(frame: FrameAnswer) -> float:
     return high_n - low_n
 
 
-def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations(both, uncalibrated) -> None:
-    used = {frame.eye: (frame.youngs_modulus_pa, frame.modulus_source) for frame in both.frames}
+def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations(
+    both, uncalibrated
+) -> None:
+    used = {
+        frame.eye: (frame.youngs_modulus_pa, frame.modulus_source)
+        for frame in both.frames
+    }
     assert used["mine"] == (pytest.approx(MODULUS_PA), "own")
     assert used["stranger"] == (pytest.approx(1.1 * MODULUS_PA), "population")
     mine, other = (both.frames[start : start + 4] for start in (0, 5))
@@ -65,7 +74,11 @@ def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations
             low, high = one.answer.interval_n
             assert low < force_n < high
         assert width_n(stranger) > 1.2 * width_n(frame)
-    assert width_n(uncalibrated.frames[2]) > width_n(both.frames[7]) > width_n(both.frames[2])
+    assert (
+        width_n(uncalibrated.frames[2])
+        > width_n(both.frames[7])
+        > width_n(both.frames[2])
+    )
     assert uncalibrated.frames[2].modulus_source is None
 
 
@@ -79,91 +92,161 @@ def test_errors_and_coverage_count_usable_frames_outside_the_calibration(both) -
     assert all(f.measured_force_sd_n > 0.0 for f in counted)
     sds_n = 1.6449 * np.array([f.measured_force_sd_n for f in counted])
     off_n = np.array([f.measured_force_n - f.answer.force_n for f in counted])
-    below_n, above_n = np.array([np.subtract(f.answer.interval_n, f.answer.force_n) for f in counted]).T
-    assert both.coverage.value == np.mean((off_n >= -np.hypot(below_n, sds_n)) & (off_n <= np.hypot(above_n, sds_n)))
+    below_n, above_n = np.array(
+        [np.subtract(f.answer.interval_n, f.answer.force_n) for f in counted]
+    ).T
+    assert both.coverage.value == np.mean(
+        (off_n >= -np.hypot(below_n, sds_n)) & (off_n <= np.hypot(above_n, sds_n))
+    )
     assert (both.accuracy.total, both.usable.accuracy.total) == (9, 7)
     assert both.accuracy.hits == 7
     assert both.usable.accuracy.value == 1.0
 
 
-def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared_with(places, model, tmp_path) -> None:
+def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared_with(
+    places, model, tmp_path
+) -> None:
     mine = shutil.copytree(places["mine"], tmp_path / "mine")
     calibration = read_calibration(places["calibration"])
     without = evaluate_recordings(model, [mine], calibration)
     assert without.to_dict()["truth"] is None
     true_n = [frame.answer.force_n or 0.0 for frame in without.frames]
     true_n[0] += 1.0  # far outside its interval
-    truth = [{"file": frame.file, "force_n": n} for frame, n in zip(without.frames, true_n, strict=True)]
+    truth = [
+        {"file": frame.file, "force_n": n}
+        for frame, n in zip(without.frames, true_n, strict=True)
+    ]
     (mine / "truth.json").write_text(json.dumps({"frames": truth}))
     beside = evaluate_recordings(model, [mine], calibration)
-    read, alone = ([frame.to_dict() for frame in found.frames] for found in (beside, without))
+    read, alone = (
+        [frame.to_dict() for frame in found.frames] for found in (beside, without)
+    )
     assert [frame | {"true_force_mn": None} for frame in read] == alone
-    assert (beside.coverage, beside.to_dict()["truth"]) == (without.coverage, "truth.json")
+    assert (beside.coverage, beside.to_dict()["truth"]) == (
+        without.coverage,
+        "truth.json",
+    )
     compared = len(beside.true_forces)
-    assert (beside.true_coverage.hits, beside.true_coverage.total) == (compared - 1, compared)
+    assert (beside.true_coverage.hits, beside.true_coverage.total) == (
+        compared - 1,
+        compared,
+    )
     (mine / "truth.json").write_text("no JSON")
     with pytest.raises(RecordingError, match=r"truth\.json"):
         evaluate_recordings(model, [mine], calibration)
 
 
-def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warnings(places, both, capsys) -> None:
+def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warnings(
+    places, both, capsys
+) -> None:
     (note,) = [note for note in both.notes if "population's modulus" in note]
-    assert f"stranger is not in {places['calibration']}, which has 1 eye (mine): read with the pop" in note
+    assert (
+        f"stranger is not in {places['calibration']}, which has 1 eye (mine): read with the pop"
+        in note
+    )
     mine, other = both.frames[:5], both.frames[5:]
-    assert not any("population" in warning for frame in mine for warning in frame.answer.warnings)
-    assert all("the modulus is the population's, not this eye's own" in frame.answer.warnings for frame in other)
-    printed = said(capsys, "evaluate", places["model"], places["other"], "--calibration", places["calibration"])
+    assert not any(
+        "population" in warning for frame in mine for warning in frame.answer.warnings
+    )
+    assert all(
+        "the modulus is the population's, not this eye's own" in frame.answer.warnings
+        for frame in other
+    )
+    printed = said(
+        capsys,
+        "evaluate",
+        places["model"],
+        places["other"],
+        "--calibration",
+        places["calibration"],
+    )
     assert "note: " in printed
     assert "stranger is not in" in " ".join(printed.split())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("stated", "kind"), [('globe = "sealed"\n', "sealed"), ("", "unknown")])
+@pytest.mark.parametrize(
+    ("stated", "kind"), [('globe = "sealed"\n', "sealed"), ("", "unknown")]
+)
 def test_the_globe_of_a_recording_reaches_reading_and_calibration(
     places, model, uncalibrated, tmp_path: Path, stated: str, kind: str
 ) -> None:
     path = shutil.copytree(places["mine"], tmp_path / "mine")
-    text = (path / "recording.toml").read_text().replace("[needle]\n", "[needle]\npolar_angle_rad = 0.0\n")
+    text = (
+        (path / "recording.toml")
+        .read_text()
+        .replace("[needle]\n", "[needle]\npolar_angle_rad = 0.0\n")
+    )
     (path / "recording.toml").write_text(text.replace('globe = "open"\n', stated))
     found = evaluate_recordings(model, [path])
     for frame, of_open in zip(found.frames[1:4], uncalibrated.frames[1:4], strict=True):
         assert width_n(frame) > 1.05 * width_n(of_open)
     coarse = replace(STUDY, mesh=MeshStudy(divisions=4))
-    eye = calibrate_recordings([read_recording(path)], coarse, "0", library=LIBRARY, frames=2).eyes["mine"]
+    eye = calibrate_recordings(
+        [read_recording(path)], coarse, "0", library=LIBRARY, frames=2
+    ).eyes["mine"]
     assert (eye.globe.kind, eye.globe.calibrated) == (kind, True)
     assert not any("globe" in doubt for doubt in eye.recordings[0].doubts)
-    linear = calibrate_recordings([read_recording(path)], coarse, "0", library=None, frames=1).eyes["mine"]
+    linear = calibrate_recordings(
+        [read_recording(path)], coarse, "0", library=None, frames=1
+    ).eyes["mine"]
     assert linear.globe.kind == "open"
-    assert any("linear mechanics" in doubt for doubt in linear.recordings[0].doubts) == (kind == "sealed")
+    assert any(
+        "linear mechanics" in doubt for doubt in linear.recordings[0].doubts
+    ) == (kind == "sealed")
 
 
-def test_forces_of_another_size_than_those_read_are_noted(places, model, tmp_path: Path) -> None:
+def test_forces_of_another_size_than_those_read_are_noted(
+    places, model, tmp_path: Path
+) -> None:
     path = shutil.copytree(places["mine"], tmp_path / "kilogram-force")
     log = np.loadtxt(path / "forces.csv", delimiter=",", skiprows=1)
     log[:, 1:] /= 9.80665
     header = (path / "forces.csv").read_text().splitlines()[0]
-    np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
+    np.savetxt(
+        path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments=""
+    )
     found = evaluate_recordings(model, [path], read_calibration(places["calibration"]))
-    (times,) = re.findall(r"forces\.csv has ([0-9.]+) times the force that the frames show", " ".join(found.notes))
-    assert float(times) == pytest.approx(1 / 9.80665, rel=0.06)  # as exact as four frames are read
+    (times,) = re.findall(
+        r"forces\.csv has ([0-9.]+) times the force that the frames show",
+        " ".join(found.notes),
+    )
+    assert float(times) == pytest.approx(
+        1 / 9.80665, rel=0.06
+    )  # as exact as four frames are read
 
 
 def test_moduli_of_linear_walls_are_refused(places, model) -> None:
-    with pytest.raises(CalibrationError, match="calibrate with --mechanics finite-strain"):
+    with pytest.raises(
+        CalibrationError, match="calibrate with --mechanics finite-strain"
+    ):
         evaluate_recordings(model, [places["mine"]], read_calibration(places["linear"]))
 
 
-def test_an_eye_outside_the_training_is_noted_and_all_its_frames_are_withdrawn_from(places, model) -> None:
+def test_an_eye_outside_the_training_is_noted_and_all_its_frames_are_withdrawn_from(
+    places, model
+) -> None:
     found = evaluate_recordings(model, [places["far"]])
     assert "gap between B-scan and needle axis 1.5 mm" in found.notes[0]
-    assert {(frame.answer.usable, frame.answer.predicted) for frame in found.frames} == {(False, 2)}
+    assert {
+        (frame.answer.usable, frame.answer.predicted) for frame in found.frames
+    } == {(False, 2)}
     assert isnan(found.mae_n)
     assert all(frame.answer.can_calibrate for frame in found.frames[:3])
 
 
-def test_the_command_prints_forces_in_millinewtons(places, both, capsys, monkeypatch) -> None:
+def test_the_command_prints_forces_in_millinewtons(
+    places, both, capsys, monkeypatch
+) -> None:
     monkeypatch.chdir(places["mine"].parent)
-    command = ["evaluate", "model", "mine", "other", "--calibration", "calibration.json"]
+    command = [
+        "evaluate",
+        "model",
+        "mine",
+        "other",
+        "--calibration",
+        "calibration.json",
+    ]
     result = json.loads(said(capsys, *command, "--json"))
     assert result["mae_mn"] == pytest.approx(1e3 * both.mae_n)
     assert result["coverage"] == both.coverage.value
@@ -174,8 +257,14 @@ def test_the_command_prints_forces_in_millinewtons(places, both, capsys, monkeyp
     assert low < 22.0 < high
     assert frame["contact_mm"] == pytest.approx(0.3, abs=0.1)
     assert frame["can_calibrate"]
-    assert frame["warnings"] == []  # the network, which always gives the same answer, is unsure
-    assert (blank["predicted_force_mn"], blank["interval_mn"], blank["contact_mm"]) == (None, None, None)
+    assert (
+        frame["warnings"] == []
+    )  # the network, which always gives the same answer, is unsure
+    assert (blank["predicted_force_mn"], blank["interval_mn"], blank["contact_mm"]) == (
+        None,
+        None,
+        None,
+    )
     assert not blank["can_calibrate"]
     lines = said(capsys, *command).splitlines()
     assert max(map(len, lines)) <= 80
@@ -184,13 +273,32 @@ def test_the_command_prints_forces_in_millinewtons(places, both, capsys, monkeyp
 
 
 @pytest.mark.slow
-def test_intervals_are_stretched_to_hold_on_recordings(places, tmp_path: Path, capsys) -> None:
+def test_intervals_are_stretched_to_hold_on_recordings(
+    places, tmp_path: Path, capsys
+) -> None:
     out = tmp_path / "stretched"
-    command = ["calibrate", places["mine"], "--intervals", places["model"], "--frames", 1, "--json", "--out", out]
-    changes = {row["method"]: row for row in json.loads(said(capsys, *command))["stretches"]}
+    command = [
+        "calibrate",
+        places["mine"],
+        "--intervals",
+        places["model"],
+        "--frames",
+        1,
+        "--json",
+        "--out",
+        out,
+    ]
+    changes = {
+        row["method"]: row for row in json.loads(said(capsys, *command))["stretches"]
+    }
     assert set(changes) == {"fit", "network"}
-    assert {(row["modulus"], *row["globes"]) for row in changes.values()} == {("own E", "open")}
-    assert all((row["eyes"], row["readings"]) == (1, 3) and row["factor"] >= 1.0 for row in changes.values())
+    assert {(row["modulus"], *row["globes"]) for row in changes.values()} == {
+        ("own E", "open")
+    }
+    assert all(
+        (row["eyes"], row["readings"]) == (1, 3) and row["factor"] >= 1.0
+        for row in changes.values()
+    )
     before, after = load_model(places["model"]), load_model(out)
     assert after.record["intervals"]["source"] == "recordings of mine"
     modulus = Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own")
@@ -205,7 +313,9 @@ def test_intervals_are_stretched_to_hold_on_recordings(places, tmp_path: Path, c
     assert widths[1] / widths[0] == pytest.approx(changes["fit"]["factor"], rel=1e-4)
 
 
-def test_intervals_take_a_reader_only_and_none_of_the_other_options(places, tmp_path: Path, capsys) -> None:
+def test_intervals_take_a_reader_only_and_none_of_the_other_options(
+    places, tmp_path: Path, capsys
+) -> None:
     mine, model, out = places["mine"], places["model"], tmp_path / "new"
     for words, message in (
         ((model, "--out", out, "--mechanics", "linear"), "--intervals"),
@@ -216,10 +326,14 @@ def test_intervals_take_a_reader_only_and_none_of_the_other_options(places, tmp_
     assert not out.exists()
 
 
-def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(places, model, tmp_path: Path) -> None:
+def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(
+    places, model, tmp_path: Path
+) -> None:
     mine = shutil.copytree(places["mine"], tmp_path / "mine")
     info = (mine / "recording.toml").read_text()
-    (mine / "recording.toml").write_text(info.replace("[eye]", "[eye]\nrelaxation = [[0.12, 1.2], [0.15, 12.0]]"))
+    (mine / "recording.toml").write_text(
+        info.replace("[eye]", "[eye]\nrelaxation = [[0.12, 1.2], [0.15, 12.0]]")
+    )
     elastic = evaluate_recordings(model, [places["mine"]])
     plain = evaluate_recordings(model, [mine])
     lines = (mine / "frames.csv").read_text().splitlines()
@@ -233,10 +347,14 @@ def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(p
             assert after.answer.force_n < before.answer.force_n
     first = told.frames[0].answer
     assert first.force_n == pytest.approx(0.73 * first.elastic_force_n, rel=1e-6)
-    assert told.frames[1].answer != plain.frames[1].answer  # what the first frame has left
+    assert (
+        told.frames[1].answer != plain.frames[1].answer
+    )  # what the first frame has left
 
 
-def test_frames_in_a_row_say_when_the_highest_class_is_reached(places, model, tmp_path, monkeypatch) -> None:
+def test_frames_in_a_row_say_when_the_highest_class_is_reached(
+    places, model, tmp_path, monkeypatch
+) -> None:
     folder = tmp_path / "moving"
     (folder / "frames").mkdir(parents=True)
     shutil.copy(places["mine"] / "recording.toml", folder)
@@ -247,14 +365,27 @@ def test_frames_in_a_row_say_when_the_highest_class_is_reached(places, model, tm
     (folder / "frames.csv").write_text("".join(["file,time_s\n", *rows]))
     forces_n = [0.010 + 5e-4 * n for n in range(13)] + [0.028]
     reads = iter(
-        Answer(predicted=1, probabilities=(0.0, 1.0, 0.0), usable=True, reason=None, force_n=force_n,
-               interval_n=(0.9 * force_n, force_n / 0.9))
+        Answer(
+            predicted=1,
+            probabilities=(0.0, 1.0, 0.0),
+            usable=True,
+            reason=None,
+            force_n=force_n,
+            interval_n=(0.9 * force_n, force_n / 0.9),
+        )
         for force_n in forces_n
-    )  # fmt: skip
+    )
     monkeypatch.setattr(type(model), "read", lambda *_: next(reads))
     found = [frame.to_dict() for frame in evaluate_recordings(model, [folder]).frames]
-    assert [frame["time_to_bound_ms"] for frame in found[:9]] == [None] * 9, "ten frames make a line"
-    assert found[12]["time_to_bound_ms"] == pytest.approx(1e3 * (0.027 - forces_n[12]) / 0.05)
+    assert [frame["time_to_bound_ms"] for frame in found[:9]] == [None] * 9, (
+        "ten frames make a line"
+    )
+    assert found[12]["time_to_bound_ms"] == pytest.approx(
+        1e3 * (0.027 - forces_n[12]) / 0.05
+    )
     early, late = found[12]["time_to_bound_ms_interval"]
     assert early < found[12]["time_to_bound_ms"] < late
-    assert (found[13]["time_to_bound_ms"], found[13]["time_to_bound_ms_interval"]) == (0.0, (0.0, 0.0))
+    assert (found[13]["time_to_bound_ms"], found[13]["time_to_bound_ms_interval"]) == (
+        0.0,
+        (0.0, 0.0),
+    )

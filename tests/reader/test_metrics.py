@@ -26,29 +26,50 @@ def test_metrics_equal_naive_counts(pairs: list[tuple[int, int]]) -> None:
     confusion = metrics.confusion_matrix(target, predicted)
     for row in range(3):
         for column in range(3):
-            assert confusion[row, column] == sum(pair == (row, column) for pair in pairs)
-    np.testing.assert_equal(metrics.accuracy(confusion).value, share(sum(t == p for t, p in pairs), len(pairs)))
+            assert confusion[row, column] == sum(
+                pair == (row, column) for pair in pairs
+            )
+    np.testing.assert_equal(
+        metrics.accuracy(confusion).value,
+        share(sum(t == p for t, p in pairs), len(pairs)),
+    )
     for found, counted in ((metrics.recall, target), (metrics.precision, predicted)):
-        expected = [share(sum(t == p == k for t, p in pairs), counted.count(k)) for k in range(3)]
+        expected = [
+            share(sum(t == p == k for t, p in pairs), counted.count(k))
+            for k in range(3)
+        ]
         np.testing.assert_equal(values(found(confusion)), expected)
 
 
 def test_the_papers_table_3_has_the_two_names_the_other_way_round() -> None:
     printed_as_precision, printed_as_recall = [0.71, 0.93, 1.00], [1.00, 0.88, 0.96]
-    np.testing.assert_allclose(values(metrics.recall(PAPER)), printed_as_precision, atol=0.005)
-    np.testing.assert_allclose(values(metrics.precision(PAPER)), printed_as_recall, atol=0.005)
+    np.testing.assert_allclose(
+        values(metrics.recall(PAPER)), printed_as_precision, atol=0.005
+    )
+    np.testing.assert_allclose(
+        values(metrics.precision(PAPER)), printed_as_recall, atol=0.005
+    )
     assert round(metrics.accuracy(PAPER).value, 2) == 0.93
 
 
 def test_wilson_intervals_equal_the_published_ones() -> None:
     """Newcombe, Statistics in Medicine 17 (1998) 857, Table I, method 3 (score, without continuity correction)."""
-    published = ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718))
+    published = (
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    )
     for hits, total, *ends in published:
-        np.testing.assert_allclose(metrics.Proportion(hits, total).interval, ends, atol=5e-5)
+        np.testing.assert_allclose(
+            metrics.Proportion(hits, total).interval, ends, atol=5e-5
+        )
 
 
 @given(st.integers(1, 500), st.data())
-def test_the_ends_of_a_wilson_interval_are_where_the_score_test_rejects(total: int, data: st.DataObject) -> None:
+def test_the_ends_of_a_wilson_interval_are_where_the_score_test_rejects(
+    total: int, data: st.DataObject
+) -> None:
     hits = data.draw(st.integers(0, total))
     for end in metrics.Proportion(hits, total).interval:
         if 1e-9 < end < 1.0 - 1e-9:
@@ -58,7 +79,10 @@ def test_the_ends_of_a_wilson_interval_are_where_the_score_test_rejects(total: i
 
 def test_undefined_metrics_are_not_a_number_and_impossible_labels_are_refused() -> None:
     nothing = metrics.confusion_matrix([], [])
-    assert all(isnan(value) for value in (metrics.accuracy(nothing).value, *values(metrics.recall(nothing))))
+    assert all(
+        isnan(value)
+        for value in (metrics.accuracy(nothing).value, *values(metrics.recall(nothing)))
+    )
     assert all(isnan(end) for end in metrics.accuracy(nothing).interval)
     for target, predicted in (([0], []), ([3], [0]), ([0], [-1])):
         with pytest.raises(ValueError):
@@ -76,24 +100,47 @@ def test_the_band_of_the_coverage_is_that_of_whole_eyes() -> None:
     assert low == pytest.approx(share - half, abs=0.04)
     assert high == pytest.approx(min(share + half, 1.0), abs=0.04)
     assert metrics.coverage_band(eyes, [True] * len(eyes)) == (1.0, 1.0)
-    assert metrics.coverage_band(eyes, np.repeat(right, 17).tolist()) == (low, high)  # drawn from one seed
+    assert metrics.coverage_band(eyes, np.repeat(right, 17).tolist()) == (
+        low,
+        high,
+    )  # drawn from one seed
 
 
-def agreeing(read: np.ndarray, measured: np.ndarray, label_sd: float, below: float, above: float) -> float:
+def agreeing(
+    read: np.ndarray, measured: np.ndarray, label_sd: float, below: float, above: float
+) -> float:
     """The coverage of readings whose intervals reach from `below` under the force to `above` over it."""
     pairs = zip(read.tolist(), measured.tolist(), strict=True)
-    trials = [metrics.ForceTrial(eye="a", measured_n=label, read_n=force, interval_n=(force - below, force + above),
-                         measured_sd_n=label_sd) for force, label in pairs]  # fmt: skip
+    trials = [
+        metrics.ForceTrial(
+            eye="a",
+            measured_n=label,
+            read_n=force,
+            interval_n=(force - below, force + above),
+            measured_sd_n=label_sd,
+        )
+        for force, label in pairs
+    ]
     return metrics.coverage(trials).value
 
 
-def test_honest_intervals_agree_with_nine_of_ten_labels_however_noisy_they_are() -> None:
+def test_honest_intervals_agree_with_nine_of_ten_labels_however_noisy_they_are() -> (
+    None
+):
     rng = np.random.default_rng(5)
     for label_sd in (0.0, 0.2, 1.0, 5.0):
-        read, true, noise = rng.standard_normal((3, 20_000)) * np.array([[0.0], [1.0], [label_sd]])
-        assert agreeing(read, true + noise, label_sd, 1.6449, 1.6449) == pytest.approx(0.9, abs=0.01)
+        read, true, noise = rng.standard_normal((3, 20_000)) * np.array(
+            [[0.0], [1.0], [label_sd]]
+        )
+        assert agreeing(read, true + noise, label_sd, 1.6449, 1.6449) == pytest.approx(
+            0.9, abs=0.01
+        )
     read, true, noise = rng.standard_normal((3, 5000)) * np.array([[0.0], [1.0], [0.5]])
     assert agreeing(read, true + noise, 0.5, 0.8, 0.8) < 0.75  # they claim too much
-    errors = np.where((z := rng.standard_normal(40_000)) > 0.0, 2.0, 1.0) * z  # twice as large to one side
+    errors = (
+        np.where((z := rng.standard_normal(40_000)) > 0.0, 2.0, 1.0) * z
+    )  # twice as large to one side
     measured = errors + rng.normal(0.0, 1.5, len(errors))
-    assert agreeing(0.0 * z, measured, 1.5, 1.6449, 2 * 1.6449) == pytest.approx(0.9, abs=0.015)
+    assert agreeing(0.0 * z, measured, 1.5, 1.6449, 2 * 1.6449) == pytest.approx(
+        0.9, abs=0.015
+    )

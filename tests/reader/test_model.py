@@ -14,22 +14,34 @@ from scleraforce.study import Study
 
 
 def slices(count: int, shape: tuple[int, int] = (8, 10)) -> np.ndarray:
-    return np.random.default_rng(1).choice(np.array([0, 255], dtype=np.uint8), size=(count, *shape))
+    return np.random.default_rng(1).choice(
+        np.array([0, 255], dtype=np.uint8), size=(count, *shape)
+    )
 
 
 def test_probabilities_equal_the_network_computed_in_numpy(tiny_model) -> None:
     reader, other = load_model(tiny_model.path), load_model(tiny_model.path)
     found = reader.probabilities(slices(50))
-    np.testing.assert_allclose(found, tiny_model.network.probabilities(slices(50)), atol=1e-6)
+    np.testing.assert_allclose(
+        found, tiny_model.network.probabilities(slices(50)), atol=1e-6
+    )
     np.testing.assert_allclose(found.sum(axis=1), 1.0, atol=1e-15)
-    assert np.ptp(found, axis=0).max() > 0.1, "a network that always gives the same answer proves nothing"
+    assert np.ptp(found, axis=0).max() > 0.1, (
+        "a network that always gives the same answer proves nothing"
+    )
     np.testing.assert_array_equal(found, other.probabilities(slices(50)))
     assert reader.probabilities(slices(0)).shape == (0, 3)
 
 
 def test_slices_of_another_shape_type_or_value_are_refused(tiny_model) -> None:
     reader = load_model(tiny_model.path)
-    other = slices(2, (10, 8)), slices(1)[0], slices(1).astype(np.float32), slices(1) // 255, slices(1) ^ 7
+    other = (
+        slices(2, (10, 8)),
+        slices(1)[0],
+        slices(1).astype(np.float32),
+        slices(1) // 255,
+        slices(1) ^ 7,
+    )
     for wrong in other:
         with pytest.raises(ModelError, match="slices"):
             reader.probabilities(wrong)
@@ -40,8 +52,13 @@ def test_a_changed_file_and_a_missing_one_are_named(tiny_model) -> None:
         path = tiny_model.path / name
         content = path.read_bytes()
         middle = len(content) // 2
-        path.write_bytes(content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :])
-        with pytest.raises(ModelError, match="model.json" if name == "model.json" else f"{name}: SHA-256"):
+        path.write_bytes(
+            content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+        )
+        with pytest.raises(
+            ModelError,
+            match="model.json" if name == "model.json" else f"{name}: SHA-256",
+        ):
             load_model(tiny_model.path)
         path.unlink()
         with pytest.raises(ModelError, match=name):
@@ -51,7 +68,9 @@ def test_a_changed_file_and_a_missing_one_are_named(tiny_model) -> None:
         load_model(tiny_model.path / "nothing")
 
 
-def test_another_study_than_the_networks_is_refused_even_where_the_hashes_agree(tiny_model) -> None:
+def test_another_study_than_the_networks_is_refused_even_where_the_hashes_agree(
+    tiny_model,
+) -> None:
     study = tiny_model.path / "study.toml"
     text = study.read_text()
     for stated, other, field in (
@@ -66,11 +85,17 @@ def test_another_study_than_the_networks_is_refused_even_where_the_hashes_agree(
 
 def test_a_record_that_cannot_be_used_is_refused(tiny_model) -> None:
     for content, field in (
-        ("{", "not JSON"), ("[]", "format"), ('{"format": 99}', "format"), ('{"format": 1, "kind": "oracle"}', "kind"),
-        ('{"format": 1, "kind": "classifier"}', "files"), ('{"format": 1, "kind": {}}', "kind"),
-        ('{"format": [1]}', "format"), ("[" * 100_000, "nested too deep"), ('{"format": NaN}', "not a number of JSON"),
+        ("{", "not JSON"),
+        ("[]", "format"),
+        ('{"format": 99}', "format"),
+        ('{"format": 1, "kind": "oracle"}', "kind"),
+        ('{"format": 1, "kind": "classifier"}', "files"),
+        ('{"format": 1, "kind": {}}', "kind"),
+        ('{"format": [1]}', "format"),
+        ("[" * 100_000, "nested too deep"),
+        ('{"format": NaN}', "not a number of JSON"),
         ('{"format": ' + "9" * 5000 + "}", "not JSON"),
-    ):  # fmt: skip
+    ):
         (tiny_model.path / "model.json").write_text(content)
         with pytest.raises(ModelError, match=field):
             load_model(tiny_model.path)
@@ -81,12 +106,20 @@ def test_a_network_that_cannot_be_used_is_refused(tiny_model) -> None:
 
     path = tiny_model.path / "model.onnx"
     model = onnx.load(path)
-    model.graph.initializer[0].raw_data = b"\xff" * len(model.graph.initializer[0].raw_data)
+    model.graph.initializer[0].raw_data = b"\xff" * len(
+        model.graph.initializer[0].raw_data
+    )
     onnx.save(model, path)
     rehash_model(tiny_model.path, "model.onnx")
     with pytest.raises(ModelError, match="not finite"):
         load_model(tiny_model.path).probabilities(slices(1))
-    onnx.save(model, path, save_as_external_data=True, location="weights.bin", size_threshold=0)
+    onnx.save(
+        model,
+        path,
+        save_as_external_data=True,
+        location="weights.bin",
+        size_threshold=0,
+    )
     rehash_model(tiny_model.path, "model.onnx")
     with pytest.raises(ModelError, match="asks for data in other files"):
         load_model(tiny_model.path)
@@ -102,16 +135,25 @@ SCAN = OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
 def test_only_the_training_of_a_model_limits_it(write_model, tmp_path: Path) -> None:
     stiff, thick = Known(modulus=Modulus.stated(5e6)), Known(thickness_m=3e-3)
     classifier = load_classifier(write_model(tmp_path / "model", Study()).path)
-    assert (classifier.reads_force, classifier.fixed_modulus_pa) == (False, Study().eye.youngs_modulus_pa)
+    assert (classifier.reads_force, classifier.fixed_modulus_pa) == (
+        False,
+        Study().eye.youngs_modulus_pa,
+    )
     assert (force_reader().reads_force, force_reader().fixed_modulus_pa) == (True, None)
     assert (classifier.refusal(stiff), classifier.refusal(thick)) == (None, None)
     assert force_reader().refusal(Known()) is None
-    assert force_reader().refusal(stiff).startswith("Young's modulus 5 MPa, the model was trained on")
+    assert (
+        force_reader()
+        .refusal(stiff)
+        .startswith("Young's modulus 5 MPa, the model was trained on")
+    )
     for reader in (classifier, force_reader()):
         assert reader.limits(Known(), SCAN) == ()
         (limit,) = reader.limits(thick, SCAN)
         assert limit.startswith("wall thickness 3000 µm, the model was trained on")
         assert reader.limits(Known(globe=OPEN), SCAN) == ()
-    (limit,) = classifier.limits(Known(globe=SEALED), SCAN)  # its linear mechanics knows no sealed eye
+    (limit,) = classifier.limits(
+        Known(globe=SEALED), SCAN
+    )  # its linear mechanics knows no sealed eye
     assert "sealed" in limit
     assert force_reader().limits(Known(globe=SEALED), SCAN) == ()

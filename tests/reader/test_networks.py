@@ -11,7 +11,14 @@ from analytic_library import analytic_library
 from small_models import write_fixed_reader
 
 from scleraforce.errors import ModelError
-from scleraforce.known import OPEN, UNKNOWN, ForceDiscrepancy, Known, Modulus, known_globe
+from scleraforce.known import (
+    OPEN,
+    UNKNOWN,
+    ForceDiscrepancy,
+    Known,
+    Modulus,
+    known_globe,
+)
 from scleraforce.library.base import pole_directions
 from scleraforce.models import sha256
 from scleraforce.reader import networks
@@ -27,23 +34,35 @@ def test_the_classes_have_the_histogram_s_shares_below_their_bounds() -> None:
     rng = np.random.default_rng(8)
     for concentration in (0.02, 0.3, 5.0):
         for histogram in rng.dirichlet(np.full(20, concentration), size=60):
-            found = networks.histogram_reading(histogram.tolist(), EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
+            found = networks.histogram_reading(
+                histogram.tolist(), EDGES_M2.tolist(), 0.3e6, BOUNDS_N
+            )
             below = np.interp(BOUNDS_N, 0.3e6 * EDGES_M2, [0.0, *histogram.cumsum()])
-            np.testing.assert_allclose(found.probabilities, np.diff([0.0, *below, 1.0]), atol=1e-12)
+            np.testing.assert_allclose(
+                found.probabilities, np.diff([0.0, *below, 1.0]), atol=1e-12
+            )
     single = networks.histogram_reading([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
-    np.testing.assert_allclose(single.probabilities, [0.5, 0.5, 0.0], atol=1e-12)  # no force above the last bound
+    np.testing.assert_allclose(
+        single.probabilities, [0.5, 0.5, 0.0], atol=1e-12
+    )  # no force above the last bound
 
 
-def test_a_histogram_that_is_empty_or_not_finite_gives_a_reading_that_is_not_a_number() -> None:
+def test_a_histogram_that_is_empty_or_not_finite_gives_a_reading_that_is_not_a_number() -> (
+    None
+):
     for place in (0, 7, 19):
         for wrong in (nan, inf):
             histogram = [0.05] * 20
             histogram[place] = wrong
-            single = networks.histogram_reading(histogram, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
+            single = networks.histogram_reading(
+                histogram, EDGES_M2.tolist(), 0.3e6, BOUNDS_N
+            )
             assert not isfinite(single.force_n)
             assert not all(map(isfinite, single.probabilities))
     single = networks.histogram_reading([0.0] * 20, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
-    assert not any(map(isfinite, (single.force_n, *single.interval_n, single.probabilities[1])))
+    assert not any(
+        map(isfinite, (single.force_n, *single.interval_n, single.probabilities[1]))
+    )
 
 
 RANGES = ReaderStudy()
@@ -53,33 +72,70 @@ KNOWN = ("modulus", "iop", "thickness", "gap", "polar angle", "direction")
 def given(**values: float) -> dict[str, float]:
     """The network's input for an eye of some known values, in an open globe by default, by name."""
     eye = {field.name: np.array([nan]) for field in fields(networks.GivenEyes)} | {
-        name: np.array([0.0]) for name in ("rigidity_low", "rigidity_high", "stiffening")
+        name: np.array([0.0])
+        for name in ("rigidity_low", "rigidity_high", "stiffening")
     }
-    eyes = networks.GivenEyes(**eye | {name: np.array([value]) for name, value in values.items()})
+    eyes = networks.GivenEyes(
+        **eye | {name: np.array([value]) for name, value in values.items()}
+    )
     inputs = networks.given_inputs(eyes, RANGES)
     assert inputs.dtype == np.float32
     return dict(zip(networks.GIVEN, inputs[0].tolist(), strict=True))
 
 
 def test_the_ends_of_a_range_are_minus_one_and_one() -> None:
-    ranges = {"modulus_pa": RANGES.youngs_modulus_pa, "modulus_sd_fraction": RANGES.modulus_sd_fraction,
-              "iop_pa": RANGES.iop_pa, "thickness_m": RANGES.thickness_m, "gap_m": RANGES.gap_m,
-              "polar_rad": RANGES.polar_angle_rad}  # fmt: skip
+    ranges = {
+        "modulus_pa": RANGES.youngs_modulus_pa,
+        "modulus_sd_fraction": RANGES.modulus_sd_fraction,
+        "iop_pa": RANGES.iop_pa,
+        "thickness_m": RANGES.thickness_m,
+        "gap_m": RANGES.gap_m,
+        "polar_rad": RANGES.polar_angle_rad,
+    }
     for end, wanted in ((0, -1.0), (1, 1.0)):
-        found = given(**{name: of.bounds[end] for name, of in ranges.items()}, direction_rad=0.0)
-        for name in ("modulus", "log modulus sd", "log iop", "thickness", "gap", "polar angle"):
+        found = given(
+            **{name: of.bounds[end] for name, of in ranges.items()}, direction_rad=0.0
+        )
+        for name in (
+            "modulus",
+            "log modulus sd",
+            "log iop",
+            "thickness",
+            "gap",
+            "polar angle",
+        ):
             assert abs(found[name] - wanted) < 1e-6, name
         assert all(found[f"{name} known"] == 1.0 for name in KNOWN)
-    (low_e, high_e), (low_p, high_p) = RANGES.youngs_modulus_pa.bounds, RANGES.iop_pa.bounds
+    (low_e, high_e), (low_p, high_p) = (
+        RANGES.youngs_modulus_pa.bounds,
+        RANGES.iop_pa.bounds,
+    )
     for e, p, wanted in ((high_e, low_p, -1.0), (low_e, high_p, 1.0)):
-        assert abs(given(modulus_pa=e, modulus_sd_fraction=0.02, iop_pa=p)["log iop ratio"] - wanted) < 1e-6
+        assert (
+            abs(
+                given(modulus_pa=e, modulus_sd_fraction=0.02, iop_pa=p)["log iop ratio"]
+                - wanted
+            )
+            < 1e-6
+        )
 
 
 def test_flag_and_value_of_an_unknown_are_zero() -> None:
     found = given()
-    names = ("modulus", "log iop", "log iop ratio", "thickness", "gap", "polar angle", "pole along", "pole across")
+    names = (
+        "modulus",
+        "log iop",
+        "log iop ratio",
+        "thickness",
+        "gap",
+        "polar angle",
+        "pole along",
+        "pole across",
+    )
     assert [found[f"{name} known"] for name in KNOWN] == [0.0] * len(KNOWN)
-    assert [found[name] for name in names] == pytest.approx([0.0] * len(names), abs=1e-6)
+    assert [found[name] for name in names] == pytest.approx(
+        [0.0] * len(names), abs=1e-6
+    )
 
 
 def test_the_rigidity_counts_from_an_open_globe_to_the_stiffest() -> None:
@@ -89,14 +145,18 @@ def test_the_rigidity_counts_from_an_open_globe_to_the_stiffest() -> None:
         (known_globe("sealed", to_si(0.03, "mmhg13_per_ul")), (-0.132, 0.132)),
     ):
         found = given(rigidity_low=globe.band[0], rigidity_high=globe.band[1])
-        assert (found["rigidity low"], found["rigidity high"]) == pytest.approx(ends, abs=1e-3)
+        assert (found["rigidity low"], found["rigidity high"]) == pytest.approx(
+            ends, abs=1e-3
+        )
 
 
 def test_the_pole_s_place_is_given_along_the_section_and_across_it() -> None:
     farthest = np.sin(RANGES.polar_angle_rad.bounds[1])
     for polar_rad, direction_rad in ((0.5, 0.0), (0.7, 1.1), (0.4, -2.5), (1.4, 0.3)):
         found = given(polar_rad=polar_rad, direction_rad=direction_rad)
-        along, across = pole_directions(min(polar_rad, np.radians(55.0)), direction_rad)  # the library's farthest
+        along, across = pole_directions(
+            min(polar_rad, np.radians(55.0)), direction_rad
+        )  # the library's farthest
         assert found["pole along"] == pytest.approx(along / farthest, abs=1e-6)
         assert found["pole across"] == pytest.approx(across / farthest, abs=1e-6)
     middle = 0.5 * sum(RANGES.polar_angle_rad.bounds)
@@ -110,7 +170,9 @@ def test_the_pole_s_place_is_given_along_the_section_and_across_it() -> None:
 
 def test_the_stiffening_is_even_in_the_logarithm_from_0_to_30() -> None:
     for stiffening, wanted in ((0.0, 0.0), (30.0, 1.0), (np.sqrt(31.0) - 1.0, 0.5)):
-        assert given(stiffening=stiffening)["stiffening"] == pytest.approx(wanted, abs=1e-6)
+        assert given(stiffening=stiffening)["stiffening"] == pytest.approx(
+            wanted, abs=1e-6
+        )
     assert networks.given_eye(Known(stiffening=5.0)).stiffening.tolist() == [5.0]
 
 
@@ -145,31 +207,58 @@ def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
     for modulus_pa in (0.2e6, 0.5e6):
         read = reader.network.read(CUTS, own(modulus_pa))
         # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
-        assert read.force_n == pytest.approx(modulus_pa * (edges[3] + edges[4]) / 2, rel=1e-5)
-        ends = edges[2] + 0.2 * (edges[3] - edges[2]), edges[5] - 0.2 * (edges[5] - edges[4])
-        np.testing.assert_allclose(read.interval_n, modulus_pa * np.array(ends), rtol=1e-5)
+        assert read.force_n == pytest.approx(
+            modulus_pa * (edges[3] + edges[4]) / 2, rel=1e-5
+        )
+        ends = (
+            edges[2] + 0.2 * (edges[3] - edges[2]),
+            edges[5] - 0.2 * (edges[5] - edges[4]),
+        )
+        np.testing.assert_allclose(
+            read.interval_n, modulus_pa * np.array(ends), rtol=1e-5
+        )
         assert read.contact_m == pytest.approx(0.4e-3)
         assert sum(read.probabilities) == pytest.approx(1.0)
     middle = own(0.5 * sum(reader.study.reader.youngs_modulus_pa.bounds), 1e3)
-    assert reader.network.read(CUTS, Known()).force_n == reader.network.read(CUTS, middle).force_n
+    assert (
+        reader.network.read(CUTS, Known()).force_n
+        == reader.network.read(CUTS, middle).force_n
+    )
 
 
-def test_an_eye_s_discrepancy_of_forces_moves_the_reading_and_its_interval(folder: Path) -> None:
-    stiffer = ForceDiscrepancy(level=0.05, growth=0.4, level_sd=0.01, growth_sd=0.02, correlation=0.0)
+def test_an_eye_s_discrepancy_of_forces_moves_the_reading_and_its_interval(
+    folder: Path,
+) -> None:
+    stiffer = ForceDiscrepancy(
+        level=0.05, growth=0.4, level_sd=0.01, growth_sd=0.02, correlation=0.0
+    )
     reader = load_model(folder)
-    was, now = (reader.network.read(CUTS, replace(own(), discrepancy=found)) for found in (None, stiffer))
+    was, now = (
+        reader.network.read(CUTS, replace(own(), discrepancy=found))
+        for found in (None, stiffer)
+    )
     # The quantiles move as forces do, but for the bins between whose ends they lie.
-    np.testing.assert_allclose(now.interval_n, stiffer.corrected_n(np.array(was.interval_n)), rtol=0.02)
-    assert now.force_n == pytest.approx(float(stiffer.corrected_n(np.array(was.force_n))), rel=0.02)
+    np.testing.assert_allclose(
+        now.interval_n, stiffer.corrected_n(np.array(was.interval_n)), rtol=0.02
+    )
+    assert now.force_n == pytest.approx(
+        float(stiffer.corrected_n(np.array(was.force_n))), rel=0.02
+    )
     assert now.force_n != pytest.approx(was.force_n, rel=0.02)
 
 
-def test_several_slices_are_read_by_the_mean_of_their_histograms(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    histograms = np.array([[0, 1, 0, 0, 0, 0, 0, 0], [0, 0, 0.5, 0, 0.5, 0, 0, 0]], dtype=np.float32)
+def test_several_slices_are_read_by_the_mean_of_their_histograms(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    histograms = np.array(
+        [[0, 1, 0, 0, 0, 0, 0, 0], [0, 0, 0.5, 0, 0.5, 0, 0, 0]], dtype=np.float32
+    )
     fed: list[dict[str, np.ndarray]] = []
 
     class Session:
-        def run(self, _: object, inputs: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        def run(
+            self, _: object, inputs: dict[str, np.ndarray]
+        ) -> tuple[np.ndarray, np.ndarray]:
             fed.append(inputs)
             return histograms, np.array([0.1e-3, 0.4e-3], dtype=np.float32)
 
@@ -177,7 +266,9 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(folder: Path, m
     edges = networks.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     monkeypatch.setattr(reader.network, "_session", Session())
     read = reader.network.read(CUTS[:2], replace(own(), iop_pa=250.0))
-    assert read.force_n == pytest.approx(0.3e6 * edges[2], rel=1e-5)  # half of the mean lies below
+    assert read.force_n == pytest.approx(
+        0.3e6 * edges[2], rel=1e-5
+    )  # half of the mean lies below
     assert read.contact_m == pytest.approx(0.25e-3)
     (inputs,) = fed
     assert inputs["slices"].shape == (2, 40, 140)
@@ -187,7 +278,13 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(folder: Path, m
 def test_the_known_values_of_an_eye_reach_the_network_and_the_others_are_nan() -> None:
     eye = networks.given_eye(Known(iop_pa=250.0, gap_m=0.5e-3))
     assert (eye.iop_pa[0], eye.gap_m[0]) == (250.0, 0.5e-3)
-    unknown = eye.modulus_pa, eye.modulus_sd_fraction, eye.thickness_m, eye.polar_rad, eye.direction_rad
+    unknown = (
+        eye.modulus_pa,
+        eye.modulus_sd_fraction,
+        eye.thickness_m,
+        eye.polar_rad,
+        eye.direction_rad,
+    )
     assert np.isnan(unknown).all()
     assert networks.given_eye(own(0.25e6, 1.0)).modulus_sd_fraction[0] == 0.01
     placed = networks.given_eye(Known(polar_rad=0.6, direction_rad=-1.2))
@@ -199,12 +296,21 @@ def test_a_folder_whose_parts_do_not_fit_is_refused(folder: Path) -> None:
     assert (reader.default, reader.kind) == ("fit", "reader")
     with pytest.raises(ModelError, match="found 'reader', a classifier is needed here"):
         load_classifier(folder)
-    record, study = (folder / "model.json").read_text(), (folder / "study.toml").read_text()
-    (folder / "model.json").write_text(json.dumps({**json.loads(record), "default": "guess"}))
+    record, study = (
+        (folder / "model.json").read_text(),
+        (folder / "study.toml").read_text(),
+    )
+    (folder / "model.json").write_text(
+        json.dumps({**json.loads(record), "default": "guess"})
+    )
     with pytest.raises(ModelError, match="default: found 'guess'"):
         load_model(folder)
     (folder / "model.json").write_text(record)
-    rewrite(folder, "study.toml", study.replace(f"bins = {len(SHARES)}\n", "bins = 16\n").encode())
+    rewrite(
+        folder,
+        "study.toml",
+        study.replace(f"bins = {len(SHARES)}\n", "bins = 16\n").encode(),
+    )
     with pytest.raises(ModelError, match="outputs: found"):
         load_model(folder)
     rewrite(folder, "study.toml", study.encode())

@@ -19,10 +19,25 @@ from waiting import FUSE_S
 
 from scleraforce.cli.main import run
 from scleraforce.errors import FrameError, LinkError
-from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status, Text, Transform, encode
+from scleraforce.openigtlink import (
+    Decoder,
+    Image,
+    Received,
+    Sensor,
+    Status,
+    Text,
+    Transform,
+    encode,
+)
 from scleraforce.recording.folder import OctInfo, read_recording
 from scleraforce.replay import player as module
-from scleraforce.replay.player import STATED_S, AnswerLog, Player, ScannerClient, frame_message
+from scleraforce.replay.player import (
+    STATED_S,
+    AnswerLog,
+    Player,
+    ScannerClient,
+    frame_message,
+)
 from scleraforce.service.scanner_image import FrameAssembler
 
 
@@ -33,21 +48,45 @@ def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def images(monitor: MonitorRule) -> list[Received]:
-    return [e for e in monitor.received if isinstance(e, Received) and isinstance(e.message, Image)]
+    return [
+        e
+        for e in monitor.received
+        if isinstance(e, Received) and isinstance(e.message, Image)
+    ]
 
 
 def forces(monitor: MonitorRule) -> list[Received]:
-    return [e for e in monitor.received if isinstance(e, Received) and isinstance(e.message, Sensor)]
+    return [
+        e
+        for e in monitor.received
+        if isinstance(e, Received) and isinstance(e.message, Sensor)
+    ]
 
 
-def played(recording, capsys, *options: str, decide=lambda _: None, code: int = 0) -> tuple[FakeMonitor, dict]:
+def played(
+    recording, capsys, *options: str, decide=lambda _: None, code: int = 0
+) -> tuple[FakeMonitor, dict]:
     with fake_monitor(decide) as monitor:
-        assert run(["replay", str(recording), "--port", str(monitor.port), "--json", *options]) == code
+        assert (
+            run(
+                [
+                    "replay",
+                    str(recording),
+                    "--port",
+                    str(monitor.port),
+                    "--json",
+                    *options,
+                ]
+            )
+            == code
+        )
     return monitor, json.loads(capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_every_frame_comes_in_order_with_its_pixels_size_and_time(tmp_path, capsys, version: int) -> None:
+def test_every_frame_comes_in_order_with_its_pixels_size_and_time(
+    tmp_path, capsys, version: int
+) -> None:
     recording = read_recording(write_small_recording(tmp_path / "rec", frames=30))
     monitor, result = played(recording.path, capsys, "--version", str(version))
     came = images(monitor)
@@ -55,13 +94,23 @@ def test_every_frame_comes_in_order_with_its_pixels_size_and_time(tmp_path, caps
     for event, entry in zip(came, recording.frames, strict=True):
         frame = FrameAssembler().add(event.message)
         assert np.array_equal(frame.pixels, recording.frame(entry))
-        assert (frame.lateral_m, frame.depth_m) == pytest.approx((0.008 / 32, 0.003 / 24), rel=1e-6)
+        assert (frame.lateral_m, frame.depth_m) == pytest.approx(
+            (0.008 / 32, 0.003 / 24), rel=1e-6
+        )
     assert {event.header.version for event in came} == {version}
-    assert [event.message_id for event in came] == ([0] * 30 if version == 1 else list(range(1, 31)))
+    assert [event.message_id for event in came] == (
+        [0] * 30 if version == 1 else list(range(1, 31))
+    )
     beside_s = np.array([event.header.time_s for event in came]) - 0.01 * np.arange(30)
-    stated_late_s = max(0.0, result["latest_ms"] / 1e3 - STATED_S)  # where other work keeps the replay from its time
+    stated_late_s = max(
+        0.0, result["latest_ms"] / 1e3 - STATED_S
+    )  # where other work keeps the replay from its time
     assert np.ptp(beside_s) <= stated_late_s + 1e-6
-    assert result["latency_ms"]["median"] <= result["latency_ms"]["p99"] <= result["latency_ms"]["max"]
+    assert (
+        result["latency_ms"]["median"]
+        <= result["latency_ms"]["p99"]
+        <= result["latency_ms"]["max"]
+    )
 
 
 def clocked_player(path, **settings) -> tuple[Player, ClockedClient]:
@@ -81,11 +130,15 @@ def test_every_frame_goes_out_at_its_time_and_no_delay_adds_up(tmp_path) -> None
 
     player.watch = watch
     player.play()
-    assert np.array(went_s[:40]) - went_s[0] == pytest.approx(0.005 * np.arange(40))  # twice as fast
+    assert np.array(went_s[:40]) - went_s[0] == pytest.approx(
+        0.005 * np.arange(40)
+    )  # twice as fast
     assert player.latest_s == 0.0
 
 
-def test_a_replay_that_is_late_catches_up_at_twice_the_pace_and_in_no_burst(tmp_path) -> None:
+def test_a_replay_that_is_late_catches_up_at_twice_the_pace_and_in_no_burst(
+    tmp_path,
+) -> None:
     path, went_s = write_small_recording(tmp_path / "rec", frames=60, log=False), []
     player, client = clocked_player(path)
 
@@ -112,7 +165,9 @@ def test_the_force_log_goes_along_in_its_time(tmp_path) -> None:
     assert player.forces_sent == len(came) == 58  # every 5 ms, up to the last frame
     assert {event.header.device for event in came} == {"RobotForce"}
     log = player.recording.forces
-    assert [event.message.values for event in came] == [tuple(row) for row in log.wrench_sc[:58].tolist()]
+    assert [event.message.values for event in came] == [
+        tuple(row) for row in log.wrench_sc[:58].tolist()
+    ]
     begin_s = images(client.monitor)[0].header.time_s
     times_s = [event.header.time_s - begin_s for event in came]
     assert times_s == pytest.approx((log.time_s[:58] - 1.0).tolist(), abs=1e-6)
@@ -124,10 +179,16 @@ def test_the_needles_travel_goes_out_just_before_its_frame(tmp_path) -> None:
     path = write_small_recording(tmp_path / "rec", frames=3)
     lines = (path / "frames.csv").read_text().splitlines()
     given = ("travel_m", "0.001", "", "0.0025")
-    (path / "frames.csv").write_text("\n".join(f"{line},{more}" for line, more in zip(lines, given, strict=True)))
+    (path / "frames.csv").write_text(
+        "\n".join(f"{line},{more}" for line, more in zip(lines, given, strict=True))
+    )
     player, client = clocked_player(path, version=2)
     player.play()
-    came = [event for event in client.monitor.received if not isinstance(event.message, Sensor)]
+    came = [
+        event
+        for event in client.monitor.received
+        if not isinstance(event.message, Sensor)
+    ]
     sent = [type(event.message).__name__ for event in came]
     assert sent == ["Transform", "Image", "Image", "Transform", "Image"]
     poses = [event for event in came if isinstance(event.message, Transform)]
@@ -147,17 +208,28 @@ def test_the_times_of_a_late_replay_show_its_delay_but_for_50_ms(tmp_path) -> No
     player.watch = watch
     player.play()
     events = client.monitor.received
-    times_s = np.array([event.header.time_s for event in events]) - events[0].header.time_s
+    times_s = (
+        np.array([event.header.time_s for event in events]) - events[0].header.time_s
+    )
     assert np.diff(times_s).min() > -1e-6  # nothing goes back in time
-    log_s = np.concatenate([player.recording.forces.time_s[:58] - 1.0, 0.01 * np.arange(30)])
+    log_s = np.concatenate(
+        [player.recording.forces.time_s[:58] - 1.0, 0.01 * np.arange(30)]
+    )
     assert np.sort(times_s)[:28] == pytest.approx(np.sort(log_s)[:28], abs=1e-6)
-    assert (times_s - np.sort(log_s)).max() == pytest.approx(player.latest_s - STATED_S, abs=1e-6)
+    assert (times_s - np.sort(log_s)).max() == pytest.approx(
+        player.latest_s - STATED_S, abs=1e-6
+    )
 
 
-def test_a_log_of_one_axis_goes_along_as_the_contact_force_without_samples_that_have_none(tmp_path, capsys) -> None:
+def test_a_log_of_one_axis_goes_along_as_the_contact_force_without_samples_that_have_none(
+    tmp_path, capsys
+) -> None:
     path = write_small_recording(tmp_path / "rec", frames=5)
     lines = [line.split(",") for line in (path / "forces.csv").read_text().splitlines()]
-    kept = [f"{line[0]},{'nan' if number == 3 else line[3]}" for number, line in enumerate(lines)]
+    kept = [
+        f"{line[0]},{'nan' if number == 3 else line[3]}"
+        for number, line in enumerate(lines)
+    ]
     (path / "forces.csv").write_text("\n".join(kept) + "\n")
     monitor, _ = played(path, capsys)
     values = [event.message.values for event in forces(monitor)][:3]
@@ -168,7 +240,9 @@ def test_a_fast_replay_sends_fewer_forces_but_all_frames(tmp_path, capsys) -> No
     path = write_small_recording(tmp_path / "rec", frames=100)
     _, result = played(path, capsys, "--speed", "20")
     assert result["frames_sent"] == 100
-    assert result["forces_sent"] == 50  # every fourth: 200 a second, 20 times as fast, 1000 at most
+    assert (
+        result["forces_sent"] == 50
+    )  # every fourth: 200 a second, 20 times as fast, 1000 at most
 
 
 def withdraws_at(number: int):
@@ -177,37 +251,62 @@ def withdraws_at(number: int):
     def decide(event):
         if isinstance(event, Received) and isinstance(event.message, Image):
             seen.append(event)
-        return Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN") if len(seen) == number else None
+        return (
+            Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN")
+            if len(seen) == number
+            else None
+        )
 
     return decide
 
 
-def test_a_withdrawal_is_reported_with_its_frame_cause_reading_and_true_force(tmp_path, capsys) -> None:
-    path = write_small_recording(tmp_path / "rec", frames=20, forces_mn=[float(n) for n in range(20)])
+def test_a_withdrawal_is_reported_with_its_frame_cause_reading_and_true_force(
+    tmp_path, capsys
+) -> None:
+    path = write_small_recording(
+        tmp_path / "rec", frames=20, forces_mn=[float(n) for n in range(20)]
+    )
     _, result = played(path, capsys, decide=withdraws_at(12))
     found = result["withdrawal"]
-    expected = {"code": 3, "sub_code": 102, "cause": "BOUND", "frame": 12, "file": "0011.png", "true_force_mn": 11.0}
+    expected = {
+        "code": 3,
+        "sub_code": 102,
+        "cause": "BOUND",
+        "frame": 12,
+        "file": "0011.png",
+        "true_force_mn": 11.0,
+    }
     assert expected.items() <= found.items()
     assert found["message"] == "WITHDRAW: up to 31 mN"
     assert (found["force_mn"], found["interval_mn"]) == (1.5, [0.5, 2.5])
     assert [change["code"] for change in result["changes"]][-2:] == [1, 3]
-    assert 0.0 < found["after_ms"] / 1e3 < found["at_s"] <= result["duration_s"]  # since the first frame, sent earlier
+    assert (
+        0.0 < found["after_ms"] / 1e3 < found["at_s"] <= result["duration_s"]
+    )  # since the first frame, sent earlier
     with fake_monitor(withdraws_at(12)) as monitor:
         assert run(["replay", str(path), "--port", str(monitor.port)]) == 0
     out, err = capsys.readouterr()
     lines = out.splitlines()
     assert err == ""
-    assert any("frame 12  code 3.102 BOUND  WITHDRAW: up to 31 mN" in line for line in lines)
+    assert any(
+        "frame 12  code 3.102 BOUND  WITHDRAW: up to 31 mN" in line for line in lines
+    )
     assert lines[-1].startswith("withdrawal at frame 12 (0011.png), ")
-    said = "BOUND: WITHDRAW: up to 31 mN; read 1.5 mN (0.5 to 2.5 mN); true force 11.0 mN"
+    said = (
+        "BOUND: WITHDRAW: up to 31 mN; read 1.5 mN (0.5 to 2.5 mN); true force 11.0 mN"
+    )
     assert lines[-1].endswith(f"after it was sent: {said}")
 
 
-def test_with_preload_every_frame_is_read_before_the_first_goes_out(tmp_path, capsys, monkeypatch) -> None:
+def test_with_preload_every_frame_is_read_before_the_first_goes_out(
+    tmp_path, capsys, monkeypatch
+) -> None:
     path = write_small_recording(tmp_path / "rec", frames=60, log=False)
     sent, read = [], Player._read  # frames sent, before each is read
     monkeypatch.setattr(
-        Player, "_read", lambda self, *which: (sent.append(self.log.frames_sent), read(self, *which))[1]
+        Player,
+        "_read",
+        lambda self, *which: (sent.append(self.log.frames_sent), read(self, *which))[1],
     )
     played(path, capsys, "--preload", "--speed", "10")
     assert sent == [0] * 60
@@ -227,7 +326,9 @@ def test_a_frame_that_cannot_be_read_ends_it_with_the_files_name(tmp_path) -> No
     assert log.frames_sent == 6
 
 
-def test_enter_sends_the_next_frame_and_its_answer_is_printed(tmp_path, capsys, monkeypatch) -> None:
+def test_enter_sends_the_next_frame_and_its_answer_is_printed(
+    tmp_path, capsys, monkeypatch
+) -> None:
     path = write_small_recording(tmp_path / "rec", frames=5)
     monkeypatch.setattr(sys, "stdin", io.StringIO("\n\n\n"))
     with fake_monitor() as monitor:
@@ -235,9 +336,13 @@ def test_enter_sends_the_next_frame_and_its_answer_is_printed(tmp_path, capsys, 
         assert len(images(monitor)) == 3
         assert not forces(monitor)
     out, err = capsys.readouterr()
-    assert [line.split(", ")[0] for line in out.splitlines() if line.startswith("frame")] == [
-        "frame 1", "frame 2", "frame 3",
-    ]  # fmt: skip
+    assert [
+        line.split(", ")[0] for line in out.splitlines() if line.startswith("frame")
+    ] == [
+        "frame 1",
+        "frame 2",
+        "frame 3",
+    ]
     assert "class 0, 1.5 mN" in out
     assert err.count("Enter sends") == 4
     assert "Enter sends 0003.png" in err
@@ -248,10 +353,15 @@ def test_nobody_there_is_exit_code_2_and_one_line(tmp_path, capsys) -> None:
     with fake_monitor() as monitor:
         port = monitor.port
     assert run(["replay", str(path), "--port", str(port)]) == 2
-    assert "Connection refused; start `scleraforce monitor` there" in capsys.readouterr().err
+    assert (
+        "Connection refused; start `scleraforce monitor` there"
+        in capsys.readouterr().err
+    )
 
 
-def test_a_monitor_that_leaves_is_exit_code_1_and_the_summary_so_far(tmp_path, capsys) -> None:
+def test_a_monitor_that_leaves_is_exit_code_1_and_the_summary_so_far(
+    tmp_path, capsys
+) -> None:
     path = write_small_recording(tmp_path / "rec", frames=60)
 
     def leave(_event) -> None:
@@ -269,7 +379,12 @@ def test_a_monitor_that_leaves_is_exit_code_1_and_the_summary_so_far(tmp_path, c
 
 def test_wrong_usage_is_exit_code_2(tmp_path, capsys) -> None:
     path = write_small_recording(tmp_path / "rec", frames=5)
-    for options in ("--step --speed 2", "--fault-at-s 3", "--fault gremlins", "--version 4"):
+    for options in (
+        "--step --speed 2",
+        "--fault-at-s 3",
+        "--fault gremlins",
+        "--version 4",
+    ):
         assert run(["replay", str(path), *options.split()]) == 2
         assert capsys.readouterr().err.startswith("error: ")
 
@@ -279,9 +394,24 @@ def test_control_c_is_exit_code_130_with_the_summary_so_far(tmp_path) -> None:
     path = write_small_recording(tmp_path / "rec", frames=300, log=False)
     with fake_monitor() as monitor:
         code = "from scleraforce.cli.main import main; main()"
-        command = [sys.executable, "-c", code, "replay", str(path), "--port", str(monitor.port), "--json"]
+        command = [
+            sys.executable,
+            "-c",
+            code,
+            "replay",
+            str(path),
+            "--port",
+            str(monitor.port),
+            "--json",
+        ]
         command += ["--speed", "0.1"]  # half a minute, whatever holds this test up
-        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ)
+        child = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ,
+        )
         while len(images(monitor)) < 6:  # the last one may not have been counted yet
             assert child.poll() is None
         child.send_signal(signal.SIGINT)
@@ -303,12 +433,17 @@ def test_a_frame_has_its_time_and_the_id_that_the_monitor_reads_from_it() -> Non
             assert isinstance(event, Received)
             assert event.header.time_s == pytest.approx(time_s, abs=3e-7)
             assert event.message_id == (0 if version == 1 else 7)
-            assert message.frame_id == (event.message_id or int(event.header.time_s * 1e6))
+            assert message.frame_id == (
+                event.message_id or int(event.header.time_s * 1e6)
+            )
 
 
 @contextmanager
 def connected(hear, **settings) -> Iterator[tuple[FakeMonitor, ScannerClient]]:
-    with fake_monitor() as monitor, closing(ScannerClient("127.0.0.1", monitor.port, hear, **settings)) as client:
+    with (
+        fake_monitor() as monitor,
+        closing(ScannerClient("127.0.0.1", monitor.port, hear, **settings)) as client,
+    ):
         yield monitor, client
 
 
@@ -346,25 +481,37 @@ def test_the_robots_connection_hears_on_when_the_scanners_is_closed() -> None:
 
 def test_a_message_that_comes_through_both_connections_is_heard_once() -> None:
     heard = []
-    with connected(lambda *said: heard.append(said), observed=True) as (monitor, client):
+    with connected(lambda *said: heard.append(said), observed=True) as (
+        monitor,
+        client,
+    ):
         monitor.answers = False
         waiting.wait_until(lambda: len(monitor._peers) == 2)
         for _ in range(3):
             monitor.say_bytes(encode(Text("once"), "ForceReading"))
             client.listen(time.monotonic() + 0.05)
-        wait_until(client, lambda: sum(isinstance(message, Text) for _, _, message in heard) >= 3)
+        wait_until(
+            client,
+            lambda: sum(isinstance(message, Text) for _, _, message in heard) >= 3,
+        )
         assert sum(isinstance(message, Text) for _, _, message in heard) == 3
 
 
-def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanwhile() -> None:
+def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanwhile() -> (
+    None
+):
     heard = []
     with fake_monitor() as monitor:
         hear, clock = lambda *said: heard.append(said), lambda: 2.0 * len(heard)
         client = ScannerClient("127.0.0.1", monitor.port, hear, clock=clock)
         monitor.reads = False
         with pytest.raises(LinkError, match="has read nothing for 5 s"):
-            client.send(encode(Image(np.zeros((1, 2048, 2048), np.uint16)), "Scanner") * 8)
-        assert len(heard) >= 3  # heartbeats, of which each is two seconds of the client's clock
+            client.send(
+                encode(Image(np.zeros((1, 2048, 2048), np.uint16)), "Scanner") * 8
+            )
+        assert (
+            len(heard) >= 3
+        )  # heartbeats, of which each is two seconds of the client's clock
         client.close()
 
 
@@ -372,7 +519,10 @@ def test_a_peer_that_leaves_or_does_not_speak_openigtlink_is_an_error() -> None:
     http = b"HTTP/1.1 400 Bad Request\r\n" + b"\r\n" * 30
     for act, words in (
         (FakeMonitor.drop, "the connection is lost"),
-        (lambda monitor: monitor.say_bytes(http), "does not send OpenIGTLink: header version"),
+        (
+            lambda monitor: monitor.say_bytes(http),
+            "does not send OpenIGTLink: header version",
+        ),
     ):
         with connected(lambda *_: None) as (monitor, client):
             monitor.answers = False
@@ -400,7 +550,12 @@ def test_the_status_before_a_reading_is_that_frames_answer() -> None:
     assert log.longest_silence_s == pytest.approx(0.009)
     change = log.first_doubt(0.0)
     assert change is not None
-    assert (change.code, change.cause, change.frame, change.answers) == (3, "BOUND", 2, True)
+    assert (change.code, change.cause, change.frame, change.answers) == (
+        3,
+        "BOUND",
+        2,
+        True,
+    )
     assert change.after_s == pytest.approx(0.003)
     assert [entry.code for entry in log.changes] == [1, 3]
     assert not log.ok

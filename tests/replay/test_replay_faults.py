@@ -15,12 +15,31 @@ from scleraforce.cli.main import run
 from scleraforce.decision.events import Cause
 from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import InputError
-from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
+from scleraforce.openigtlink import (
+    BadChecksum,
+    Decoder,
+    Image,
+    Malformed,
+    Received,
+    Status,
+)
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.replay import faults, player as player_module
-from scleraforce.replay.faults import FAULTS, FaultReport, draw_fault_time, inject, prepare
-from scleraforce.replay.player import AnswerLog, Player, ScannerClient, Unstamped, frame_message
+from scleraforce.replay.faults import (
+    FAULTS,
+    FaultReport,
+    draw_fault_time,
+    inject,
+    prepare,
+)
+from scleraforce.replay.player import (
+    AnswerLog,
+    Player,
+    ScannerClient,
+    Unstamped,
+    frame_message,
+)
 from scleraforce.service.scanner_image import FrameAssembler
 from scleraforce.service.session import Session
 
@@ -31,16 +50,25 @@ AT_S, SPEED = 1.3, 4.0  # frame 31 of 400 a second
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    path = write_small_recording(tmp_path_factory.mktemp("faults") / "rec", FRAMES, forces_mn=FORCES_N * 1e3)
+    path = write_small_recording(
+        tmp_path_factory.mktemp("faults") / "rec", FRAMES, forces_mn=FORCES_N * 1e3
+    )
     return read_recording(path)
 
 
 def inject_through(
-    client: ClockedClient, log: AnswerLog, recording, name: str, version: int = 2, seed: int = 0
+    client: ClockedClient,
+    log: AnswerLog,
+    recording,
+    name: str,
+    version: int = 2,
+    seed: int = 0,
 ) -> FaultReport:
     player = Player(recording, client, log, speed=SPEED, version=version)
     rng = np.random.default_rng(seed)
-    ready = prepare(name, recording, AT_S, rng, version=version, speed=SPEED, forces_n=FORCES_N)
+    ready = prepare(
+        name, recording, AT_S, rng, version=version, speed=SPEED, forces_n=FORCES_N
+    )
     player.play(ready.time_s)
     return inject(player, ready)
 
@@ -49,11 +77,17 @@ def injected(
     recording, name: str, version: int, decide=lambda _: None, seed: int = 0
 ) -> tuple[MonitorRule, FaultReport]:
     monitor, log = MonitorRule(decide), AnswerLog()
-    return monitor, inject_through(ClockedClient(monitor, log.hear), log, recording, name, version, seed)
+    return monitor, inject_through(
+        ClockedClient(monitor, log.hear), log, recording, name, version, seed
+    )
 
 
 def images(monitor: MonitorRule) -> list[Received]:
-    return [event for event in monitor.received if isinstance(event, Received) and isinstance(event.message, Image)]
+    return [
+        event
+        for event in monitor.received
+        if isinstance(event, Received) and isinstance(event.message, Image)
+    ]
 
 
 def numbers(monitor: MonitorRule) -> list[int]:
@@ -68,7 +102,9 @@ class WithdrawsAfter:
 
     def __call__(self, event) -> Status | None:
         counts = event is None or isinstance(event, BadChecksum | Malformed)
-        counts = counts or (isinstance(event, Received) and isinstance(event.message, Image))
+        counts = counts or (
+            isinstance(event, Received) and isinstance(event.message, Image)
+        )
         self.left -= counts
         return self.status if self.left == 0 and counts else None
 
@@ -76,16 +112,26 @@ class WithdrawsAfter:
 @pytest.fixture(scope="module")
 def speckled(tmp_path_factory) -> Recording:
     """A second of frames, each with its own noise."""
-    level_db = 10.0 * np.log10(np.random.default_rng(5).exponential(1.0, (100, 256, 320)) + 1e-3)
+    level_db = 10.0 * np.log10(
+        np.random.default_rng(5).exponential(1.0, (100, 256, 320)) + 1e-3
+    )
     pictures = np.clip(4095 * (level_db + 30.0) / 45.0, 0, 4095).astype(np.uint16)
-    return read_recording(write_small_recording(tmp_path_factory.mktemp("speckled") / "rec", pictures=pictures))
+    return read_recording(
+        write_small_recording(
+            tmp_path_factory.mktemp("speckled") / "rec", pictures=pictures
+        )
+    )
 
 
-OLD_PICTURES = [name for name, fault in FAULTS.items() if fault.causes == (Cause.FROZEN,)]
+OLD_PICTURES = [
+    name for name, fault in FAULTS.items() if fault.causes == (Cause.FROZEN,)
+]
 
 
 @pytest.mark.parametrize("name", [*OLD_PICTURES, "pixel-type"])
-def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(speckled, name: str) -> None:
+def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(
+    speckled, name: str
+) -> None:
     for seed in range(4):
         withdraw_from_old_pictures(speckled, name, seed)
 
@@ -94,19 +140,32 @@ def withdraw_from_old_pictures(speckled: Recording, name: str, seed: int) -> Non
     """Run the server's session with a reader that finds 8 mN in every picture."""
     prepared = prepare(name, speckled, 1.5, np.random.default_rng(seed), version=2)
     clock = count(1000)
-    answer = Answer(predicted=1, probabilities=(0.0, 1.0, 0.0), usable=True, reason=None, force_n=8e-3,
-                    interval_n=(7e-3, 9e-3))  # fmt: skip
+    answer = Answer(
+        predicted=1,
+        probabilities=(0.0, 1.0, 0.0),
+        usable=True,
+        reason=None,
+        force_n=8e-3,
+        interval_n=(7e-3, 9e-3),
+    )
     info = speckled.info.oct
-    limits = MonitorLimits(size=(256, 320), scale_m=(info.width_m / 320, info.depth_m / 256))
+    limits = MonitorLimits(
+        size=(256, 320), scale_m=(info.width_m / 320, info.depth_m / 256)
+    )
     session = Session(lambda *_: answer, limits, lambda: next(clock) / 100, lambda: 0.0)
 
     def show(sending: Unstamped, number: int) -> None:
         (event,) = Decoder().feed(sending.stamped(1.0 + number / 100))
         frame = FrameAssembler().add(event.message)
-        session.take_frame(session.frame(frame, number, 1, session.clock(), event.header.time_s))
+        session.take_frame(
+            session.frame(frame, number, 1, session.clock(), event.header.time_s)
+        )
 
     for number in range(1, 51):
-        show(frame_message(speckled.frame(speckled.frames[number - 1]), info, number, 2), number)
+        show(
+            frame_message(speckled.frame(speckled.frames[number - 1]), info, number, 2),
+            number,
+        )
     assert session.decision.code == 1
     for (sending,) in prepared.acts[:12]:
         if session.decision.code == 1:
@@ -115,19 +174,33 @@ def withdraw_from_old_pictures(speckled: Recording, name: str, seed: int) -> Non
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_stale_sends_the_next_pictures_with_times_that_fall_behind(recording, version: int) -> None:
+def test_stale_sends_the_next_pictures_with_times_that_fall_behind(
+    recording, version: int
+) -> None:
     monitor, report = injected(recording, "stale", version, WithdrawsAfter(12, 114))
     assert numbers(monitor)[:42] == list(range(42))
     times_s = [event.header.time_s for event in images(monitor)][29:42]
-    assert [b - a for a, b in pairwise(times_s)] == pytest.approx([0.2 * 0.01 / SPEED] * 12, abs=1e-6)
+    assert [b - a for a, b in pairwise(times_s)] == pytest.approx(
+        [0.2 * 0.01 / SPEED] * 12, abs=1e-6
+    )
     assert (report.cause, report.expected) == ("STALE", True)
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_continues(recording, version: int) -> None:
-    for name, kind in (("checksum", BadChecksum), ("nan", Malformed), ("bad-image", Malformed)):
+def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_continues(
+    recording, version: int
+) -> None:
+    for name, kind in (
+        ("checksum", BadChecksum),
+        ("nan", Malformed),
+        ("bad-image", Malformed),
+    ):
         monitor, report = injected(recording, name, version)
-        wrong = [event for event in monitor.received if isinstance(event, BadChecksum | Malformed)]
+        wrong = [
+            event
+            for event in monitor.received
+            if isinstance(event, BadChecksum | Malformed)
+        ]
         assert [type(event) for event in wrong] == [kind]
         assert name != "nan" or "finite" in wrong[0].reason
         assert name != "bad-image" or "bytes of pixels" in wrong[0].reason
@@ -139,16 +212,22 @@ def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_continues(r
 def test_unusable_is_noise_or_black_and_never_frozen(recording) -> None:
     kinds = set()
     for seed in range(6):
-        monitor, report = injected(recording, "unusable", 2, WithdrawsAfter(1, 104), seed)
+        monitor, report = injected(
+            recording, "unusable", 2, WithdrawsAfter(1, 104), seed
+        )
         assert report.expected
         wrong = images(monitor)[30].message.pixels
-        kinds.add("noise" if wrong.max() > 3000 else "black" if wrong.max() <= 3 else "other")
+        kinds.add(
+            "noise" if wrong.max() > 3000 else "black" if wrong.max() <= 3 else "other"
+        )
         assert not np.array_equal(wrong, images(monitor)[29].message.pixels)
     assert kinds == {"noise", "black"}
 
 
 @pytest.mark.parametrize("name", ["garbage", "disconnect"])
-def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, name: str) -> None:
+def test_the_robots_connection_tells_what_follows_a_broken_scanner(
+    recording, name: str
+) -> None:
     def decide(event):
         return Status(3, 7, "SILENCE", "WITHDRAW: no frame") if event is None else None
 
@@ -158,9 +237,13 @@ def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, na
     assert report.expected is (name == "disconnect")
 
 
-def test_a_monitor_that_falls_silent_or_dies_is_a_withdrawal_by_the_robots_rule(recording) -> None:
+def test_a_monitor_that_falls_silent_or_dies_is_a_withdrawal_by_the_robots_rule(
+    recording,
+) -> None:
     def fall_silent_or_die(event) -> None:
-        client.monitor.answers = not (isinstance(event, Received) and len(images(client.monitor)) >= 30)
+        client.monitor.answers = not (
+            isinstance(event, Received) and len(images(client.monitor)) >= 30
+        )
         client.dropped = isinstance(event, BadChecksum)
 
     for name, message, least_s in (
@@ -176,19 +259,29 @@ def test_a_monitor_that_falls_silent_or_dies_is_a_withdrawal_by_the_robots_rule(
 
 
 def test_a_monitor_that_does_not_watch_shows_nothing(recording) -> None:
-    with pytest.raises(InputError, match="was not watching when the fault was due; it said: WITHDRAW: seen"):
+    with pytest.raises(
+        InputError,
+        match="was not watching when the fault was due; it said: WITHDRAW: seen",
+    ):
         injected(recording, "silence", 2, WithdrawsAfter(-10, 102))
 
 
 def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) -> None:
-    times_s = {draw_fault_time(recording, FORCES_N, np.random.default_rng(seed)) for seed in range(200)}
+    times_s = {
+        draw_fault_time(recording, FORCES_N, np.random.default_rng(seed))
+        for seed in range(200)
+    }
     frames_s = np.array([entry.time_s for entry in recording.frames])
-    forces_n = [FORCES_N[np.searchsorted(frames_s, time_s - 1e-9)] for time_s in times_s]
+    forces_n = [
+        FORCES_N[np.searchsorted(frames_s, time_s - 1e-9)] for time_s in times_s
+    ]
     after_n = [FORCES_N[frames_s <= time_s + 0.5 - 1e-9][-1] for time_s in times_s]
     assert min(forces_n) > 4e-3
     assert max(after_n) <= 24.1e-3
     assert len(times_s) > 1
-    dipping_n = np.where(np.arange(FRAMES) % 20 < 10, 0.0, FORCES_N)  # the needle lifts off again and again
+    dipping_n = np.where(
+        np.arange(FRAMES) % 20 < 10, 0.0, FORCES_N
+    )  # the needle lifts off again and again
     for seed in range(50):
         time_s = draw_fault_time(recording, dipping_n, np.random.default_rng(seed))
         assert dipping_n[np.searchsorted(frames_s, time_s - 1e-9)] > 4e-3
@@ -202,11 +295,18 @@ def test_a_fault_that_cannot_be_is_one_clear_line(recording) -> None:
         ("silence", 0.0, FORCES_N, "a fault at 0 s; frames are from 1.02"),
         ("silence", 99.0, FORCES_N, "a fault at 99 s"),
         ("rising", AT_S, FORCES_N / 2, "forces up to 20.0 mN; this fault needs 30 mN"),
-        ("dangerous", AT_S, FORCES_N / 2, "forces up to 20.0 mN; this fault needs 33 mN"),
+        (
+            "dangerous",
+            AT_S,
+            FORCES_N / 2,
+            "forces up to 20.0 mN; this fault needs 33 mN",
+        ),
         ("dangerous", AT_S, None, "no force at its frames"),
     ):
         with pytest.raises(InputError, match=message):
-            prepare(name, recording, time_s, np.random.default_rng(0), forces_n=forces_n)
+            prepare(
+                name, recording, time_s, np.random.default_rng(0), forces_n=forces_n
+            )
 
 
 @pytest.fixture
@@ -223,13 +323,24 @@ def clocked(monkeypatch: pytest.MonkeyPatch):
     return monitor, clients
 
 
-def test_the_command_injects_at_a_drawn_time_and_says_what_followed(recording, capsys, clocked) -> None:
+def test_the_command_injects_at_a_drawn_time_and_says_what_followed(
+    recording, capsys, clocked
+) -> None:
     monitor, _ = clocked
-    monitor.decide = lambda event: Status(3, 9, "", "WITHDRAW: checksum") if isinstance(event, BadChecksum) else None
+    monitor.decide = lambda event: (
+        Status(3, 9, "", "WITHDRAW: checksum")
+        if isinstance(event, BadChecksum)
+        else None
+    )
     assert run(["replay", str(recording.path), "--fault", "checksum", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     fault = result["fault"]
-    assert (fault["name"], fault["withdraws"], fault["cause"], fault["code"]) == ("checksum", True, "CHECKSUM", 3)
+    assert (fault["name"], fault["withdraws"], fault["cause"], fault["code"]) == (
+        "checksum",
+        True,
+        "CHECKSUM",
+        3,
+    )
     assert fault["cause_is_of_the_fault"] is True
     assert fault["delay_ms"] == 0.0  # this monitor answers at once
     frames_s = [entry.time_s for entry in recording.frames]
@@ -239,9 +350,25 @@ def test_the_command_injects_at_a_drawn_time_and_says_what_followed(recording, c
 
 
 def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys, clocked) -> None:
-    assert run(["replay", str(recording.path), "--fault", "scale", "--fault-at-s", "1.3", "--speed", "4"]) == 1
+    assert (
+        run(
+            [
+                "replay",
+                str(recording.path),
+                "--fault",
+                "scale",
+                "--fault-at-s",
+                "1.3",
+                "--speed",
+                "4",
+            ]
+        )
+        == 1
+    )
     (client,) = clocked[1]
-    assert client.now_s == pytest.approx(1000.0 + 0.3 / 4 + 0.5, abs=0.01)  # half a second after the fault
+    assert client.now_s == pytest.approx(
+        1000.0 + 0.3 / 4 + 0.5, abs=0.01
+    )  # half a second after the fault
     out, err = capsys.readouterr()
     assert "no withdrawal after the fault scale" in err
     assert "the robot continues: the monitor still says OK" in out
@@ -250,27 +377,50 @@ def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys, clocked) 
 # The faults against the monitor's own server with its decision. Its reader takes any picture for a frame of some force,
 # so noise is not unusable to it; its frames have no texture that shows a changed picture, and it bears more delay than
 # the stale frames of so short a recording have. Other tests have these.
-RULED_N = np.concatenate([np.zeros(10), np.full(60, 8e-3), np.linspace(8e-3, 40e-3, 60)])
+RULED_N = np.concatenate(
+    [np.zeros(10), np.full(60, 8e-3), np.linspace(8e-3, 40e-3, 60)]
+)
 FAULT_S = 1.4  # frame 41, in contact
-CHANGED = ("burned-in-clock", "dark-level", "moved", "half-frozen", "ghost", "persistence")
+CHANGED = (
+    "burned-in-clock",
+    "dark-level",
+    "moved",
+    "half-frozen",
+    "ghost",
+    "persistence",
+)
 SEEN = [name for name in FAULTS if name not in ("unusable", "stale", *CHANGED)]
 
 
 @pytest.fixture(scope="module")
 def ruled(tmp_path_factory) -> Recording:
-    pictures = [frame_of(round(force_n * 1e6), index) for index, force_n in enumerate(RULED_N, start=1)]
+    pictures = [
+        frame_of(round(force_n * 1e6), index)
+        for index, force_n in enumerate(RULED_N, start=1)
+    ]
     folder = tmp_path_factory.mktemp("ruled") / "rec"
-    return read_recording(write_small_recording(folder, pictures=pictures, bits=16, pixel_m=SCALE_M))
+    return read_recording(
+        write_small_recording(folder, pictures=pictures, bits=16, pixel_m=SCALE_M)
+    )
 
 
 def injected_into_a_server(ruled: Recording, name: str, version: int) -> FaultReport:
     log = AnswerLog()
     with (
-        serving(clock=None, catch_up_s=0.1) as port,  # 100 frames are not a flood for a server with time to catch up
+        serving(
+            clock=None, catch_up_s=0.1
+        ) as port,  # 100 frames are not a flood for a server with time to catch up
         closing(ScannerClient("127.0.0.1", port, log.hear, observed=True)) as client,
     ):
         player = Player(ruled, client, log, version=version)
-        ready = prepare(name, ruled, FAULT_S, np.random.default_rng(0), version=version, forces_n=RULED_N)
+        ready = prepare(
+            name,
+            ruled,
+            FAULT_S,
+            np.random.default_rng(0),
+            version=version,
+            forces_n=RULED_N,
+        )
         player.play(ready.time_s)
         return inject(player, ready)
 
@@ -278,11 +428,18 @@ def injected_into_a_server(ruled: Recording, name: str, version: int) -> FaultRe
 @pytest.mark.slow
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("name", SEEN)
-def test_the_monitor_withdraws_for_the_faults_own_cause(ruled, monkeypatch, name: str, version: int) -> None:
-    for name_of_limit in ("WITHIN_S", "SILENT_S"):  # the monitor's server may be held up
+def test_the_monitor_withdraws_for_the_faults_own_cause(
+    ruled, monkeypatch, name: str, version: int
+) -> None:
+    for name_of_limit in (
+        "WITHIN_S",
+        "SILENT_S",
+    ):  # the monitor's server may be held up
         monkeypatch.setattr(faults, name_of_limit, FUSE_S)
     found = []
-    for _ in range(5):  # a machine that stalls makes frames late or lost, which are causes too: then once more
+    for _ in range(
+        5
+    ):  # a machine that stalls makes frames late or lost, which are causes too: then once more
         with suppress(InputError):
             report = injected_into_a_server(ruled, name, version)
             assert report.code == 3
@@ -292,11 +449,18 @@ def test_the_monitor_withdraws_for_the_faults_own_cause(ruled, monkeypatch, name
     raise AssertionError(found)
 
 
-def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(ruled, monkeypatch) -> None:
+def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(
+    ruled, monkeypatch
+) -> None:
     monkeypatch.setattr(player_module, "ANSWER_S", FUSE_S)
     clock, log = TurnedClock(), AnswerLog()
-    with serving(clock=clock) as port, closing(ScannerClient("127.0.0.1", port, log.hear)) as client:
-        Player(ruled, client, log, version=2, wall_clock=clock).step(lambda _: clock.turn(FRAME_S) or True)
+    with (
+        serving(clock=clock) as port,
+        closing(ScannerClient("127.0.0.1", port, log.hear)) as client,
+    ):
+        Player(ruled, client, log, version=2, wall_clock=clock).step(
+            lambda _: clock.turn(FRAME_S) or True
+        )
     withdrawal = log.first_doubt(0.0, (3,))
     assert withdrawal is not None
     assert len(log.answers) == len(RULED_N)

@@ -28,7 +28,15 @@ from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import read_recording
 from scleraforce.reproduction import demo, run as reproduction, stages
 from scleraforce.reproduction.page import _comparison, _coverage
-from scleraforce.reproduction.run import Progress, Run, Stage, framed_for_laboratory, open_run, run_library, run_stages
+from scleraforce.reproduction.run import (
+    Progress,
+    Run,
+    Stage,
+    framed_for_laboratory,
+    open_run,
+    run_library,
+    run_stages,
+)
 from scleraforce.study import NetworkStudy, Study, format_study, parse_study
 
 DONE: list[str] = []
@@ -54,7 +62,12 @@ def _clean() -> None:
     BARS.clear()
 
 
-def stage(name: str, work: Callable[[Run, Progress], None] | None = None, *, resumes: bool = False) -> Stage:
+def stage(
+    name: str,
+    work: Callable[[Run, Progress], None] | None = None,
+    *,
+    resumes: bool = False,
+) -> Stage:
     """A stage that writes a folder of its name and ticks twice."""
 
     def write(run: Run, progress: Progress) -> None:
@@ -63,14 +76,20 @@ def stage(name: str, work: Callable[[Run, Progress], None] | None = None, *, res
         progress(1)
         DONE.append(name)
 
-    return Stage(name, lambda _: 2, work or write, lambda run: run.folder / name, resumes)
+    return Stage(
+        name, lambda _: 2, work or write, lambda run: run.folder / name, resumes
+    )
 
 
-def run_in(folder: Path, *stages: Stage, say: Callable[[str], object] = lambda _: None) -> dict[str, float]:
+def run_in(
+    folder: Path, *stages: Stage, say: Callable[[str], object] = lambda _: None
+) -> dict[str, float]:
     return run_stages(open_run(folder, Study(), 1), stages, announce, say)
 
 
-def test_a_run_does_the_stages_in_order_and_a_later_one_only_the_unfinished(tmp_path: Path) -> None:
+def test_a_run_does_the_stages_in_order_and_a_later_one_only_the_unfinished(
+    tmp_path: Path,
+) -> None:
     first = run_in(tmp_path, stage("a"), stage("b"))
     assert BARS == [("1/2 a", 2, 2), ("2/2 b", 2, 2)]
     assert (tmp_path / "study.toml").exists()
@@ -90,7 +109,9 @@ def interrupted(run: Run, progress: Progress) -> None:
     raise KeyboardInterrupt
 
 
-def test_after_control_c_the_unfinished_stage_is_repeated_or_resumed(tmp_path: Path) -> None:
+def test_after_control_c_the_unfinished_stage_is_repeated_or_resumed(
+    tmp_path: Path,
+) -> None:
     for resumes in (False, True):
         with pytest.raises(KeyboardInterrupt):
             run_in(tmp_path / str(resumes), stage("a"), stage("b", interrupted))
@@ -110,7 +131,9 @@ def test_folders_of_others_and_of_another_study_are_left_alone(tmp_path: Path) -
         open_run(tmp_path / "out", Study(network=NetworkStudy(seed=7)), 1)
 
 
-def test_a_run_with_another_reader_repeats_only_what_depends_on_it(tmp_path: Path) -> None:
+def test_a_run_with_another_reader_repeats_only_what_depends_on_it(
+    tmp_path: Path,
+) -> None:
     stages = (stage("a"), replace(stage("b"), by_reader=True))
     for train in (False, True, True):
         run_stages(open_run(tmp_path, Study(), 1, train=train), stages, announce)
@@ -118,21 +141,35 @@ def test_a_run_with_another_reader_repeats_only_what_depends_on_it(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    "text", ["[classes]\nbounds_mn = [4.0, 20.0]", "[needle]\nouter_diameter_mm = 0.5", "[eye]\nradius_mm = 11.0"]
+    "text",
+    [
+        "[classes]\nbounds_mn = [4.0, 20.0]",
+        "[needle]\nouter_diameter_mm = 0.5",
+        "[eye]\nradius_mm = 11.0",
+    ],
 )
-def test_the_bundled_reader_is_refused_for_a_study_that_it_was_not_trained_for(tmp_path: Path, text: str) -> None:
+def test_the_bundled_reader_is_refused_for_a_study_that_it_was_not_trained_for(
+    tmp_path: Path, text: str
+) -> None:
     study = parse_study(text)
     key = f"{text.split(']')[0][1:]}.{text.splitlines()[1].split()[0]}"
     with pytest.raises(StudyError, match=f"study: {key}: .*--train"):
         open_run(tmp_path / "out", study, 1)
-    assert open_run(tmp_path / "out", study, 1, train=True).reader == tmp_path / "out" / "reader"
+    assert (
+        open_run(tmp_path / "out", study, 1, train=True).reader
+        == tmp_path / "out" / "reader"
+    )
 
 
-def test_the_bundled_reader_serves_the_papers_study_with_its_own_library(tmp_path: Path) -> None:
+def test_the_bundled_reader_serves_the_papers_study_with_its_own_library(
+    tmp_path: Path,
+) -> None:
     run = open_run(tmp_path / "out", framed_for_laboratory(Study()), 1)
     assert run.reader == SHIPPED_READER
     shipped = load_force_reader(SHIPPED_READER).library
-    np.testing.assert_array_equal(run_library(run).curves_tpdbnc(), shipped.curves_tpdbnc())
+    np.testing.assert_array_equal(
+        run_library(run).curves_tpdbnc(), shipped.curves_tpdbnc()
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -142,7 +179,9 @@ def _own_sources() -> Iterator[None]:
     reproduction._sources.cache_clear()
 
 
-def test_results_of_other_code_are_made_again_once_and_one_line_says_so(tmp_path: Path, monkeypatch) -> None:
+def test_results_of_other_code_are_made_again_once_and_one_line_says_so(
+    tmp_path: Path, monkeypatch
+) -> None:
     stages, lines = (stage("a", resumes=True), stage("b")), []
     run_in(tmp_path, *stages, say=lines.append)
     (tmp_path / "a" / "old").write_text("")
@@ -153,7 +192,9 @@ def test_results_of_other_code_are_made_again_once_and_one_line_says_so(tmp_path
     run_in(tmp_path, *stages, say=lines.append)
     assert DONE == ["a", "b", "a", "b"]
     assert not (tmp_path / "a" / "old").exists()
-    assert lines == [f"{tmp_path}: the code has changed since these results were made; all stages are done again"]
+    assert lines == [
+        f"{tmp_path}: the code has changed since these results were made; all stages are done again"
+    ]
 
 
 def test_a_broken_state_is_refused(tmp_path: Path) -> None:
@@ -164,11 +205,16 @@ def test_a_broken_state_is_refused(tmp_path: Path) -> None:
             open_run(tmp_path, Study(), 1)
 
 
-def test_every_pose_of_the_virtual_laboratory_lies_in_the_framing_of_the_data_set() -> None:
+def test_every_pose_of_the_virtual_laboratory_lies_in_the_framing_of_the_data_set() -> (
+    None
+):
     study = framed_for_laboratory(Study())
     rng = np.random.default_rng(1)
     poses = [sample_pose(study.phantom, rng) for _ in range(500)]
-    lateral, depth = study.dataset.framing_lateral_m.bounds, study.dataset.framing_depth_m.bounds
+    lateral, depth = (
+        study.dataset.framing_lateral_m.bounds,
+        study.dataset.framing_depth_m.bounds,
+    )
     offsets = [pose.depth_m - study.slice.margin_m for pose in poses]
     assert lateral[0] < min(pose.lateral_m for pose in poses)
     assert max(pose.lateral_m for pose in poses) < lateral[1]
@@ -186,17 +232,29 @@ class Frames:
     frames: Sequence[int]
 
 
-def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(tmp_path: Path, monkeypatch) -> None:
+def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
+    tmp_path: Path, monkeypatch
+) -> None:
     """The search of the stiffening goes through each frame several times; linear mechanics once."""
     library, counted = made_up_library(), []
 
-    def calibrate(recordings: Sequence[Frames], *others: Any, progress: Callable[[int], None], **_: Any) -> Any:
+    def calibrate(
+        recordings: Sequence[Frames],
+        *others: Any,
+        progress: Callable[[int], None],
+        **_: Any,
+    ) -> Any:
         passes = calibration_passes(others[-1], None)
         progress(passes * sum(len(recording.frames) for recording in recordings))
         return Calibration({}, "hash", (5e-3, 30e-3), "finite-strain")
 
-    pushes = {eye.id: range(len(forces_n)) for eye, forces_n in reproduction.bent_trials(Study())}
-    monkeypatch.setattr(stages, "read_recording", lambda path: Frames(pushes[path.name]))
+    pushes = {
+        eye.id: range(len(forces_n))
+        for eye, forces_n in reproduction.bent_trials(Study())
+    }
+    monkeypatch.setattr(
+        stages, "read_recording", lambda path: Frames(pushes[path.name])
+    )
     monkeypatch.setattr(stages, "calibrate_recordings", calibrate)
     monkeypatch.setattr(Calibration, "to_dict", lambda _: {})
     monkeypatch.setattr(stages, "write_calibration", lambda *_: None)
@@ -204,15 +262,23 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(tmp_
     run = open_run(tmp_path / "out", Study(), 1)
     stages._calibrate_bent(run, counted.append)
     assert len(counted) == 2
-    assert stages._bent_frames(run) == sum(counted) > sum(len(frames) for frames in pushes.values())
+    assert (
+        stages._bent_frames(run)
+        == sum(counted)
+        > sum(len(frames) for frames in pushes.values())
+    )
 
 
-def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_a_pixel() -> None:
+def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_a_pixel() -> (
+    None
+):
     # Pressure and weight do not scale with the force; what they add is what the relabelling neglects.
     mesh = build_mesh(12e-3, 0.6e-3, 8, 0, 1, 2)
     wall = LinearWall(mesh, 0.45)
     plane = ScanPlane(Contact(polar_rad=np.radians(35.0)), gap_m=0.5e-3)
-    modes_knc = np.stack([266.0 * wall.pressure_nc, wall.needle_cnc([plane.contact], 0.35e-3)[0]])
+    modes_knc = np.stack(
+        [266.0 * wall.pressure_nc, wall.needle_cnc([plane.contact], 0.35e-3)[0]]
+    )
     here, there = 0.25e6, 0.28e6
     weights_fk = np.array([[1.0 / here, 0.03 / here], [1.0 / there, 0.03 / here]])
     one, other = cut_sections(mesh, [plane], modes_knc, weights_fk[None])[0]
@@ -224,14 +290,26 @@ def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Eva
     """Answers to two frames, the log 2 mN above the truth."""
     frames = tuple(
         frame_answer(
-            recording=str(folder), eye="eye-1", file=f"{number}.png", measured_force_n=true_n + 2e-3,
-            measured_force_sd_n=0.1e-3, true_force_n=true_n, force_n=force_n,
+            recording=str(folder),
+            eye="eye-1",
+            file=f"{number}.png",
+            measured_force_n=true_n + 2e-3,
+            measured_force_sd_n=0.1e-3,
+            true_force_n=true_n,
+            force_n=force_n,
             interval_n=None if force_n is None else (force_n - 1e-3, force_n + 1e-3),
         )
-        for number, (true_n, force_n) in enumerate(zip((10e-3, 20e-3), read_n, strict=True))
-    )  # fmt: skip
+        for number, (true_n, force_n) in enumerate(
+            zip((10e-3, 20e-3), read_n, strict=True)
+        )
+    )
     return Evaluation(
-        model="model", bounds_n=(5e-3, 30e-3), max_force_n=60e-3, youngs_modulus_pa=0.25e6, frames=frames, kind=kind
+        model="model",
+        bounds_n=(5e-3, 30e-3),
+        max_force_n=60e-3,
+        youngs_modulus_pa=0.25e6,
+        frames=frames,
+        kind=kind,
     )
 
 
@@ -247,39 +325,57 @@ def test_forces_are_compared_with_the_log_and_with_the_truth(tmp_path: Path) -> 
 
 def test_a_low_coverage_is_explained_by_the_error_of_the_log(tmp_path: Path) -> None:
     found = _coverage(evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3)))
-    assert [found[name] for name in ("off_mn", "most_mn", "reach_mn")] == pytest.approx([2.0, 2.0, 1.0])
-    assert [found[name] for name in ("agree", "label_mn", "hold")] == pytest.approx([0.0, 0.1, 1.0])
+    assert [found[name] for name in ("off_mn", "most_mn", "reach_mn")] == pytest.approx(
+        [2.0, 2.0, 1.0]
+    )
+    assert [found[name] for name in ("agree", "label_mn", "hold")] == pytest.approx(
+        [0.0, 0.1, 1.0]
+    )
     assert found["by_eye"] == "2 of 2 of eye-1"
     assert _coverage(evaluation(tmp_path, "classifier", (None, None))) == {}
 
 
-def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(tmp_path: Path) -> None:
+def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(
+    tmp_path: Path,
+) -> None:
     read = evaluation(tmp_path, "reader", (12e-3, 24e-3))
-    calibrated = frame_answer(eye="eye-1", calibration=True, measured_force_n=10.3e-3, true_force_n=10e-3)
+    calibrated = frame_answer(
+        eye="eye-1", calibration=True, measured_force_n=10.3e-3, true_force_n=10e-3
+    )
     found = _coverage(replace(read, frames=(*read.frames, calibrated)))
     words = "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of its calibration. "
     assert found["worst"] == words
 
 
 @pytest.mark.slow
-def test_a_virtual_session_is_pushed_calibrated_read_and_shown(tmp_path: Path, capsys) -> None:
+def test_a_virtual_session_is_pushed_calibrated_read_and_shown(
+    tmp_path: Path, capsys
+) -> None:
     out = tmp_path / "new" / "demo"
     assert run(["demo", "--out", str(out), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["page"] == str(out / "answers.html")
     assert "Model" in (out / "answers.html").read_text()
-    assert len(read_recording(out / "eye").frames) == told["frames"] == len(demo.FORCES_N)
-    assert read_calibration(out / "modulus.json").eyes["demo"].mean_pa == pytest.approx(0.3e6, rel=0.1)
+    assert (
+        len(read_recording(out / "eye").frames) == told["frames"] == len(demo.FORCES_N)
+    )
+    assert read_calibration(out / "modulus.json").eyes["demo"].mean_pa == pytest.approx(
+        0.3e6, rel=0.1
+    )
     assert told["read"] == told["right"] == len(demo.FORCES_N) - demo.TAUGHT
     assert told["mae_mn"] < 1.0
 
 
-def test_a_session_that_ends_early_leaves_nothing(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_session_that_ends_early_leaves_nothing(
+    tmp_path: Path, monkeypatch, capsys
+) -> None:
     def failing(*_: object) -> None:
         raise SolverError("no equilibrium")
 
     monkeypatch.setattr(demo, "study_sections", lambda *_: lambda _: [])
-    monkeypatch.setattr(demo, "write_phantom", lambda out, *_: (out.mkdir(parents=True), failing()))
+    monkeypatch.setattr(
+        demo, "write_phantom", lambda out, *_: (out.mkdir(parents=True), failing())
+    )
     assert run(["demo", "--out", str(tmp_path / "demo")]) == 1
     assert capsys.readouterr().err == "error: no equilibrium\n"
     assert list(tmp_path.iterdir()) == []

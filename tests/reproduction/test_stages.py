@@ -48,16 +48,29 @@ hidden = [16]
 """
 
 STAGES = [
-    "phantom", "phantom to the bounds", "calibrate", "generate", "train", "evaluate",
-    "bend", "library", "calibrate bent", "train bent", "train reader", "read bent", "report",
-]  # fmt: skip
+    "phantom",
+    "phantom to the bounds",
+    "calibrate",
+    "generate",
+    "train",
+    "evaluate",
+    "bend",
+    "library",
+    "calibrate bent",
+    "train bent",
+    "train reader",
+    "read bent",
+    "report",
+]
 BUNDLED_STAGES = [name for name in STAGES if name not in ("library", "train reader")]
 
 pytestmark = pytest.mark.slow
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*SCLERAFORCE, *arguments], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [*SCLERAFORCE, *arguments], capture_output=True, text=True, check=False
+    )
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -87,18 +100,27 @@ def bundled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     """A finished run's folder and what it printed; it read with the bundled reader."""
     study = tmp_path_factory.mktemp("bundled") / "study.toml"
     study.write_text(COARSE)
-    return finished(study, "the bundled reader, 'default' (--train trains one)", BUNDLED_STAGES)
+    return finished(
+        study, "the bundled reader, 'default' (--train trains one)", BUNDLED_STAGES
+    )
 
 
-def finished(study: Path, reader: str, stages: list[str], *options: str) -> tuple[Path, dict]:
+def finished(
+    study: Path, reader: str, stages: list[str], *options: str
+) -> tuple[Path, dict]:
     """Run to the end; in a pipe there is one line for each stage."""
     out = study.parent / "out"
-    result = run("reproduce", "--out", str(out), "--study", str(study), "--json", *options)
+    result = run(
+        "reproduce", "--out", str(out), "--study", str(study), "--json", *options
+    )
     assert result.returncode == 0, result.stderr
-    first, *lines = (line for line in result.stderr.splitlines() if not line.startswith("compiling"))
+    first, *lines = (
+        line for line in result.stderr.splitlines() if not line.startswith("compiling")
+    )
     assert first == f"reads walls of finite strain with {reader}"
     assert [re.sub(r"[\d.]+ s$", "... s", line) for line in lines] == [
-        f"{number}/{len(stages)} {name}: ... s" for number, name in enumerate(stages, start=1)
+        f"{number}/{len(stages)} {name}: ... s"
+        for number, name in enumerate(stages, start=1)
     ]
     return out, json.loads(result.stdout)
 
@@ -107,7 +129,9 @@ def test_the_bundled_reader_reads_by_default_and_the_run_says_so(bundled) -> Non
     out, printed = bundled
     assert list(printed["seconds"]) == [*BUNDLED_STAGES, "total"]
     assert printed["reader"] == {"model": "default", "trained": False}
-    assert "It is the bundled reader" in (out / "report.html").read_text(encoding="utf-8")
+    assert "It is the bundled reader" in (out / "report.html").read_text(
+        encoding="utf-8"
+    )
     reader = printed["finite_strain"]["reader"]
     assert [sum(row) for row in reader["confusion"]] == [7, 15, 23]
     assert reader["accuracy"] > 0.8
@@ -115,10 +139,14 @@ def test_the_bundled_reader_reads_by_default_and_the_run_says_so(bundled) -> Non
     assert not (out / "reader").exists()
 
 
-def test_a_run_that_trains_reads_with_its_own_reader_and_answers_45_trials_of_each_kind(done) -> None:
+def test_a_run_that_trains_reads_with_its_own_reader_and_answers_45_trials_of_each_kind(
+    done,
+) -> None:
     out, printed = done
     assert printed["reader"] == {"model": str(out / "reader"), "trained": True}
-    assert "The reader was trained in this run." in (out / "report.html").read_text(encoding="utf-8")
+    assert "The reader was trained in this run." in (out / "report.html").read_text(
+        encoding="utf-8"
+    )
     assert list(printed["seconds"]) == [*STAGES, "total"]
     right = sum(printed["confusion"][k][k] for k in range(3))
     assert printed["accuracy"] == pytest.approx(right / 45)
@@ -126,7 +154,9 @@ def test_a_run_that_trains_reads_with_its_own_reader_and_answers_45_trials_of_ea
     for one in (printed, *both.values()):
         assert [sum(row) for row in one["confusion"]] == [7, 15, 23]
         assert one["scored"] == 45
-    near = printed["to_the_bounds"]["confusion"]  # the log puts a few of these into the next class
+    near = printed["to_the_bounds"][
+        "confusion"
+    ]  # the log puts a few of these into the next class
     assert sum(map(sum, near)) == printed["to_the_bounds"]["scored"] == 45
     assert [sum(row) for row in near] == pytest.approx([7, 15, 23], abs=3)
     assert both["paper"]["mae_mn"] is None
@@ -138,20 +168,39 @@ def test_a_run_that_trains_reads_with_its_own_reader_and_answers_45_trials_of_ea
 def test_the_page_has_every_table_and_figure_of_the_paper(done) -> None:
     page = (done[0] / "report.html").read_text(encoding="utf-8")
     figures = ("1a", "1b", 2, 3, 4, 5, 6, 7, "8a", "8b", 9, 10)
-    for name in ("Table 1", "Table 2", "Table 3", *(f"Fig. {number}" for number in figures)):
+    for name in (
+        "Table 1",
+        "Table 2",
+        "Table 3",
+        *(f"Fig. {number}" for number in figures),
+    ):
         assert name in page, f"{name} is missing"
     assert "The recordings are simulated" in page
     assert "not a medical device" in page.lower()
-    assert len(re.findall(r"<img ", page)) == len(re.findall(r'download="[^"]*\.svg"', page)) == 14
+    assert (
+        len(re.findall(r"<img ", page))
+        == len(re.findall(r'download="[^"]*\.svg"', page))
+        == 14
+    )
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
     assert "nan" not in re.sub(r'(?:src|href)="[^"]*"', "", page).lower().split()
 
 
 def test_a_second_run_reuses_the_finished_stages(done, study: Path) -> None:
     out, first = done
-    result = run("reproduce", "--out", str(out), "--study", str(study), "--json", "--train")
+    result = run(
+        "reproduce", "--out", str(out), "--study", str(study), "--json", "--train"
+    )
     again = json.loads(result.stdout)
-    for name in ("phantom", "generate", "train", "bend", "calibrate bent", "train bent", "train reader"):
+    for name in (
+        "phantom",
+        "generate",
+        "train",
+        "bend",
+        "calibrate bent",
+        "train bent",
+        "train reader",
+    ):
         assert again["seconds"][name] == first["seconds"][name]
     assert again["confusion"] == first["confusion"]
 

@@ -22,13 +22,17 @@ HALF = STUDY.columns // 2
 
 
 @pytest.mark.parametrize("force_mn", [0, 15, 45])
-def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(force_mn: int, shipped: WallFinder) -> None:
+def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(
+    force_mn: int, shipped: WallFinder
+) -> None:
     frame = image(wall_section(tip_of(force_mn / 1e3)))
     alone, checked = find_wall(frame, SCALE), find_wall(frame, SCALE, finder=shipped)
     assert alone.usable
     assert checked.usable, checked.reason
     again = find_wall(frame, SCALE)
-    np.testing.assert_array_equal([again.outer_row, again.inner_row], [alone.outer_row, alone.inner_row])
+    np.testing.assert_array_equal(
+        [again.outer_row, again.inner_row], [alone.outer_row, alone.inner_row]
+    )
     there = np.isfinite(alone.outer_row)
     np.testing.assert_array_equal(checked.outer_row[there], alone.outer_row[there])
     assert np.median(np.abs(checked.inner_row - alone.inner_row)[there]) < 3.0
@@ -36,7 +40,9 @@ def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(force
 
 
 @pytest.mark.slow
-def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped: WallFinder) -> None:
+def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(
+    shipped: WallFinder,
+) -> None:
     """Drawn scenes: where `find_wall` is far off, and says nothing, the network's look refuses most frames.
 
     Of 500 scenes `find_wall` is far off in 53, and the network refuses 38.
@@ -44,10 +50,14 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped:
     passed = refused = 0
     for number in range(100):
         scene = draw_scene(ScenesStudy(seed=11), number)
-        scale = PixelScale(lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame))
+        scale = PixelScale(
+            lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame)
+        )
         alone = find_wall(scene.frame, scale)
         off = np.abs(alone.outer_row - scene.outer_row)
-        if not alone.usable or (np.isfinite(off).any() and np.nanmedian(off) < 0.05 * len(scene.frame)):
+        if not alone.usable or (
+            np.isfinite(off).any() and np.nanmedian(off) < 0.05 * len(scene.frame)
+        ):
             continue
         refused += not find_wall(scene.frame, scale, finder=shipped).usable
         passed += 1
@@ -57,30 +67,65 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped:
 
 def test_what_a_needle_hides_speaks_against_nothing() -> None:
     frame = image(wall_section(tip_of(0.015)))
-    found, column = find_wall(frame, SCALE), np.rint(reduced_columns(512, HALF)).astype(int)
-    rows = ((boundary[column] + 0.5) / 4 - 0.5 for boundary in (found.outer_row, found.inner_row))
+    found, column = (
+        find_wall(frame, SCALE),
+        np.rint(reduced_columns(512, HALF)).astype(int),
+    )
+    rows = (
+        (boundary[column] + 0.5) / 4 - 0.5
+        for boundary in (found.outer_row, found.inner_row)
+    )
     seen = fixed_finder(*rows).find(frame)  # the network sees wall in the shadow, too
     hidden = (150, 350)
     outer_row = found.outer_row.copy()
     outer_row[slice(*hidden)] = np.nan
     without = replace(found, outer_row=outer_row)
-    needle = SeenNeedle(angle_rad=0.4, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(280.0, -0.5), hidden=hidden)
+    needle = SeenNeedle(
+        angle_rad=0.4,
+        tip_m=(0.0, 1e-3),
+        tip=(256.0, 128.0),
+        top=(280.0, -0.5),
+        hidden=hidden,
+    )
     assert "one sees wall where the other does not" in doubt(without, seen)
     assert doubt(replace(without, needle=needle), seen) == ""
     assert doubt(found, seen) == ""
 
 
 @pytest.mark.parametrize("dent_m", [5e-3, 6e-3])
-def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(dent_m: float) -> None:
+def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(
+    dent_m: float,
+) -> None:
     """The network sees a wall in some columns of the gap, and both methods agree elsewhere."""
-    rng, scale = np.random.default_rng(2), PixelScale(lateral_m=15e-3 / 300, depth_m=4e-3 / 256)
-    lateral_m, depth_m = (np.arange(300) - 149.5) * scale.lateral_m, (np.arange(256)[:, None] + 0.5) * scale.depth_m
-    top_m = 0.5e-3 + 12e-3 - np.sqrt(12e-3**2 - lateral_m**2) + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
+    rng, scale = (
+        np.random.default_rng(2),
+        PixelScale(lateral_m=15e-3 / 300, depth_m=4e-3 / 256),
+    )
+    lateral_m, depth_m = (
+        (np.arange(300) - 149.5) * scale.lateral_m,
+        (np.arange(256)[:, None] + 0.5) * scale.depth_m,
+    )
+    top_m = (
+        0.5e-3
+        + 12e-3
+        - np.sqrt(12e-3**2 - lateral_m**2)
+        + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
+    )
     wall = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
-    frame = np.clip(rng.normal(np.where(wall, 2400.0, 600.0), 150.0), 0, 4095).astype(np.uint16)
+    frame = np.clip(rng.normal(np.where(wall, 2400.0, 600.0), 150.0), 0, 4095).astype(
+        np.uint16
+    )
     at = np.rint(reduced_columns(300, HALF)).astype(int)
-    outer, thickness = np.minimum(top_m[at] / scale.depth_m - 0.5, 235.0), 0.6e-3 / scale.depth_m
-    finder = fixed_finder(*((row + 0.5) / 2 - 0.5 for row in (outer, np.minimum(outer + thickness, 253.0))))
+    outer, thickness = (
+        np.minimum(top_m[at] / scale.depth_m - 0.5, 235.0),
+        0.6e-3 / scale.depth_m,
+    )
+    finder = fixed_finder(
+        *(
+            (row + 0.5) / 2 - 0.5
+            for row in (outer, np.minimum(outer + thickness, 253.0))
+        )
+    )
     alone, checked = find_wall(frame, scale), find_wall(frame, scale, finder=finder)
     assert checked.usable, checked.reason
     gap = np.isnan(alone.outer_row)
@@ -105,7 +150,9 @@ def bright_to(inner_row: np.ndarray, noise: float = 150.0) -> np.ndarray:
     """A frame of noise whose tissue ends at a boundary, column by column."""
     row = np.arange(ROWS)[:, None]
     tissue = (row > 49.5) & (row < inner_row)
-    return np.clip(np.random.default_rng(0).normal(500.0 + 400.0 * tissue, noise), 0.0, None).astype(np.uint16)
+    return np.clip(
+        np.random.default_rng(0).normal(500.0 + 400.0 * tissue, noise), 0.0, None
+    ).astype(np.uint16)
 
 
 def moved(by: float, where: slice = STRETCH) -> np.ndarray:
@@ -115,7 +162,9 @@ def moved(by: float, where: slice = STRETCH) -> np.ndarray:
 
 
 @pytest.mark.parametrize("by", [-25.0, -6.0, 6.0, 25.0])
-def test_the_boundary_where_light_falls_is_taken_whichever_wall_has_it(by: float) -> None:
+def test_the_boundary_where_light_falls_is_taken_whichever_wall_has_it(
+    by: float,
+) -> None:
     straight, swerved = wall(moved(0.0)), wall(moved(by))
     for true in (straight, swerved):
         frame = bright_to(true.inner_row)
@@ -129,7 +178,9 @@ def test_a_stretch_is_decided_as_a_whole_and_each_by_itself() -> None:
     """Single columns would fall to either side in such noise."""
     other, true = moved(8.0), moved(8.0)
     other[80:100] += 8.0
-    joined = joined_walls(bright_to(true, noise=600.0), wall(moved(0.0)), wall(other), STEP)
+    joined = joined_walls(
+        bright_to(true, noise=600.0), wall(moved(0.0)), wall(other), STEP
+    )
     np.testing.assert_array_equal(joined.inner_row, true)
 
 
@@ -141,16 +192,22 @@ def test_what_parts_less_than_the_other_way_can_tell_stays_the_finer_walls() -> 
     np.testing.assert_array_equal(joined.inner_row, true)
 
 
-def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other() -> None:
+def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other() -> (
+    None
+):
     beyond = moved(150.0)
     dark, lit = bright_to(moved(0.0)), bright_to(beyond, noise=0.0)
-    lit[100:] += np.arange(100, dtype=np.uint16)[:, None]  # it gets brighter: row 110 is not a boundary
+    lit[100:] += np.arange(100, dtype=np.uint16)[
+        :, None
+    ]  # it gets brighter: row 110 is not a boundary
     for frame, expected in ((dark, moved(0.0)), (lit, beyond)):
         joined = joined_walls(frame, wall(moved(0.0)), wall(beyond), STEP)
         np.testing.assert_array_equal(joined.inner_row, expected)
 
 
-@pytest.mark.parametrize(("by", "rows", "more"), [(88.0, slice(198, 200), -500), (-50.5, slice(57, 60), 600)])
+@pytest.mark.parametrize(
+    ("by", "rows", "more"), [(88.0, slice(198, 200), -500), (-50.5, slice(57, 60), 600)]
+)
 def test_light_that_falls_at_the_frames_edge_or_for_a_few_rows_is_not_the_walls_end(
     by: float, rows: slice, more: int
 ) -> None:
@@ -158,14 +215,26 @@ def test_light_that_falls_at_the_frames_edge_or_for_a_few_rows_is_not_the_walls_
     elsewhere, frame = moved(by), bright_to(moved(0.0), noise=0.0)
     frame[rows] += np.int64(more).astype(np.uint16)
     for finer, other in ((moved(0.0), elsewhere), (elsewhere, moved(0.0))):
-        np.testing.assert_array_equal(joined_walls(frame, wall(finer), wall(other), STEP).inner_row, moved(0.0))
+        np.testing.assert_array_equal(
+            joined_walls(frame, wall(finer), wall(other), STEP).inner_row, moved(0.0)
+        )
 
 
-def test_where_only_the_other_way_sees_the_wall_it_is_the_others_but_behind_a_needle() -> None:
+def test_where_only_the_other_way_sees_the_wall_it_is_the_others_but_behind_a_needle() -> (
+    None
+):
     gap = np.where((np.arange(COLUMNS) >= 10) & (np.arange(COLUMNS) < 50), nan, 0.0)
-    needle = SeenNeedle(angle_rad=0.0, tip_m=(0.0, 0.0), tip=(40.0, 40.0), top=(40.0, 0.0), hidden=(30, 50))
+    needle = SeenNeedle(
+        angle_rad=0.0,
+        tip_m=(0.0, 0.0),
+        tip=(40.0, 40.0),
+        top=(40.0, 0.0),
+        hidden=(30, 50),
+    )
     finer = replace(wall(moved(0.0) + gap, OUTER + gap), needle=needle)
-    joined = joined_walls(bright_to(moved(0.0)), finer, wall(moved(0.0) + 1.0, OUTER - 1.0), STEP)
+    joined = joined_walls(
+        bright_to(moved(0.0)), finer, wall(moved(0.0) + 1.0, OUTER - 1.0), STEP
+    )
     np.testing.assert_array_equal(joined.outer_row[10:30], OUTER[10:30] - 1.0)
     np.testing.assert_array_equal(joined.inner_row[10:30], 111.0)
     assert np.isnan(joined.outer_row[30:50]).all()
@@ -176,6 +245,11 @@ def test_where_only_the_other_way_sees_the_wall_it_is_the_others_but_behind_a_ne
 
 def test_where_the_other_way_sees_no_wall_the_finer_one_stays() -> None:
     there = np.where(np.arange(COLUMNS) < 90, 0.0, nan)
-    joined = joined_walls(bright_to(moved(0.0)), wall(moved(0.0)), wall(moved(20.0) + there, OUTER + there), STEP)
+    joined = joined_walls(
+        bright_to(moved(0.0)),
+        wall(moved(0.0)),
+        wall(moved(20.0) + there, OUTER + there),
+        STEP,
+    )
     np.testing.assert_array_equal(joined.inner_row, moved(0.0))
     np.testing.assert_array_equal(joined.outer_row, OUTER)

@@ -8,7 +8,12 @@ import pytest
 
 from bench_conjunctiva import rows_off, waving_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
-from scleraforce.laboratory.light import Conjunctiva, Pose, sample_conjunctiva, sample_optics
+from scleraforce.laboratory.light import (
+    Conjunctiva,
+    Pose,
+    sample_conjunctiva,
+    sample_optics,
+)
 from scleraforce.reader.verdicts import look
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.conjunctiva import below_conjunctiva, second_surface_m
@@ -23,7 +28,9 @@ WALL_M = 0.6e-3
 
 
 def layer(thickness_m: float, seed: int, **changed: float) -> Conjunctiva:
-    phantom: PhantomStudy = replace(STUDY.phantom, conjunctiva_thickness_m=fixed(thickness_m))
+    phantom: PhantomStudy = replace(
+        STUDY.phantom, conjunctiva_thickness_m=fixed(thickness_m)
+    )
     drawn = sample_conjunctiva(phantom, np.random.default_rng(seed))
     assert drawn is not None
     return replace(drawn, **changed)
@@ -34,7 +41,9 @@ def bscan(over: Conjunctiva | None, seed: int, wave: float = 0.0) -> Bscan:
     rng = np.random.default_rng(seed)
     section = waving_wall(WALL_M, rng.uniform(0.0, 2e-3), wave)
     optics = replace(sample_optics(STUDY.phantom, STUDY.oct, rng), conjunctiva=over)
-    return render_bscan(Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), STUDY.oct, optics, rng)
+    return render_bscan(
+        Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), STUDY.oct, optics, rng
+    )
 
 
 @pytest.mark.parametrize("thickness_m", [80e-6, 140e-6, 250e-6, 450e-6])
@@ -52,17 +61,26 @@ def test_the_walls_surface_is_found_below_a_conjunctiva(thickness_m: float) -> N
 
 
 @pytest.mark.parametrize("thickness_m", [80e-6, 250e-6, 450e-6])
-def test_without_a_known_thickness_a_second_surface_is_a_fault(thickness_m: float, shipped: WallFinder) -> None:
+def test_without_a_known_thickness_a_second_surface_is_a_fault(
+    thickness_m: float, shipped: WallFinder
+) -> None:
     made = bscan(layer(thickness_m, 2), 2)
-    assert second_surface_m(made.frame, SCALE, find_wall(made.frame, SCALE)) == pytest.approx(thickness_m, rel=0.15)
+    assert second_surface_m(
+        made.frame, SCALE, find_wall(made.frame, SCALE)
+    ) == pytest.approx(thickness_m, rel=0.15)
     unsure = look(made.frame, SCALE, STUDY.slice, finder=shipped)
     assert "below the first" in str(unsure.reason)
     assert not unsure.cuts[0].any()
-    assert look(made.frame, SCALE, STUDY.slice, thickness_m=WALL_M, finder=shipped).reason is None
+    assert (
+        look(made.frame, SCALE, STUDY.slice, thickness_m=WALL_M, finder=shipped).reason
+        is None
+    )
 
 
 @pytest.mark.parametrize("wave", [0.0, 0.12])
-def test_a_bare_wall_has_no_second_surface_and_no_conjunctiva_if_it_is_thicker_than_given(wave: float) -> None:
+def test_a_bare_wall_has_no_second_surface_and_no_conjunctiva_if_it_is_thicker_than_given(
+    wave: float,
+) -> None:
     for seed in range(6):
         made = bscan(None, seed, wave)
         first = find_wall(made.frame, SCALE)
@@ -87,27 +105,43 @@ def layers(*levels_m: tuple[float, float]) -> tuple[np.ndarray, Segmentation]:
     for depth_m, level in (*levels_m, (0.8e-3, 200.0)):
         light = np.where(below_m >= depth_m, level, light)
     rows = np.full(512, 99.5)
-    found = Segmentation(rows, rows + 0.8e-3 / tissue_m, 512, True, "", True, thickness_m=0.8e-3)
+    found = Segmentation(
+        rows, rows + 0.8e-3 / tissue_m, 512, True, "", True, thickness_m=0.8e-3
+    )
     return light.astype(np.uint16), found
 
 
 def surface_m(frame: np.ndarray, found: Segmentation, told_m: float) -> float:
     """Return the depth of the wall's surface below the first one, m."""
     below = below_conjunctiva(frame, SCALE, found, told_m)
-    return float(np.median(below.outer_row - found.outer_row)) * SCALE.depth_m / SCALE.refractive_index
+    return (
+        float(np.median(below.outer_row - found.outer_row))
+        * SCALE.depth_m
+        / SCALE.refractive_index
+    )
 
 
-def test_a_step_is_taken_for_the_wall_where_the_given_thickness_asks_for_it_and_it_is_large() -> None:
+def test_a_step_is_taken_for_the_wall_where_the_given_thickness_asks_for_it_and_it_is_large() -> (
+    None
+):
     frame, found = layers((0.0, 2000.0), (0.14e-3, 2200.0))
     assert surface_m(frame, found, 0.66e-3) == pytest.approx(0.14e-3, abs=10e-6)
-    assert below_conjunctiva(frame, SCALE, found, 0.48e-3) is found  # it would leave 0.18 mm of 0.32 unexplained
+    assert (
+        below_conjunctiva(frame, SCALE, found, 0.48e-3) is found
+    )  # it would leave 0.18 mm of 0.32 unexplained
     frame, found = layers((0.0, 2000.0), (0.14e-3, 2200.0), (0.35e-3, 3000.0))
-    assert surface_m(frame, found, 0.66e-3) == pytest.approx(0.14e-3, abs=10e-6)  # a brighter band lies deeper
-    frame, found = layers((0.0, 2000.0), (0.14e-3, 2020.0))  # a hundredth, without noise
+    assert surface_m(frame, found, 0.66e-3) == pytest.approx(
+        0.14e-3, abs=10e-6
+    )  # a brighter band lies deeper
+    frame, found = layers(
+        (0.0, 2000.0), (0.14e-3, 2020.0)
+    )  # a hundredth, without noise
     assert below_conjunctiva(frame, SCALE, found, 0.66e-3) is found
 
 
-def test_nothing_is_found_where_the_thickness_is_untold_or_fits_both_surfaces_look_alike_or_no_wall_was_found() -> None:
+def test_nothing_is_found_where_the_thickness_is_untold_or_fits_both_surfaces_look_alike_or_no_wall_was_found() -> (
+    None
+):
     made = bscan(layer(140e-6, 2), 2)
     first = find_wall(made.frame, SCALE)
     for told_m in (None, first.thickness_m, 2 * first.thickness_m):

@@ -21,9 +21,13 @@ def speckle(seed: int = 1, shape: tuple[int, int] = (400, 500)) -> np.ndarray:
     return mean * np.random.default_rng(seed).exponential(size=shape)
 
 
-@pytest.mark.parametrize(("largest", "dtype"), [(200.0, np.uint8), (4000.0, np.uint16), (60000.0, np.uint16)])
+@pytest.mark.parametrize(
+    ("largest", "dtype"), [(200.0, np.uint8), (4000.0, np.uint16), (60000.0, np.uint16)]
+)
 @pytest.mark.parametrize(("power", "expected"), [(1.0, 0.5), (0.5, 2.0 - np.sqrt(3.0))])
-def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(largest, dtype, power, expected) -> None:
+def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(
+    largest, dtype, power, expected
+) -> None:
     shown = speckle() ** power
     frame = (shown * largest / shown.max()).astype(dtype)
     assert pair_contrast(frame) == pytest.approx(expected, abs=0.04)
@@ -39,16 +43,24 @@ def contrast_by_arrays(frame: np.ndarray) -> float:
     total = one + other
     place, mean = int(light.DIMMER * len(total)), total >> 1
     brightest = mean >= np.partition(mean, place)[place]
-    shares = np.abs(one - other)[brightest].astype(np.float32) / total[brightest].astype(np.float32)
+    shares = np.abs(one - other)[brightest].astype(np.float32) / total[
+        brightest
+    ].astype(np.float32)
     return float(np.median(shares))
 
 
-@given(st.integers(0, 2**32 - 1), st.sampled_from([3, 255, 4095, 65535]), st.sampled_from([0.0, 0.3, 0.99]))
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([3, 255, 4095, 65535]),
+    st.sampled_from([0.0, 0.3, 0.99]),
+)
 def test_the_contrast_agrees_with_arrays(seed: int, largest: int, black: float) -> None:
     """To the last bit, in frames of any size and light."""
     rng = np.random.default_rng(seed)
     shape = tuple(rng.integers(16, 300, 2).tolist())
-    frame = rng.integers(0, largest + 1, shape).astype(np.uint8 if largest < 256 else np.uint16)
+    frame = rng.integers(0, largest + 1, shape).astype(
+        np.uint8 if largest < 256 else np.uint16
+    )
     frame[rng.random(shape) < black] = 0
     assert pair_contrast(frame) == contrast_by_arrays(frame)
 
@@ -56,14 +68,22 @@ def test_the_contrast_agrees_with_arrays(seed: int, largest: int, black: float) 
 def test_other_displays_and_frames_with_hardly_any_light_stay_unchanged() -> None:
     dark = np.zeros((2, 64, 64), dtype=np.uint16)
     dark[1, 10, ::8] = [100, 4000] * 4
-    shown = (drawn_counts(seed, display=kind) for kind in ("logarithmic", "root") for seed in range(7201, 7205))
+    shown = (
+        drawn_counts(seed, display=kind)
+        for kind in ("logarithmic", "root")
+        for seed in range(7201, 7205)
+    )
     for frame in (*dark, *shown):
         assert as_logarithmic(frame) is frame
 
 
 @pytest.mark.parametrize(("rows", "contrast"), [(24, 0.0), (25, 0.5)])
-def test_two_hundred_lit_pairs_tell_a_contrast_and_fewer_do_not(rows: int, contrast: float) -> None:
-    frame = np.tile(np.repeat(np.array([100, 300], dtype=np.uint16), 8), (rows, 1))  # 8 pairs a row
+def test_two_hundred_lit_pairs_tell_a_contrast_and_fewer_do_not(
+    rows: int, contrast: float
+) -> None:
+    frame = np.tile(
+        np.repeat(np.array([100, 300], dtype=np.uint16), 8), (rows, 1)
+    )  # 8 pairs a row
     assert pair_contrast(frame) == contrast
     frame[7, 3] = 0
     assert pair_contrast(frame) == 0.0
@@ -80,18 +100,27 @@ def test_logarithms_keep_order_and_black(dtype: type) -> None:
     assert (np.diff(levels) > 0.0).all()
     assert levels[0] == counts[0] == 0
     step = np.log1p(counts[1:].astype(float))
-    np.testing.assert_allclose(levels[1:] / step, 65535.0 / np.log1p(np.iinfo(dtype).max), rtol=1e-3)
+    np.testing.assert_allclose(
+        levels[1:] / step, 65535.0 / np.log1p(np.iinfo(dtype).max), rtol=1e-3
+    )
 
 
-def test_walls_of_linear_frames_are_found_as_in_logarithmic_ones(shipped: WallFinder) -> None:
+def test_walls_of_linear_frames_are_found_as_in_logarithmic_ones(
+    shipped: WallFinder,
+) -> None:
     """In the counts themselves both methods differ in most of these frames, which are then not usable."""
     for seed in range(7210, 7216):
-        frame, logarithmic = drawn_counts(seed, **LINEAR), drawn_counts(seed, **(LINEAR | {"display": "logarithmic"}))
+        frame, logarithmic = (
+            drawn_counts(seed, **LINEAR),
+            drawn_counts(seed, **(LINEAR | {"display": "logarithmic"})),
+        )
         expected = find_wall(logarithmic, SCALE, finder=shipped)
         assert expected.usable
         for way in (find_wall, partial(find_wall, finder=shipped)):
             found = way(frame, SCALE)
-            np.testing.assert_array_equal(found.inner_row, way(as_logarithmic(frame), SCALE).inner_row)
+            np.testing.assert_array_equal(
+                found.inner_row, way(as_logarithmic(frame), SCALE).inner_row
+            )
             assert found.usable, found.reason
             assert np.nanmedian(np.abs(found.outer_row - expected.outer_row)) < 1.0
             assert np.nanmedian(np.abs(found.inner_row - expected.inner_row)) < 3.0

@@ -11,7 +11,15 @@ from analytic_frames import SHARED, STEEL, needs_shared
 
 from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import draw_shaft, render_bscan
-from scleraforce.laboratory.light import BscanOptics, Cover, Line, NeedleShaft, Pose, Shadow, sample_optics
+from scleraforce.laboratory.light import (
+    BscanOptics,
+    Cover,
+    Line,
+    NeedleShaft,
+    Pose,
+    Shadow,
+    sample_optics,
+)
 from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import draw_overlay
@@ -30,7 +38,13 @@ def optics(seed: int = 0, **own: object) -> BscanOptics:
     return replace(drawn, **({"snr_db": 25.0, "shadows": ()} | own))
 
 
-def frame_of(shaft: NeedleShaft | None, dent_m: float = 1.0e-3, seed: int = 0, lift_m: float = 0.0, **own: object):
+def frame_of(
+    shaft: NeedleShaft | None,
+    dent_m: float = 1.0e-3,
+    seed: int = 0,
+    lift_m: float = 0.0,
+    **own: object,
+):
     """A frame of a wall, its contact at 0.2 mm beside the middle and 0.5 mm deep, and where the needle's tip is."""
     section = POSE.place(dented_wall(0.7e-3, dent_m, 1.2e-3, points=1501))
     tip_m = np.array([0.2e-3, 0.5e-3 + dent_m - lift_m])
@@ -48,7 +62,9 @@ def surface_error_m(outer_row: np.ndarray, dent_m: float) -> np.ndarray:
 
 @pytest.mark.parametrize("gauge", GAUGES_M)
 @pytest.mark.parametrize("angle_deg", [-45.0, -20.0, 0.0, 10.0, 30.0])
-def test_a_needle_is_found_with_its_angle_and_its_tip(gauge: int, angle_deg: float) -> None:
+def test_a_needle_is_found_with_its_angle_and_its_tip(
+    gauge: int, angle_deg: float
+) -> None:
     shaft = replace(STEEL, diameter_m=GAUGES_M[gauge], angle_rad=radians(angle_deg))
     frame, tip_m = frame_of(shaft, seed=gauge)
     needle = find_wall(frame, SCALE).needle
@@ -56,7 +72,9 @@ def test_a_needle_is_found_with_its_angle_and_its_tip(gauge: int, angle_deg: flo
     assert needle.tip_m == pytest.approx(tip_m, abs=0.35e-3)
 
 
-@pytest.mark.parametrize(("angle_deg", "out_deg"), [(0.0, 12.0), (12.0, -12.0), (-8.0, 12.0)])
+@pytest.mark.parametrize(
+    ("angle_deg", "out_deg"), [(0.0, 12.0), (12.0, -12.0), (-8.0, 12.0)]
+)
 def test_the_axis_is_midway_between_two_sides_which_converge_where_the_shaft_leaves_the_plane(
     angle_deg: float, out_deg: float
 ) -> None:
@@ -67,9 +85,19 @@ def test_the_axis_is_midway_between_two_sides_which_converge_where_the_shaft_lea
     assert abs(needle.angle_rad - radians(angle_deg)) > radians(2.0)  # of one side
 
 
-def test_a_bevel_in_a_shallow_frame_does_not_tell_the_axis_and_a_long_side_does() -> None:
-    bevelled = replace(STEEL, diameter_m=0.7e-3, bevel_rad=radians(20.0), angle_rad=radians(3.0), far_edge_db=0.0)
-    assert find_wall(frame_of(bevelled, 0.8e-3, seed=2)[0], SCALE).needle.axis_rad is None
+def test_a_bevel_in_a_shallow_frame_does_not_tell_the_axis_and_a_long_side_does() -> (
+    None
+):
+    bevelled = replace(
+        STEEL,
+        diameter_m=0.7e-3,
+        bevel_rad=radians(20.0),
+        angle_rad=radians(3.0),
+        far_edge_db=0.0,
+    )
+    assert (
+        find_wall(frame_of(bevelled, 0.8e-3, seed=2)[0], SCALE).needle.axis_rad is None
+    )
     deep = find_wall(frame_of(bevelled, 2.8e-3, seed=2)[0], SCALE).needle
     assert deep.axis_rad == pytest.approx(radians(3.0), abs=radians(2.5))
 
@@ -86,9 +114,13 @@ def test_a_tip_below_the_frame_has_no_place(dent_m: float) -> None:
         assert needle.tip_m == pytest.approx(tip_m, abs=0.35e-3)
 
 
-@pytest.mark.parametrize("shaft", [STEEL, replace(STEEL, loss_fraction=0.5), replace(STEEL, bevel_rad=0.4)])
+@pytest.mark.parametrize(
+    "shaft", [STEEL, replace(STEEL, loss_fraction=0.5), replace(STEEL, bevel_rad=0.4)]
+)
 @pytest.mark.parametrize("dent_m", [0.05e-3, 1.0e-3, 2.0e-3])
-def test_the_wall_is_found_on_both_sides_of_a_needle_and_nothing_behind_it(shaft: NeedleShaft, dent_m: float) -> None:
+def test_the_wall_is_found_on_both_sides_of_a_needle_and_nothing_behind_it(
+    shaft: NeedleShaft, dent_m: float
+) -> None:
     frame, _ = frame_of(replace(shaft, angle_rad=radians(-15.0)), dent_m, seed=3)
     found = find_wall(frame, SCALE)
     assert found.usable
@@ -110,36 +142,62 @@ def test_right_beside_a_needle_the_wall_ends_where_it_would_without_one_and_a_st
 ) -> None:
     without, worst = find_wall(frame_of(None, dent_m, seed=3)[0], SCALE), []
     for diameter_m in (0.3e-3, 0.7e-3):
-        found = find_wall(frame_of(replace(STEEL, diameter_m=diameter_m), dent_m, seed=3)[0], SCALE)
+        found = find_wall(
+            frame_of(replace(STEEL, diameter_m=diameter_m), dent_m, seed=3)[0], SCALE
+        )
         first, after = found.needle.hidden
         beside = slice(first - BESIDE, first), slice(after, after + BESIDE)
-        off, off_m = np.abs(found.inner_row - without.inner_row), np.abs(surface_error_m(found.outer_row, dent_m))
+        off, off_m = (
+            np.abs(found.inner_row - without.inner_row),
+            np.abs(surface_error_m(found.outer_row, dent_m)),
+        )
         assert max(np.nanmax(off[side]) for side in beside) < 4.0
         worst += [np.nanmax(off_m[side]) for side in beside]
-    assert dent_m < 1.0e-3 or np.mean(worst) < 18e-6  # 24 um where both flanks are smoothed into each other
+    assert (
+        dent_m < 1.0e-3 or np.mean(worst) < 18e-6
+    )  # 24 um where both flanks are smoothed into each other
 
 
 def not_needles() -> Iterator[tuple[str, dict[str, object]]]:
     yield "nothing", {}
     yield "mirror reflection", {"reflection_db": 30.0, "reflection_angle_rad": 0.2}
-    yield "vessels", {"shadows": (Shadow(centre_m=0.2e-3, width_m=0.5e-3, loss_fraction=0.9),)}
-    yield "shadow alone", {"shadows": (Shadow(centre_m=0.2e-3, width_m=0.5e-3, loss_fraction=1.0),)}
-    yield "lines", {"lines": tuple(Line(depth_m=d, level_db=25.0, thickness_m=20e-6) for d in (5e-5, 1e-4, 2e-4))}
+    yield (
+        "vessels",
+        {"shadows": (Shadow(centre_m=0.2e-3, width_m=0.5e-3, loss_fraction=0.9),)},
+    )
+    yield (
+        "shadow alone",
+        {"shadows": (Shadow(centre_m=0.2e-3, width_m=0.5e-3, loss_fraction=1.0),)},
+    )
+    yield (
+        "lines",
+        {
+            "lines": tuple(
+                Line(depth_m=d, level_db=25.0, thickness_m=20e-6)
+                for d in (5e-5, 1e-4, 2e-4)
+            )
+        },
+    )
     covers = tuple(
-        Cover(height_m=0.3e-3, level_db=30.0, thickness_m=20e-6, tilt_rad=radians(tilt)) for tilt in (-8.0, 5.0)
+        Cover(height_m=0.3e-3, level_db=30.0, thickness_m=20e-6, tilt_rad=radians(tilt))
+        for tilt in (-8.0, 5.0)
     )
     yield "coverslips", {"covers": covers}
 
 
 @pytest.mark.parametrize(("name", "own"), list(not_needles()))
 @pytest.mark.parametrize("dent_m", [0.0, 1.0e-3])
-def test_nothing_else_is_taken_for_a_needle(name: str, own: dict[str, object], dent_m: float) -> None:
+def test_nothing_else_is_taken_for_a_needle(
+    name: str, own: dict[str, object], dent_m: float
+) -> None:
     for seed in range(4):
         frame, _ = frame_of(None, dent_m, seed, **own)
         assert find_wall(frame, SCALE).needle is None, name
 
 
-def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_not_needles() -> None:
+def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_not_needles() -> (
+    None
+):
     frame, _ = frame_of(None, 0.0)
     flare = frame.copy()
     flare[:, 255:264] = np.maximum(flare[:, 255:264], 3000)
@@ -155,7 +213,10 @@ def test_a_line_whose_light_continues_below_the_tissue_is_a_flare() -> None:
     under = round(tip_m[1] / SCALE.depth_m)
     assert find_wall(frame, SCALE).needle is not None
     begin = under + round(1.0e-3 / SCALE.depth_m)
-    for end, seen in ((len(frame), False), (len(frame) * 3 // 4, True)):  # a flare does not fade on its way down
+    for end, seen in (
+        (len(frame), False),
+        (len(frame) * 3 // 4, True),
+    ):  # a flare does not fade on its way down
         streak = frame.astype(np.int64)
         streak[begin:end, column - 8 : column + 9] += 200
         needle = find_wall(np.clip(streak, 0, 4095).astype(np.uint16), SCALE).needle
@@ -167,16 +228,27 @@ def test_a_line_whose_light_continues_below_the_tissue_is_a_flare() -> None:
 @pytest.mark.parametrize("lateral_um", [8, 12, 16, 20, 31])
 def test_the_flare_of_a_real_eye_at_rest_is_not_a_needle(lateral_um: int) -> None:
     path = SHARED / "real-oct" / "dicom" / "anterior-segment.dcm"
-    pixels = read_scaled_frame(path, Scanner(width_m=15e-3, depth_m=4e-3, refractive_index=1.0), (Scanner(), "")).pixels
+    pixels = read_scaled_frame(
+        path,
+        Scanner(width_m=15e-3, depth_m=4e-3, refractive_index=1.0),
+        (Scanner(), ""),
+    ).pixels
     for depth_um in (4, 6, 8, lateral_um):
-        assert find_wall(pixels, PixelScale(lateral_m=1e-6 * lateral_um, depth_m=1e-6 * depth_um)).needle is None
+        assert (
+            find_wall(
+                pixels, PixelScale(lateral_m=1e-6 * lateral_um, depth_m=1e-6 * depth_um)
+            ).needle
+            is None
+        )
 
 
 def test_the_hidden_wall_does_not_count_as_seen() -> None:
     frame, _ = frame_of(replace(STEEL, diameter_m=1.0e-3), 0.05e-3, seed=3)
     first, after = find_wall(frame, SCALE).needle.hidden
     least = round(0.4 * OCT.columns)  # must show the wall
-    beside = (least - (after - first) // 2) // 2  # with half of the hidden columns it would be enough
+    beside = (
+        least - (after - first) // 2
+    ) // 2  # with half of the hidden columns it would be enough
     noise = np.random.default_rng(0).permuted(frame[:40, 60:100].ravel())
     for column in (*range(first - beside), *range(after + beside, OCT.columns)):
         if frame[:, column].any():
@@ -189,7 +261,10 @@ def test_the_hidden_wall_does_not_count_as_seen() -> None:
 def test_an_overlay_shows_the_shaft_in_purple() -> None:
     frame, _ = frame_of(replace(STEEL, angle_rad=radians(-15.0)))
     found = find_wall(frame, SCALE)
-    with_shaft, without = (draw_overlay(frame, each).astype(int) for each in (found, replace(found, needle=None)))
+    with_shaft, without = (
+        draw_overlay(frame, each).astype(int)
+        for each in (found, replace(found, needle=None))
+    )
     changed = (with_shaft != without).any(axis=2)
     assert np.count_nonzero(changed) > 50
     blue, green, red = (with_shaft - without)[changed].mean(axis=0)
@@ -200,7 +275,9 @@ def test_an_overlay_shows_the_shaft_in_purple() -> None:
 @needs_shared
 def test_a_needle_is_found_in_the_recording_of_one_and_in_none_of_the_others() -> None:
     for name in "abcde":
-        for path in sorted((SHARED / "recordings" / f"sample-{name}" / "frames").glob("*.png")):
+        for path in sorted(
+            (SHARED / "recordings" / f"sample-{name}" / "frames").glob("*.png")
+        ):
             pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
             assert (find_wall(pixels, SCALE).needle is not None) == (name == "d"), path
 

@@ -39,19 +39,34 @@ def draw_frames(count: int) -> list[Pixels]:
     lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
     frames = []
     for dent_m in np.linspace(0.0, 3e-3, count):
-        depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
+        depth = (
+            12e-3
+            - np.sqrt(12e-3**2 - lateral**2)
+            + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
+        )
         outer = np.stack([lateral, depth], axis=1)
         section = Section(outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)]))
         optics = sample_optics(STUDY.phantom, STUDY.oct, rng)
-        frames.append(render_bscan(sample_pose(STUDY.phantom, rng).place(section), STUDY.oct, optics, rng).frame)
+        frames.append(
+            render_bscan(
+                sample_pose(STUDY.phantom, rng).place(section), STUDY.oct, optics, rng
+            ).frame
+        )
     return frames
 
 
 def needle_frame(angle_deg: float) -> Pixels:
-    shaft, rng = replace(STEEL, diameter_m=0.3e-3, angle_rad=radians(angle_deg)), np.random.default_rng(0)
-    drawn = replace(sample_optics(STUDY.phantom, STUDY.oct, rng), snr_db=25.0, shadows=())
+    shaft, rng = (
+        replace(STEEL, diameter_m=0.3e-3, angle_rad=radians(angle_deg)),
+        np.random.default_rng(0),
+    )
+    drawn = replace(
+        sample_optics(STUDY.phantom, STUDY.oct, rng), snr_db=25.0, shadows=()
+    )
     needle = draw_shaft(shaft, np.array([0.2e-3, 1.5e-3]), 0.0, STUDY.oct)
-    placed = Pose(lateral_m=0.2e-3, depth_m=0.5e-3).place(dented_wall(0.7e-3, 1.0e-3, 1.2e-3))
+    placed = Pose(lateral_m=0.2e-3, depth_m=0.5e-3).place(
+        dented_wall(0.7e-3, 1.0e-3, 1.2e-3)
+    )
     return render_bscan(placed, STUDY.oct, drawn, rng, needle).frame
 
 
@@ -62,8 +77,12 @@ def hostile_frames(frame: Pixels) -> Iterator[Pixels]:
     yield np.minimum(frame.astype(np.uint32) * 40, 65535).astype(np.uint16)
     yield rng.integers(0, 900, (512, 512)).astype(np.uint16)
     yield rng.integers(0, 65536, (16, 16)).astype(np.uint16)
-    yield np.where(np.arange(512) == 200, 4000, 0).astype(np.uint16) + np.zeros((512, 1), np.uint16)  # one column
-    yield np.where(np.arange(512) % 9 == 4, 0, frame).astype(np.uint16)  # missing columns
+    yield np.where(np.arange(512) == 200, 4000, 0).astype(np.uint16) + np.zeros(
+        (512, 1), np.uint16
+    )  # one column
+    yield np.where(np.arange(512) % 9 == 4, 0, frame).astype(
+        np.uint16
+    )  # missing columns
     yield np.where(np.arange(512) < 111, 0, frame).astype(np.uint16)  # a black band
     yield from (np.asfortranarray(frame), frame[::-1], frame[:, ::2])
 
@@ -80,7 +99,13 @@ def layered_frame(seed: int) -> Pixels:
 
 def frames_of_scanners() -> Iterator[tuple[Pixels, PixelScale]]:
     for rows, columns in SCANNERS:
-        scanner = OctStudy(width_m=9e-3, depth_m=5e-3, rows=rows, columns=columns, refractive_index=1.38)
+        scanner = OctStudy(
+            width_m=9e-3,
+            depth_m=5e-3,
+            rows=rows,
+            columns=columns,
+            refractive_index=1.38,
+        )
         rng = np.random.default_rng(1)
         placed = Pose(lateral_m=0.0, depth_m=0.9e-3).place(dented_wall(0.7e-3, 0.8e-3))
         optics = sample_optics(STUDY.phantom, scanner, rng)
@@ -88,14 +113,19 @@ def frames_of_scanners() -> Iterator[tuple[Pixels, PixelScale]]:
 
 
 KINDS = {
-    "phantoms": lambda: draw_frames(16), "bytes": lambda: ((frame >> 4).astype(np.uint8) for frame in draw_frames(6)),
-    "needles": lambda: map(needle_frame, (-35.0, 0.0, 20.0)), "scanners": frames_of_scanners,
-    "hostile": lambda: hostile_frames(draw_frames(2)[1]), "layers": lambda: map(layered_frame, range(60)),
-}  # fmt: skip
+    "phantoms": lambda: draw_frames(16),
+    "bytes": lambda: ((frame >> 4).astype(np.uint8) for frame in draw_frames(6)),
+    "needles": lambda: map(needle_frame, (-35.0, 0.0, 20.0)),
+    "scanners": frames_of_scanners,
+    "hostile": lambda: hostile_frames(draw_frames(2)[1]),
+    "layers": lambda: map(layered_frame, range(60)),
+}
 
 
 def frames(kind: str) -> Iterator[tuple[Pixels, PixelScale]]:
-    return (each if isinstance(each, tuple) else (each, SCALE) for each in KINDS[kind]())
+    return (
+        each if isinstance(each, tuple) else (each, SCALE) for each in KINDS[kind]()
+    )
 
 
 def shown(found: Segmentation) -> dict[str, Any]:
@@ -104,8 +134,10 @@ def shown(found: Segmentation) -> dict[str, Any]:
     if found.reason.startswith(NOISE):
         return verdict
     columns = np.linspace(0, len(found.outer_row) - 1, COLUMNS).astype(int)
-    rows = [np.round(np.nan_to_num(boundary[columns], nan=-99.0), 4).tolist() for boundary in
-            (found.outer_row, found.inner_row)]  # fmt: skip
+    rows = [
+        np.round(np.nan_to_num(boundary[columns], nan=-99.0), 4).tolist()
+        for boundary in (found.outer_row, found.inner_row)
+    ]
     hidden = None if found.needle is None else list(found.needle.hidden)
     return verdict | {"inner_found": found.inner_found, "hidden": hidden, "rows": rows}
 

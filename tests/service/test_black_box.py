@@ -22,7 +22,15 @@ from scleraforce.service.black_box import BlackBox, RobotForce
 from scleraforce.service.channel import Channel, Child, encode_message
 from scleraforce.service.decision_log import DecisionLog, read_log
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import Alive, Decided, ForceHeard, MonitorEnds, Note, SelfReport, WithdrawalKept
+from scleraforce.service.messages import (
+    Alive,
+    Decided,
+    ForceHeard,
+    MonitorEnds,
+    Note,
+    SelfReport,
+    WithdrawalKept,
+)
 from scleraforce.study import ClassesStudy
 
 SHAPE = 24, 32
@@ -48,7 +56,11 @@ class Monitor:
     def __init__(self, folder, record=None, ring_frames=1100, info=INFO):
         self.folder, self.ring = folder, FrameRing.create(ring_frames, *SHAPE)
         settings = messages.BlackBoxSettings(
-            folder=folder / "box", ring=self.ring.place, info=info, record=record, keep_s=10.0
+            folder=folder / "box",
+            ring=self.ring.place,
+            info=info,
+            record=record,
+            keep_s=10.0,
         )
         self.channel, self.theirs = Channel.pair()
         ring = replace(settings.ring, descriptor=os.dup(self.ring.place.descriptor))
@@ -57,7 +69,9 @@ class Monitor:
         self.at_s = 1000.0
         self.answers = []
 
-    def decide(self, state="WATCHING", times=1, with_frame=True, turns=3, plane=None, **said):
+    def decide(
+        self, state="WATCHING", times=1, with_frame=True, turns=3, plane=None, **said
+    ):
         for _ in range(times):
             self.at_s += 0.01
             self.decisions += 1
@@ -65,9 +79,14 @@ class Monitor:
                 self.frames += 1
                 self.ring.put(self.frames, frame(self.frames))
             entry = decision(
-                state, number=self.decisions, time_s=1.8e9 + self.at_s, at_s=self.at_s, cause=CAUSES.get(state),
-                frame=self.frames if with_frame else None, plane=plane,
-            )  # fmt: skip
+                state,
+                number=self.decisions,
+                time_s=1.8e9 + self.at_s,
+                at_s=self.at_s,
+                cause=CAUSES.get(state),
+                frame=self.frames if with_frame else None,
+                plane=plane,
+            )
             self.tell(Decided(entry=entry, **said), turns)
 
     def tell(self, message, turns=1):
@@ -77,7 +96,11 @@ class Monitor:
 
     def force(self, values, at_s=None, device="robot"):
         at_s = self.at_s if at_s is None else at_s
-        self.tell(ForceHeard(at_s=at_s, time_s=1.8e9 + at_s, values=tuple(values), device=device))
+        self.tell(
+            ForceHeard(
+                at_s=at_s, time_s=1.8e9 + at_s, values=tuple(values), device=device
+            )
+        )
 
     def heard(self, kind):
         self.answers += self.channel.receive()
@@ -131,14 +154,23 @@ def test_a_withdrawal_keeps_the_last_ten_seconds_without_loss(tmp_path):
     recording = read_recording(monitor.withdrawals()[0])
     assert recording.info == INFO
     assert numbers_in(folder) == list(range(201, 1202))
-    assert [entry.time_s for entry in recording.frames] == pytest.approx(np.arange(200, 1201) * 0.01, abs=1e-6)
-    decisions = [part.record["entry"]["number"] for part in read_log(monitor.withdrawals()[0] / "decisions.jsonl")]
+    assert [entry.time_s for entry in recording.frames] == pytest.approx(
+        np.arange(200, 1201) * 0.01, abs=1e-6
+    )
+    decisions = [
+        part.record["entry"]["number"]
+        for part in read_log(monitor.withdrawals()[0] / "decisions.jsonl")
+    ]
     assert decisions == list(range(201, 1202))
     assert recording.forces is None
-    assert any("1001 frames" in note and "0 were lost" in note for note in monitor.notes())
+    assert any(
+        "1001 frames" in note and "0 were lost" in note for note in monitor.notes()
+    )
 
 
-def test_a_withdrawal_while_one_is_written_follows_it_and_only_the_latest_does(tmp_path):
+def test_a_withdrawal_while_one_is_written_follows_it_and_only_the_latest_does(
+    tmp_path,
+):
     monitor = Monitor(tmp_path)
     monitor.decide(times=50)
     for state in ("WITHDRAW", "WATCHING", "WITHDRAW", "NOT_READY", "WITHDRAW"):
@@ -163,7 +195,9 @@ def test_frames_that_were_overwritten_are_counted_and_never_mixed_up(tmp_path):
     monitor.wait_for(WithdrawalKept)
     monitor.end()
     assert numbers_in(monitor.withdrawals()[0]) == list(range(47, 62))
-    assert any("15 frames" in note and "5 were lost" in note for note in monitor.notes())
+    assert any(
+        "15 frames" in note and "5 were lost" in note for note in monitor.notes()
+    )
 
 
 def test_a_monitor_that_dies_is_noted_and_its_last_seconds_are_kept(tmp_path):
@@ -172,14 +206,19 @@ def test_a_monitor_that_dies_is_noted_and_its_last_seconds_are_kept(tmp_path):
     monitor.decisions += 3
     monitor.decide(turns=0)
     monitor.end(planned=False)
-    assert monitor.notes()[:2] == ["decisions 30 to 32 never arrived", "the monitor ended without notice"]
+    assert monitor.notes()[:2] == [
+        "decisions 30 to 32 never arrived",
+        "the monitor ended without notice",
+    ]
     (folder,) = monitor.withdrawals()
     assert folder.name.endswith("Z-monitor_died")
     assert len(read_recording(folder).frames) == 30
 
 
 @pytest.mark.slow
-def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_before(tmp_path):
+def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_before(
+    tmp_path,
+):
     """The sensor reads 50 mN without contact; contact of 20 mN begins 20 s before the withdrawal."""
     monitor = Monitor(tmp_path, ring_frames=300)
     for number in range(2500):
@@ -197,7 +236,9 @@ def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_b
     assert recording.forces.columns == ("fx_n", "fy_n", "fz_n")
     trials = label_frames(recording, ClassesStudy())
     assert len(trials) > 90
-    assert [trial.measured_force_n for trial in trials] == pytest.approx([0.02] * len(trials), abs=1e-6)
+    assert [trial.measured_force_n for trial in trials] == pytest.approx(
+        [0.02] * len(trials), abs=1e-6
+    )
 
 
 def test_a_force_log_that_gives_no_labels_leaves_a_recording_that_can_be_read(tmp_path):
@@ -215,11 +256,15 @@ def test_a_force_log_that_gives_no_labels_leaves_a_recording_that_can_be_read(tm
     lines = (folder / "robot_forces.csv").read_text().splitlines()
     assert [name.strip() for name in lines[0].split(",")] == ["time_s", "fz_n"]
     assert len(lines) == 1 + 19  # the last step may not be complete
-    assert float(lines[1].split(",")[1]) == -0.001  # positive along the needle; contact_sign is -1
+    assert (
+        float(lines[1].split(",")[1]) == -0.001
+    )  # positive along the needle; contact_sign is -1
     assert "fewer than 20 samples" in monitor.notes()[-1]
 
 
-def test_forces_of_another_device_or_count_and_nan_are_noted_once_and_left_out(tmp_path):
+def test_forces_of_another_device_or_count_and_nan_are_noted_once_and_left_out(
+    tmp_path,
+):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide()
     for _ in range(100):
@@ -239,28 +284,47 @@ def test_a_session_is_recorded_frame_by_frame_and_can_be_read_at_any_time(tmp_pa
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     for number in range(1, 300):
         monitor.force([0.0, 0.0, -0.01])
-        monitor.decide("WITHDRAW" if 100 < number < 150 else "WATCHING", with_frame=number % 3)
+        monitor.decide(
+            "WITHDRAW" if 100 < number < 150 else "WATCHING", with_frame=number % 3
+        )
         if number % 50 == 0:
             assert numbers_in(tmp_path / "rec")
     monitor.end()
     assert numbers_in(tmp_path / "rec") == list(range(1, monitor.frames + 1))
     assert read_recording(tmp_path / "rec").forces.wrench_sc.shape == (297, 3)
-    assert f"recorded {monitor.frames} frames in {tmp_path / 'rec'}; 0 were lost" in monitor.notes()
+    assert (
+        f"recorded {monitor.frames} frames in {tmp_path / 'rec'}; 0 were lost"
+        in monitor.notes()
+    )
 
 
 def test_a_session_keeps_the_travel_and_marks_what_comes_after_a_puncture(tmp_path):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
-    for travel_m, pierced in ((None, False), (1.5e-3, False), (2.0, False), (-2e-3, True)):  # 2 m: no recording has it
-        monitor.decide("WITHDRAW" if pierced else "WATCHING", travel_m=travel_m, pierced=pierced)
+    for travel_m, pierced in (
+        (None, False),
+        (1.5e-3, False),
+        (2.0, False),
+        (-2e-3, True),
+    ):  # 2 m: no recording has it
+        monitor.decide(
+            "WITHDRAW" if pierced else "WATCHING", travel_m=travel_m, pierced=pierced
+        )
     monitor.wait_for(WithdrawalKept)
     monitor.end()
     for folder in (tmp_path / "rec", *monitor.withdrawals()):
         recording = read_recording(folder)
-        assert [entry.travel_m for entry in recording.frames] == [None, 1.5e-3, None, -2e-3]
+        assert [entry.travel_m for entry in recording.frames] == [
+            None,
+            1.5e-3,
+            None,
+            -2e-3,
+        ]
         assert [entry.pierced for entry in recording.frames] == [None, None, None, True]
 
 
-def test_a_frame_that_is_named_twice_is_recorded_once_and_two_at_one_time_stay_apart(tmp_path):
+def test_a_frame_that_is_named_twice_is_recorded_once_and_two_at_one_time_stay_apart(
+    tmp_path,
+):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide()
     monitor.frames -= 1
@@ -272,7 +336,9 @@ def test_a_frame_that_is_named_twice_is_recorded_once_and_two_at_one_time_stay_a
     monitor.end()
     recording = read_recording(tmp_path / "rec")
     assert numbers_in(tmp_path / "rec") == [1, 2, 3]
-    assert np.diff([entry.time_s for entry in recording.frames])[1] == pytest.approx(1e-6)
+    assert np.diff([entry.time_s for entry in recording.frames])[1] == pytest.approx(
+        1e-6
+    )
 
 
 def test_a_session_whose_disk_fails_ends_and_is_reported_once(tmp_path, monkeypatch):
@@ -282,7 +348,9 @@ def test_a_session_whose_disk_fails_ends_and_is_reported_once(tmp_path, monkeypa
         disk.setattr(RecordingWriter, "add", full)
         monitor.decide()
     monitor.decide(times=5)
-    assert [fault.detail for fault in monitor.heard(SelfReport)] == ["session: [Errno 28] No space left on device"]
+    assert [fault.detail for fault in monitor.heard(SelfReport)] == [
+        "session: [Errno 28] No space left on device"
+    ]
     monitor.end()
     assert len(read_recording(tmp_path / "rec").frames) == 5
     assert sum("recorded 5 frames" in note for note in monitor.notes()) == 1
@@ -298,15 +366,22 @@ def test_a_folder_that_exists_is_never_written_into(tmp_path):
     assert [path.name for path in (tmp_path / "rec").iterdir()] == ["mine"]
 
 
-def test_below_a_gigabyte_nothing_is_kept_the_monitor_hears_it_and_the_log_continues(tmp_path, monkeypatch):
+def test_below_a_gigabyte_nothing_is_kept_the_monitor_hears_it_and_the_log_continues(
+    tmp_path, monkeypatch
+):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide(times=10)
     usage = shutil.disk_usage(tmp_path)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=999_999_999))
+    monkeypatch.setattr(
+        shutil, "disk_usage", lambda _: usage._replace(free=999_999_999)
+    )
     monitor.decide(times=10)
     monitor.decide("WITHDRAW")
     details = [fault.detail for fault in monitor.heard(SelfReport)]
-    assert any(detail.startswith("session: ") and "1.00 GB free" in detail for detail in details)
+    assert any(
+        detail.startswith("session: ") and "1.00 GB free" in detail
+        for detail in details
+    )
     assert any(detail.startswith("withdrawal: ") for detail in details)
     assert len(details) == len(set(details)) <= 3  # each is said once
     monitor.end()
@@ -315,14 +390,18 @@ def test_below_a_gigabyte_nothing_is_kept_the_monitor_hears_it_and_the_log_conti
     assert sum(record["kind"] == "entry" for record in monitor.records()) == 21
 
 
-def test_a_disk_that_fills_while_a_withdrawal_is_written_is_reported_and_leaves_nothing_half(tmp_path, monkeypatch):
+def test_a_disk_that_fills_while_a_withdrawal_is_written_is_reported_and_leaves_nothing_half(
+    tmp_path, monkeypatch
+):
     monitor = Monitor(tmp_path)
     monitor.decide(times=20)
     monitor.decide("WITHDRAW", turns=5)
     write = os.write
 
     def write_elsewhere(file, data):
-        within = os.readlink(f"/proc/self/fd/{file}").startswith(str(tmp_path / "box" / "withdrawals"))
+        within = os.readlink(f"/proc/self/fd/{file}").startswith(
+            str(tmp_path / "box" / "withdrawals")
+        )
         return full() if within else write(file, data)
 
     monkeypatch.setattr(os, "write", write_elsewhere)
@@ -331,17 +410,25 @@ def test_a_disk_that_fills_while_a_withdrawal_is_written_is_reported_and_leaves_
     monkeypatch.undo()
     monitor.end()
     assert 0 < len(numbers_in(monitor.withdrawals()[0])) < 21
-    assert [path for path in (tmp_path / "box" / "withdrawals").iterdir() if path.name.startswith(".")] == []
+    assert [
+        path
+        for path in (tmp_path / "box" / "withdrawals").iterdir()
+        if path.name.startswith(".")
+    ] == []
 
 
-def test_a_log_that_cannot_be_written_is_reported_once_until_it_can(tmp_path, monkeypatch):
+def test_a_log_that_cannot_be_written_is_reported_once_until_it_can(
+    tmp_path, monkeypatch
+):
     monitor = Monitor(tmp_path)
     for _ in range(2):
         with monkeypatch.context() as disk:
             disk.setattr(DecisionLog, "append", full)
             monitor.decide(times=5)
         monitor.decide()
-    assert [fault.detail for fault in monitor.heard(SelfReport)] == ["log: [Errno 28] No space left on device"] * 2
+    assert [fault.detail for fault in monitor.heard(SelfReport)] == [
+        "log: [Errno 28] No space left on device"
+    ] * 2
     monitor.end()
     assert sum(record["kind"] == "entry" for record in monitor.records()) == 2
 
@@ -376,7 +463,9 @@ def test_a_wrong_message_is_reported_for_good_and_the_log_continues(tmp_path):
     monitor = Monitor(tmp_path)
     monitor.decide()
     assert monitor.channel.send_encoded(encode_message(Note(time_s=1.5, text="x"))[:-1])
-    assert monitor.channel.send(messages.OpinionAsked(number=1, order=1, at_s=0.0, teaches=False, pierced=False))
+    assert monitor.channel.send(
+        messages.OpinionAsked(number=1, order=1, at_s=0.0, teaches=False, pierced=False)
+    )
     monitor.decide(times=3)
     (report,) = monitor.heard(SelfReport)
     assert report.detail.startswith("message: not a message: ")
@@ -391,28 +480,47 @@ class Process:
     def __init__(self, folder, record=None):
         self.folder, self.ring = folder, FrameRing.create(200, *SHAPE)
         settings = messages.BlackBoxSettings(
-            folder=folder / "box", ring=self.ring.place, info=INFO, record=record, keep_s=10.0
+            folder=folder / "box",
+            ring=self.ring.place,
+            info=INFO,
+            record=record,
+            keep_s=10.0,
         )
-        self.child = Child("scleraforce.service.black_box", settings, [self.ring.place.descriptor])
+        self.child = Child(
+            "scleraforce.service.black_box", settings, [self.ring.place.descriptor]
+        )
 
     def frames(self, numbers, state="WATCHING"):
         for number in numbers:
             self.ring.put(number, frame(number))
             now = {"time_s": time.time(), "at_s": time.monotonic()}
-            entry = decision(state, number=number, cause=CAUSES.get(state), frame=number, **now)
+            entry = decision(
+                state, number=number, cause=CAUSES.get(state), frame=number, **now
+            )
             assert self.child.channel.send(Decided(entry=entry))
 
     def wait_for(self, kind):
         heard = []
-        wait_until(lambda: heard.extend(one for one in self.child.channel.receive() if isinstance(one, kind)) or heard)
+        wait_until(
+            lambda: (
+                heard.extend(
+                    one for one in self.child.channel.receive() if isinstance(one, kind)
+                )
+                or heard
+            )
+        )
         return heard[0]
 
 
-def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_with_the_monitor(tmp_path):
+def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_with_the_monitor(
+    tmp_path,
+):
     process = Process(tmp_path)
     process.wait_for(Alive)
     os.kill(process.child.process.pid, signal.SIGTERM)
-    assert os.getpriority(os.PRIO_PROCESS, process.child.process.pid) == min(os.nice(0) + 5, 19)
+    assert os.getpriority(os.PRIO_PROCESS, process.child.process.pid) == min(
+        os.nice(0) + 5, 19
+    )
     process.frames(range(1, 100))
     process.frames([100], "WITHDRAW")
     folder = process.wait_for(WithdrawalKept).folder
@@ -425,26 +533,40 @@ def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_with_the_monito
 @pytest.mark.slow
 def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
     (tmp_path / "box" / "log").mkdir(parents=True)
-    (tmp_path / "box" / "log" / "decisions-000001.jsonl").touch(mode=0o644)  # of an earlier version
+    (tmp_path / "box" / "log" / "decisions-000001.jsonl").touch(
+        mode=0o644
+    )  # of an earlier version
     process = Process(tmp_path, tmp_path / "rec")
     process.wait_for(Alive)
     for number in range(1, 20):
         for step in range(3):
             at_s = time.monotonic() + 0.03 * number + 0.01 * step
-            force = ForceHeard(at_s=at_s, time_s=time.time(), values=(0.01,), device="Robot")
+            force = ForceHeard(
+                at_s=at_s, time_s=time.time(), values=(0.01,), device="Robot"
+            )
             process.child.channel.send(force)
         process.frames([number])
     process.frames([20], "WITHDRAW")
     process.wait_for(WithdrawalKept)
     process.child.channel.send(MonitorEnds())
     assert process.child.end(FUSE_S) == 0
-    inside = [*(tmp_path / "box").rglob("*"), tmp_path / "rec", *(tmp_path / "rec").rglob("*")]
+    inside = [
+        *(tmp_path / "box").rglob("*"),
+        tmp_path / "rec",
+        *(tmp_path / "rec").rglob("*"),
+    ]
     inside.remove(tmp_path / "box" / "log")  # made before
-    assert {"frames.csv", "decisions.jsonl", "forces.csv", "0000020.png"} <= {path.name for path in inside}
-    assert {path: oct(path.stat().st_mode & 0o077) for path in inside} == dict.fromkeys(inside, "0o0")
+    assert {"frames.csv", "decisions.jsonl", "forces.csv", "0000020.png"} <= {
+        path.name for path in inside
+    }
+    assert {path: oct(path.stat().st_mode & 0o077) for path in inside} == dict.fromkeys(
+        inside, "0o0"
+    )
 
 
-def test_a_black_box_that_is_killed_leaves_a_session_and_a_log_that_can_be_read(tmp_path):
+def test_a_black_box_that_is_killed_leaves_a_session_and_a_log_that_can_be_read(
+    tmp_path,
+):
     process = Process(tmp_path, tmp_path / "rec")
     process.wait_for(Alive)
     process.frames(range(1, 150))
@@ -489,12 +611,22 @@ def test_samples_are_the_means_over_each_hundredth_of_a_second():
         at_s = 50.0 + np.cumsum(rng.exponential(1 / rate_hz, 500))
         values = rng.standard_normal((500, 6))
         force = RobotForce(INFO.force)
-        returned = [force.add(float(time_s), row.tolist(), "robot") for time_s, row in zip(at_s, values, strict=True)]
+        returned = [
+            force.add(float(time_s), row.tolist(), "robot")
+            for time_s, row in zip(at_s, values, strict=True)
+        ]
         steps = np.floor(at_s / 0.01).astype(int)
-        expected = [((step + 0.5) * 0.01, values[steps == step].mean(axis=0)) for step in np.unique(steps)[:-1]]
+        expected = [
+            ((step + 0.5) * 0.01, values[steps == step].mean(axis=0))
+            for step in np.unique(steps)[:-1]
+        ]
         assert [sample for sample in returned if sample] == list(force.samples)
-        assert [at_s for at_s, _ in force.samples] == pytest.approx([middle_s for middle_s, _ in expected])
-        assert np.allclose([means for _, means in force.samples], [mean for _, mean in expected])
+        assert [at_s for at_s, _ in force.samples] == pytest.approx(
+            [middle_s for middle_s, _ in expected]
+        )
+        assert np.allclose(
+            [means for _, means in force.samples], [mean for _, mean in expected]
+        )
         assert force.columns == ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 
 
@@ -506,9 +638,13 @@ def test_memory_is_that_of_ten_minutes():
     assert force.samples[-1][0] - force.samples[0][0] == pytest.approx(599.99)
 
 
-def test_frames_of_several_planes_are_recorded_by_moments_and_those_alone_stay(tmp_path):
+def test_frames_of_several_planes_are_recorded_by_moments_and_those_alone_stay(
+    tmp_path,
+):
     planes = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5708))
-    info = replace(INFO, oct=replace(INFO.oct, plane=planes), needle=NeedleInfo(gauge=22))
+    info = replace(
+        INFO, oct=replace(INFO.oct, plane=planes), needle=NeedleInfo(gauge=22)
+    )
     monitor = Monitor(tmp_path, record=tmp_path / "session", info=info)
     for moment in (1, 3, 5):
         monitor.decide(plane="along", moment=moment)
@@ -520,7 +656,10 @@ def test_frames_of_several_planes_are_recorded_by_moments_and_those_alone_stay(t
         assert numbers_in(folder) == [*range(1, 8)]
         recording = read_recording(folder)
         assert recording.info.oct.plane == planes
-        moments = [[(entry.plane, bool(entry.pierced)) for entry in moment] for moment in recording.moments]
+        moments = [
+            [(entry.plane, bool(entry.pierced)) for entry in moment]
+            for moment in recording.moments
+        ]
         together = [("along", False), ("across", False)]
         pierced = [("along", True), ("across", True)]  # there is one needle
         assert moments == [together, together, pierced, [("across", False)]]

@@ -31,57 +31,109 @@ SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
 MESSAGES: list[messages.CompanionMessage] = [
     messages.Decided(entry=READ_ENTRY),
     messages.ForceHeard(at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"),
-    messages.Note(time_s=1.5, text='é "\\ \n\t\0'), messages.MonitorEnds(),
+    messages.Note(time_s=1.5, text='é "\\ \n\t\0'),
+    messages.MonitorEnds(),
     messages.Outline(frame=4, step=4, outer=(None, 3.5), inner=()),
-    messages.Rates(frames_per_second=99.5, lost=0, clients=({"address": "[::1]:1", "role": "scanner"},)),
-    messages.ResetAsked(request=1, token="t"), messages.ResetAnswered(request=1, granted=False, message="no"),
-    messages.ListensAt(url="http://127.0.0.1:1/"), messages.WrongTokens(count=7),
+    messages.Rates(
+        frames_per_second=99.5,
+        lost=0,
+        clients=({"address": "[::1]:1", "role": "scanner"},),
+    ),
+    messages.ResetAsked(request=1, token="t"),
+    messages.ResetAnswered(request=1, granted=False, message="no"),
+    messages.ListensAt(url="http://127.0.0.1:1/"),
+    messages.WrongTokens(count=7),
     messages.OpinionAsked(number=3, order=2**62, at_s=1e5, teaches=True, pierced=False),
     messages.EyeLearned(known=NOTHING_KNOWN, frames=3, fault=""),
     messages.OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
-    messages.OpinionGiven(order=3, verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None)),
-    messages.Alive(faults=("log: full", "disk: full")), messages.SelfReport(detail="it broke"),
+    messages.OpinionGiven(
+        order=3,
+        verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None),
+    ),
+    messages.Alive(faults=("log: full", "disk: full")),
+    messages.SelfReport(detail="it broke"),
     messages.WithdrawalKept(folder="/tmp/x"),
-    messages.BlackBoxSettings(folder=Path("/tmp/box"), ring=RING, info=INFO, record=Path("/tmp/é"), keep_s=10.0),
-    messages.OpinionSettings(
-        model=Path("m"), scale=SCALE, ring=RING,
-        known=Known(modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"), iop_pa=2000.0, thickness_m=6e-4),
-        learns="eye-a", record=Path("/tmp/session"),
+    messages.BlackBoxSettings(
+        folder=Path("/tmp/box"),
+        ring=RING,
+        info=INFO,
+        record=Path("/tmp/é"),
+        keep_s=10.0,
     ),
     messages.OpinionSettings(
-        model=Path("m"), scale=SCALE, ring=RING, known=Known(globe=known_globe("sealed", 1.5e8, "logarithmic")),
-        learns=None, record=None,
+        model=Path("m"),
+        scale=SCALE,
+        ring=RING,
+        known=Known(
+            modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"),
+            iop_pa=2000.0,
+            thickness_m=6e-4,
+        ),
+        learns="eye-a",
+        record=Path("/tmp/session"),
+    ),
+    messages.OpinionSettings(
+        model=Path("m"),
+        scale=SCALE,
+        ring=RING,
+        known=Known(globe=known_globe("sealed", 1.5e8, "logarithmic")),
+        learns=None,
+        record=None,
     ),
     messages.ConsoleSettings(
-        host="::1", listener=7, token_digest="d", ring=RING, scale=SCALE, limits=MonitorLimits(size=(32, 24)),
-        class_bounds_n=(5e-3, 30e-3), model="reader", eye="",
+        host="::1",
+        listener=7,
+        token_digest="d",
+        ring=RING,
+        scale=SCALE,
+        limits=MonitorLimits(size=(32, 24)),
+        class_bounds_n=(5e-3, 30e-3),
+        model="reader",
+        eye="",
     ),
-]  # fmt: skip
+]
 
 
 def test_each_message_arrives_as_it_was_sent() -> None:
-    assert {type(message) for message in MESSAGES} == set(get_args(messages.CompanionMessage))
+    assert {type(message) for message in MESSAGES} == set(
+        get_args(messages.CompanionMessage)
+    )
     for message in MESSAGES:
         assert channel.decode_message(channel.encode_message(message)) == message
 
 
 @pytest.mark.parametrize(
     ("field", "ring", "info"),
-    [("info.oct", replace(RING, rows=32, columns=24), INFO), ("info.force", RING, replace(INFO, force=None))],
+    [
+        ("info.oct", replace(RING, rows=32, columns=24), INFO),
+        ("info.force", RING, replace(INFO, force=None)),
+    ],
 )
-def test_settings_of_the_black_box_that_contradict_each_other_are_refused(field, ring, info):
+def test_settings_of_the_black_box_that_contradict_each_other_are_refused(
+    field, ring, info
+):
     with pytest.raises(ValueError, match=field):
-        messages.BlackBoxSettings(folder=Path("box"), ring=ring, info=info, record=None, keep_s=10.0)
+        messages.BlackBoxSettings(
+            folder=Path("box"), ring=ring, info=info, record=None, keep_s=10.0
+        )
 
 
 def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:
     given = verdict(nan, (-inf, nan), probabilities=(nan, np.float64(1.0)))
-    opinion = channel.decode_message(channel.encode_message(messages.OpinionGiven(order=3, verdict=given)))
-    assert repr(opinion.verdict) == repr(verdict(nan, (-inf, nan), probabilities=(nan, 1.0)))
+    opinion = channel.decode_message(
+        channel.encode_message(messages.OpinionGiven(order=3, verdict=given))
+    )
+    assert repr(opinion.verdict) == repr(
+        verdict(nan, (-inf, nan), probabilities=(nan, 1.0))
+    )
 
 
-def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path() -> None:
-    alive = channel.decode_message(channel.encode_message(messages.Alive(faults=("log: \udce9",))))
+def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path() -> (
+    None
+):
+    alive = channel.decode_message(
+        channel.encode_message(messages.Alive(faults=("log: \udce9",)))
+    )
     assert alive == messages.Alive(faults=("log: \\udce9",))
     settings = msgspec.structs.replace(ending_with(0), model=Path("\udce9"))
     assert channel.decode_message(channel.encode_message(settings)) == settings
@@ -100,9 +152,19 @@ def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
 
 def test_a_value_of_another_type_is_refused_by_its_field() -> None:
     record = msgspec.msgpack.decode(channel.encode_message(MESSAGES[0]))
-    for name, wrong in {"at_s": "1", "number": 1.5, "state": "OK", "frame": True, "verdict": []}.items():
+    for name, wrong in {
+        "at_s": "1",
+        "number": 1.5,
+        "state": "OK",
+        "frame": True,
+        "verdict": [],
+    }.items():
         with pytest.raises(MessageError, match=name):
-            channel.decode_message(msgspec.msgpack.encode(record | {"entry": record["entry"] | {name: wrong}}))
+            channel.decode_message(
+                msgspec.msgpack.encode(
+                    record | {"entry": record["entry"] | {name: wrong}}
+                )
+            )
 
 
 def test_bytes_that_are_not_a_message_are_refused_in_one_short_line() -> None:
@@ -119,17 +181,27 @@ def test_a_message_with_changed_bytes_is_a_message_or_that_error(
 ) -> None:
     data = bytearray(channel.encode_message(message))
     for _ in range(drawn.draw(st.integers(1, 3))):
-        data[drawn.draw(st.integers(0, len(data) - 1))] = drawn.draw(st.integers(0, 255))
+        data[drawn.draw(st.integers(0, len(data) - 1))] = drawn.draw(
+            st.integers(0, 255)
+        )
     with suppress(MessageError):
-        assert isinstance(channel.decode_message(bytes(data)), messages.CompanionMessage)
+        assert isinstance(
+            channel.decode_message(bytes(data)), messages.CompanionMessage
+        )
 
 
 def test_other_values_and_large_messages_are_not_sent() -> None:
-    for wrong in (object(), messages.Note(time_s=1.0, text=object()), messages.WrongTokens(count=10**30)):
+    for wrong in (
+        object(),
+        messages.Note(time_s=1.0, text=object()),
+        messages.WrongTokens(count=10**30),
+    ):
         with pytest.raises(MessageError):
             channel.encode_message(wrong)
     with pytest.raises(MessageError, match="131072"):
-        channel.encode_message(messages.Note(time_s=1.0, text="x" * channel.MESSAGE_BYTES))
+        channel.encode_message(
+            messages.Note(time_s=1.0, text="x" * channel.MESSAGE_BYTES)
+        )
 
 
 def note(number, text=""):
@@ -183,7 +255,9 @@ def test_an_end_that_left_without_reading_has_its_last_messages_read_all_the_sam
         theirs.send(note(0))
 
 
-def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_after_it_is_cut(ends):
+def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_after_it_is_cut(
+    ends,
+):
     ours, theirs = ends
     header = len(channel.encode_message(note(1, "x" * 70_000))) - 70_000
     largest = note(1, "x" * (channel.MESSAGE_BYTES - header))
@@ -192,7 +266,9 @@ def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_afte
     with pytest.raises(MessageError, match="131073 bytes"):
         ours.send(note(1, largest.text + "x"))
     assert theirs.receive() == []
-    assert ours.send_encoded(channel.encode_message(largest) + b" " * 1000)  # a whole message, if it were cut
+    assert ours.send_encoded(
+        channel.encode_message(largest) + b" " * 1000
+    )  # a whole message, if it were cut
     with pytest.raises(MessageError, match="131073 bytes"):
         theirs.receive()
 
@@ -232,8 +308,13 @@ def ending_with(code, descriptor=0):
     """Settings of some child: its exit code in place of a number of frames; it waits for ever for 0."""
     ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
     return messages.OpinionSettings(
-        model=Path("é"), known=NOTHING_KNOWN, scale=SCALE, ring=ring, learns=None, record=None
-    )  # fmt: skip
+        model=Path("é"),
+        known=NOTHING_KNOWN,
+        scale=SCALE,
+        ring=ring,
+        learns=None,
+        record=None,
+    )
 
 
 @pytest.fixture
@@ -255,10 +336,20 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_
     settings = ending_with(7, file)
     child = channel.Child("some_child", settings, [file])
     said = answer(child)
-    assert said == {"settings": repr(settings), "interrupts": False, "read": "shared", "threads": "1"}
+    assert said == {
+        "settings": repr(settings),
+        "interrupts": False,
+        "read": "shared",
+        "threads": "1",
+    }
     assert child.process.poll() is None
     assert os.getsid(child.process.pid) == child.process.pid
-    for number in (signal.SIGHUP, signal.SIGQUIT, signal.SIGINT, signal.SIGTERM):  # as a terminal that is closed
+    for number in (
+        signal.SIGHUP,
+        signal.SIGQUIT,
+        signal.SIGINT,
+        signal.SIGTERM,
+    ):  # as a terminal that is closed
         os.kill(child.process.pid, number)
     time.sleep(0.05)
     assert child.process.poll() is None
@@ -280,7 +371,10 @@ def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypat
     with pytest.raises(RuntimeError, match="started by `scleraforce monitor`"):
         run()
     ours.send(messages.MonitorEnds())
-    with pytest.raises(MessageError, match="a MonitorEnds came; the first message must be a OpinionSettings"):
+    with pytest.raises(
+        MessageError,
+        match="a MonitorEnds came; the first message must be a OpinionSettings",
+    ):
         run()
     ours.close()
     with pytest.raises(channel.ChannelClosedError):
@@ -294,7 +388,9 @@ def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
     here = tmp_path / "here"
     here.mkdir()
     for name in ("numpy", "signal", "json", "socket", "sitecustomize", "some_child"):
-        (here / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit\n")
+        (here / f"{name}.py").write_text(
+            f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit\n"
+        )
     monkeypatch.chdir(here)
     child = channel.Child("some_child", ending_with(3))
     assert answer(child)["threads"] == "1"

@@ -12,7 +12,12 @@ from small_monitor import NoGuard
 from waiting import FUSE_S, wait_until
 
 from scleraforce.openigtlink import Decoder, Received, Text, encode
-from scleraforce.service.clients import WAITING_BYTES, Clients, Connection, ServerSettings
+from scleraforce.service.clients import (
+    WAITING_BYTES,
+    Clients,
+    Connection,
+    ServerSettings,
+)
 
 STALLED_S = ServerSettings("token").stalled_s
 
@@ -36,10 +41,15 @@ def all_that_arrives(peer: socket.socket, connection: Connection) -> Iterator[by
             sleep(0.001)
 
 
-def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(listener: socket.socket) -> None:
+def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(
+    listener: socket.socket,
+) -> None:
     with socket.create_connection(listener.getsockname()) as peer:
         connection = Connection(listener.accept()[0], "peer", 1)
-        sent = [encode(Text(f"{number:04d}" * 1000), "ForceReading") for number in range(5000)]
+        sent = [
+            encode(Text(f"{number:04d}" * 1000), "ForceReading")
+            for number in range(5000)
+        ]
         for number, message in enumerate(sent):
             connection.send(message, 100.0 + number)
         since_s = connection.unread_since_s
@@ -48,7 +58,9 @@ def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(listener: 
         for number in range(5000, 5003):
             for data in all_that_arrives(peer, connection):
                 heard += decoder.feed(data)
-            connection.send(encode(Text(f"{number:04d}" * 1000), "ForceReading"), 100.0 + number)
+            connection.send(
+                encode(Text(f"{number:04d}" * 1000), "ForceReading"), 100.0 + number
+            )
         wait_until(lambda: connection.unread_since_s is None)
         connection.close()
     texts = [event.message.text for event in heard if isinstance(event, Received)]  # type: ignore[union-attr] # a Text
@@ -57,11 +69,15 @@ def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(listener: 
     numbers = [int(text[:4]) for text in texts]
     assert numbers == sorted(set(numbers))
     assert numbers[0] == 0
-    assert numbers[0] < since_s - 100.0 <= numbers[-3] < 5000  # none since then, until it had read
+    assert (
+        numbers[0] < since_s - 100.0 <= numbers[-3] < 5000
+    )  # none since then, until it had read
     assert numbers[-2:] == [5000, 5001]
 
 
-def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_read(listener: socket.socket) -> None:
+def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_read(
+    listener: socket.socket,
+) -> None:
     with socket.socket() as peer:
         peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         peer.connect(listener.getsockname())
@@ -81,7 +97,9 @@ def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_rea
         connection.close()
 
 
-def unread(listener: socket.socket, clients: Clients) -> tuple[socket.socket, Connection]:
+def unread(
+    listener: socket.socket, clients: Clients
+) -> tuple[socket.socket, Connection]:
     """Return a peer with a small buffer that reads nothing, and its connection, with messages from 100 s on."""
     peer = socket.socket()
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -95,7 +113,9 @@ def unread(listener: socket.socket, clients: Clients) -> tuple[socket.socket, Co
 @pytest.fixture
 def clients(listener: socket.socket) -> Iterator[tuple[Clients, list[str]]]:
     notes: list[str] = []
-    clients = Clients(listener, ServerSettings("token", clients=10), NoGuard(), notes.append)
+    clients = Clients(
+        listener, ServerSettings("token", clients=10), NoGuard(), notes.append
+    )
     yield clients, notes
     clients.close()
 
@@ -132,14 +152,21 @@ def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_
     def pass_time(for_s: float) -> None:
         now_s[0] += for_s
 
-    monkeypatch.setattr("scleraforce.service.clients.sleep", lambda for_s: (rests.append(for_s), pass_time(for_s)))
-    monkeypatch.setattr(served.selector, "select", lambda within_s: pass_time(within_s) or [])
+    monkeypatch.setattr(
+        "scleraforce.service.clients.sleep",
+        lambda for_s: (rests.append(for_s), pass_time(for_s)),
+    )
+    monkeypatch.setattr(
+        served.selector, "select", lambda within_s: pass_time(within_s) or []
+    )
     served._waited_s = 10.0
     for within_s in (0.0, 0.002):
         for _ in range(31):
             served.wait(within_s, lambda: now_s[0])
             pass_time(0.004)
-        assert rests == [0.001] * 10  # after each three turns of 4 ms; none is added by turns that wait
+        assert (
+            rests == [0.001] * 10
+        )  # after each three turns of 4 ms; none is added by turns that wait
 
 
 def test_without_a_free_descriptor_the_operator_still_connects(
@@ -148,14 +175,19 @@ def test_without_a_free_descriptor_the_operator_still_connects(
     served, notes = clients
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     with ExitStack() as peers:
-        waiting = [peers.enter_context(socket.create_connection(listener.getsockname())) for _ in range(3)]
+        waiting = [
+            peers.enter_context(socket.create_connection(listener.getsockname()))
+            for _ in range(3)
+        ]
         try:
             resource.setrlimit(resource.RLIMIT_NOFILE, (lowest_free(), hard))
             came = [served.accept() for _ in range(3)]
         finally:
             resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
         names = ["{}:{}".format(*peer.getsockname()) for peer in waiting]
-        assert [[client.address for client in turn] for turn in came] == [[name] for name in names]
+        assert [[client.address for client in turn] for turn in came] == [
+            [name] for name in names
+        ]
         assert sum("another client came" in note for note in notes) == 2
 
 

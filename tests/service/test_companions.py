@@ -9,7 +9,14 @@ from small_monitor import FakeCompanion, decision, verdict
 from scleraforce.service import messages
 from scleraforce.service.channel import encode_message
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
-from scleraforce.service.messages import Alive, CompanionMessage, Decided, Note, OpinionGiven, SelfReport
+from scleraforce.service.messages import (
+    Alive,
+    CompanionMessage,
+    Decided,
+    Note,
+    OpinionGiven,
+    SelfReport,
+)
 
 OPINION_OF_3 = OpinionGiven(order=3, verdict=verdict(predicted=0))
 
@@ -31,7 +38,9 @@ def hear(companions: Companions, name: str, now_s: float) -> list[CompanionMessa
     return list(companions.hear(name, now_s))
 
 
-def test_a_black_box_that_says_nothing_for_five_seconds_is_at_fault_until_it_does(companions, children):
+def test_a_black_box_that_says_nothing_for_five_seconds_is_at_fault_until_it_does(
+    companions, children
+):
     assert companions.faults(100.0) == ()
     assert companions.faults(129.0) == ()  # it may take so long to start
     assert companions.faults(130.1) == ("black box: it does not answer",)
@@ -47,7 +56,9 @@ def test_a_black_box_that_says_nothing_for_five_seconds_is_at_fault_until_it_doe
 
 
 @pytest.mark.parametrize("name", [BLACK_BOX, OPINION])
-def test_one_that_is_needed_and_dies_is_at_fault_for_ever_by_its_last_words(companions, children, name):
+def test_one_that_is_needed_and_dies_is_at_fault_for_ever_by_its_last_words(
+    companions, children, name
+):
     children[name].says(SelfReport(detail="no model"))
     children[name].theirs.close()
     hear(companions, name, 1.0)
@@ -66,7 +77,9 @@ def test_a_breach_or_the_death_of_a_console_is_not_a_fault(companions, children)
     assert companions.faults(1.0) == ()
 
 
-def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(companions, children):
+def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(
+    companions, children
+):
     message = Note(time_s=1.5, text="x" * 100_000)
     for _ in range(1000):
         companions.send(OPINION, message, 10.0)
@@ -77,9 +90,15 @@ def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(c
     assert companions.faults(12.2) == ()
 
 
-def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_else(companions, children):
+def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_else(
+    companions, children
+):
     for _ in range(5000):
-        companions.send(BLACK_BOX, messages.ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000), 10.0)
+        companions.send(
+            BLACK_BOX,
+            messages.ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000),
+            10.0,
+        )
     for number in range(1, 501):
         companions.decided(Decided(entry=decision(number=number, message="x" * 1000)))
         companions.send(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
@@ -87,7 +106,9 @@ def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_
     while some := children[BLACK_BOX].theirs.receive(50):
         heard += some
         companions.faults(10.1)
-    assert [message.entry.number for message in heard if isinstance(message, Decided)] == list(range(1, 501))
+    assert [
+        message.entry.number for message in heard if isinstance(message, Decided)
+    ] == list(range(1, 501))
     assert not [message for message in heard if isinstance(message, Note)]
     companions.send(BLACK_BOX, Note(time_s=1.5, text="late"), 10.2)
     assert children[BLACK_BOX].theirs.receive() == [Note(time_s=1.5, text="late")]
@@ -108,10 +129,16 @@ def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, child
 
 def test_what_one_says_of_the_frames_is_passed_on(companions, children):
     console: list[CompanionMessage] = [
-        messages.ResetAsked(request=1, token="t"), messages.ListensAt(url="u"), messages.WrongTokens(count=2),
-    ]  # fmt: skip
+        messages.ResetAsked(request=1, token="t"),
+        messages.ListensAt(url="u"),
+        messages.WrongTokens(count=2),
+    ]
     kept = messages.WithdrawalKept(folder="x")
-    for name, said in ((OPINION, [OPINION_OF_3]), (BLACK_BOX, [kept]), (CONSOLE, console)):
+    for name, said in (
+        (OPINION, [OPINION_OF_3]),
+        (BLACK_BOX, [kept]),
+        (CONSOLE, console),
+    ):
         for message in said:
             children[name].says(message)
         assert hear(companions, name, 1.0) == said
@@ -123,11 +150,21 @@ def test_what_one_says_of_the_frames_is_passed_on(companions, children):
     [
         (OPINION, packb({"type": "OpinionGiven"}), "order"),
         (BLACK_BOX, b"\xff", "not a message"),
-        (BLACK_BOX, encode_message(messages.ResetAsked(request=1, token="t")), "a ResetAsked is not its to send"),
-        (OPINION, encode_message(messages.WithdrawalKept(folder="x")), "a WithdrawalKept is not its to send"),
+        (
+            BLACK_BOX,
+            encode_message(messages.ResetAsked(request=1, token="t")),
+            "a ResetAsked is not its to send",
+        ),
+        (
+            OPINION,
+            encode_message(messages.WithdrawalKept(folder="x")),
+            "a WithdrawalKept is not its to send",
+        ),
     ],
 )
-def test_one_that_does_not_keep_to_the_protocol_is_at_fault_for_good(companions, children, name, said, reason):
+def test_one_that_does_not_keep_to_the_protocol_is_at_fault_for_good(
+    companions, children, name, said, reason
+):
     children[name].theirs.send_encoded(said)
     assert hear(companions, name, 1.0) == []
     children[name].says(Alive(faults=()))

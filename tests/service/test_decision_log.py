@@ -11,9 +11,20 @@ from waiting import FUSE_S, ends
 from scleraforce.service.decision_log import DecisionLog, read_log
 
 RECORDS = [
-    {"kind": "entry", "entry": {"number": 1, "state": "WATCHING", "force_mn": 12.5, "message": 'a "quoted" }, {\n'}},
+    {
+        "kind": "entry",
+        "entry": {
+            "number": 1,
+            "state": "WATCHING",
+            "force_mn": 12.5,
+            "message": 'a "quoted" }, {\n',
+        },
+    },
     {"kind": "note", "time_s": 1.5, "text": "é \\ \t"},
-    {"kind": "entry", "entry": {"number": 2, "probabilities": [0.1, 0.9], "cause": None}},
+    {
+        "kind": "entry",
+        "entry": {"number": 2, "probabilities": [0.1, 0.9], "cause": None},
+    },
 ]
 
 
@@ -46,14 +57,20 @@ def ends_of_records(path):
 def test_each_line_is_json_whose_checksum_an_independent_reader_can_check(log):
     for line in log.read_text().splitlines():
         check = json.loads(line)["crc32"]
-        assert int(check, 16) == zlib.crc32(line.removesuffix(f', "crc32": "{check}"}}').encode())
+        assert int(check, 16) == zlib.crc32(
+            line.removesuffix(f', "crc32": "{check}"}}').encode()
+        )
 
 
-def test_a_log_that_is_cut_at_any_byte_has_all_records_before_and_says_what_is_torn(log):
+def test_a_log_that_is_cut_at_any_byte_has_all_records_before_and_says_what_is_torn(
+    log,
+):
     whole, ends = log.read_bytes(), ends_of_records(log)
     for length in reversed(range(len(whole))):
         os.truncate(log, length)
-        complete = sum(end - 1 <= length for end in ends)  # the end of the line may be missing
+        complete = sum(
+            end - 1 <= length for end in ends
+        )  # the end of the line may be missing
         assert records(log) == RECORDS[:complete]
         begin = ([0, *ends])[complete]
         assert b"".join(torn(log)) == whole[begin:length]
@@ -75,7 +92,11 @@ def test_a_log_that_was_cut_at_any_byte_continues_and_keeps_its_bytes(log, monke
 
 
 def test_a_changed_byte_costs_its_own_record_and_no_other_one(log):
-    whole, ends, file = log.read_bytes(), ends_of_records(log), os.open(log, os.O_WRONLY)
+    whole, ends, file = (
+        log.read_bytes(),
+        ends_of_records(log),
+        os.open(log, os.O_WRONLY),
+    )
     for place, byte in enumerate(whole):
         record = sum(end <= place for end in ends)
         others = [one for number, one in enumerate(RECORDS) if number != record]
@@ -83,7 +104,9 @@ def test_a_changed_byte_costs_its_own_record_and_no_other_one(log):
             os.pwrite(file, bytes([changed]), place)
             found = records(log)
             assert found in (others, RECORDS)
-            assert (found == RECORDS) == (place + 1 in ends)  # the end of a line is outside the record's bytes
+            assert (found == RECORDS) == (
+                place + 1 in ends
+            )  # the end of a line is outside the record's bytes
             assert torn(log)
         os.pwrite(file, bytes([byte]), place)
     os.close(file)
@@ -117,7 +140,9 @@ def test_two_processes_do_not_write_one_log(tmp_path):
     DecisionLog(tmp_path).close()
 
 
-def test_a_record_that_the_disk_took_in_part_is_an_error_and_the_next_one_is_whole(tmp_path, monkeypatch):
+def test_a_record_that_the_disk_took_in_part_is_an_error_and_the_next_one_is_whole(
+    tmp_path, monkeypatch
+):
     log = DecisionLog(tmp_path)
     log.append(RECORDS[0])
     with monkeypatch.context() as disk:
@@ -131,7 +156,9 @@ def test_a_record_that_the_disk_took_in_part_is_an_error_and_the_next_one_is_who
     assert [len(part) for part in torn(tmp_path)] == [20]
 
 
-def test_a_process_that_is_killed_while_it_writes_leaves_every_record_that_it_had_written(tmp_path):
+def test_a_process_that_is_killed_while_it_writes_leaves_every_record_that_it_had_written(
+    tmp_path,
+):
     """The child says each number after it is appended."""
     code = (
         "import os, sys\n"
@@ -154,14 +181,20 @@ def test_a_process_that_is_killed_while_it_writes_leaves_every_record_that_it_ha
         runs = [record["number"] for record in records(tmp_path)]
         last = len(runs) - 1 - runs[::-1].index(0)  # where this child began
         assert runs[last:] in (list(range(said + 1)), list(range(said + 2)))
-        assert len(torn(tmp_path)) <= 2  # one each: of a line across two pages of memory, half may have been written
+        assert (
+            len(torn(tmp_path)) <= 2
+        )  # one each: of a line across two pages of memory, half may have been written
 
 
-def test_the_disk_is_asked_for_the_folder_when_a_file_is_made_and_for_the_file_with_each_sync(tmp_path, monkeypatch):
+def test_the_disk_is_asked_for_the_folder_when_a_file_is_made_and_for_the_file_with_each_sync(
+    tmp_path, monkeypatch
+):
     asked = []
 
     def note(kind):
-        return lambda descriptor: asked.append((kind, os.readlink(f"/proc/self/fd/{descriptor}")))
+        return lambda descriptor: asked.append(
+            (kind, os.readlink(f"/proc/self/fd/{descriptor}"))
+        )
 
     for kind in ("fsync", "fdatasync"):
         monkeypatch.setattr(os, kind, note(kind))
@@ -170,7 +203,9 @@ def test_the_disk_is_asked_for_the_folder_when_a_file_is_made_and_for_the_file_w
     assert asked == [("fsync", str(folder))]
     log.append(RECORDS[0])
     log.sync()
-    first, second = (str(folder / f"decisions-00000{number}.jsonl") for number in (1, 2))
+    first, second = (
+        str(folder / f"decisions-00000{number}.jsonl") for number in (1, 2)
+    )
     assert asked[1:] == [("fdatasync", first)]
     log.append(RECORDS[0])
     assert asked[2:] == [("fsync", str(folder)), ("fdatasync", first)]

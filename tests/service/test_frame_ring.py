@@ -13,7 +13,11 @@ from scleraforce.service.frame_ring import FrameRing, available_bytes
 
 
 def frame(number, rows=3, columns=5):
-    return np.random.default_rng(number).integers(0, 2**16, (rows, columns)).astype(np.uint16)
+    return (
+        np.random.default_rng(number)
+        .integers(0, 2**16, (rows, columns))
+        .astype(np.uint16)
+    )
 
 
 def test_the_last_frames_are_there_and_no_others():
@@ -33,7 +37,10 @@ def test_the_last_frames_are_there_and_no_others():
 
 def test_more_than_there_is_is_refused_before_any_is_taken(monkeypatch):
     monkeypatch.setattr(os, "memfd_create", lambda _: pytest.fail("it was taken"))
-    with pytest.raises(InputError, match=r"1200 frames of 16384 x 16384 pixels take 644,245 MB .* MB are there"):
+    with pytest.raises(
+        InputError,
+        match=r"1200 frames of 16384 x 16384 pixels take 644,245 MB .* MB are there",
+    ):
         FrameRing.create(1200, 16384, 16384)
 
 
@@ -76,25 +83,34 @@ def test_too_little_memory_is_said_before_the_first_frame(monkeypatch):
         raise OSError(errno.ENOMEM, "Cannot allocate memory")
 
     monkeypatch.setattr(os, "posix_fallocate", none_left)
-    with pytest.raises(InputError, match=r"memory: Cannot allocate memory for the last 1200 frames .* 630 MB; end"):
+    with pytest.raises(
+        InputError,
+        match=r"memory: Cannot allocate memory for the last 1200 frames .* 630 MB; end",
+    ):
         FrameRing.create(1200, 512, 513)
 
 
 MB = 2**20
 
 
-def group(folder: Path, names: tuple[str, str], most: object, used: int, cache: str = "") -> None:
+def group(
+    folder: Path, names: tuple[str, str], most: object, used: int, cache: str = ""
+) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / names[0]).write_text(f"{most}\n")
     (folder / names[1]).write_text(f"{used}\n")
     (folder / "memory.stat").write_text(f"anon 1\n{cache}\n")
 
 
-def test_of_machine_and_control_groups_of_either_version_the_least_memory_counts(tmp_path: Path) -> None:
+def test_of_machine_and_control_groups_of_either_version_the_least_memory_counts(
+    tmp_path: Path,
+) -> None:
     proc, groups = tmp_path / "proc", tmp_path / "groups"
     assert available_bytes(proc, groups) is None
     (proc / "self").mkdir(parents=True)
-    (proc / "meminfo").write_text("MemTotal: 9000 kB\nMemAvailable:    8192000 kB\nSwapFree: 0 kB\n")
+    (proc / "meminfo").write_text(
+        "MemTotal: 9000 kB\nMemAvailable:    8192000 kB\nSwapFree: 0 kB\n"
+    )
     assert available_bytes(proc, groups) == 8000 * MB
     names = "memory.max", "memory.current"
     (proc / "self" / "cgroup").write_text("0::/user.slice/app\n")
@@ -106,6 +122,12 @@ def test_of_machine_and_control_groups_of_either_version_the_least_memory_counts
     assert available_bytes(proc, groups) == 0
     (proc / "self" / "cgroup").write_text("5:cpu:/x\n4:memory:/docker/abc\n0::/\n")
     names = "memory.limit_in_bytes", "memory.usage_in_bytes"
-    group(groups / "memory" / "docker" / "abc", names, 500 * MB, 100 * MB, f"total_inactive_file {10 * MB}")
+    group(
+        groups / "memory" / "docker" / "abc",
+        names,
+        500 * MB,
+        100 * MB,
+        f"total_inactive_file {10 * MB}",
+    )
     group(groups / "memory", names, 2**63 - 4096, 0)
     assert available_bytes(proc, groups) == 410 * MB

@@ -15,7 +15,14 @@ from waiting import FUSE_S
 from scleraforce import known as declared
 from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import InputError
-from scleraforce.known import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Known, known_globe
+from scleraforce.known import (
+    OPEN,
+    REFERENCE_RIGIDITY,
+    SEALED,
+    UNKNOWN,
+    Known,
+    known_globe,
+)
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.recording.folder import ForceInfo, OctInfo, Plane
 from scleraforce.service import monitor_service
@@ -25,7 +32,12 @@ from scleraforce.study import Study
 
 SIZE = {"bits": 16, "width_m": 10e-3, "depth_m": 2e-3}
 CALIBRATED = declared.KnownGlobe(
-    kind="sealed", lowest=SEALED.lowest, highest=SEALED.highest, mean=REFERENCE_RIGIDITY, sd=1e6, calibrated=True
+    kind="sealed",
+    lowest=SEALED.lowest,
+    highest=SEALED.highest,
+    mean=REFERENCE_RIGIDITY,
+    sd=1e6,
+    calibrated=True,
 )
 
 
@@ -38,37 +50,70 @@ def test_a_recording_states_the_declared_globe() -> None:
         (known_globe("sealed", REFERENCE_RIGIDITY, "logarithmic"),) * 2,
         (CALIBRATED, SEALED),  # its rigidity is in the calibration
     ):
-        assert declared.stated_globe(declared.stated_eye("mine", Known(globe=known))) == stated
+        assert (
+            declared.stated_globe(declared.stated_eye("mine", Known(globe=known)))
+            == stated
+        )
 
 
-def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_declared() -> None:
-    known, scan, seen = Known(gap_m=0.4e-3, direction_rad=0.2), OctInfo(columns=500, rows=400, **SIZE), list[Known]()
-    reader = SimpleNamespace(study=Study(), read_live=lambda _, __, eye: seen.append(eye))
+def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_declared() -> (
+    None
+):
+    known, scan, seen = (
+        Known(gap_m=0.4e-3, direction_rad=0.2),
+        OctInfo(columns=500, rows=400, **SIZE),
+        list[Known](),
+    )
+    reader = SimpleNamespace(
+        study=Study(), read_live=lambda _, __, eye: seen.append(eye)
+    )
     cross = replace(scan, plane=(Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5)))
-    for taken, eyes in ((scan, {"": (0.2, 0.4e-3)}), (cross, {"along": (0.2, None), "across": (1.7, None)})):
+    for taken, eyes in (
+        (scan, {"": (0.2, 0.4e-3)}),
+        (cross, {"along": (0.2, None), "across": (1.7, None)}),
+    ):
         seen.clear()
         assert list(monitor_service.live_readers(reader, known, taken)) == list(eyes)
-        assert list(dict.fromkeys((eye.direction_rad, eye.gap_m) for eye in seen)) == list(eyes.values())
+        assert list(
+            dict.fromkeys((eye.direction_rad, eye.gap_m) for eye in seen)
+        ) == list(eyes.values())
 
 
 def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     known = Known(globe=OPEN, gap_m=0.4e-3, polar_rad=0.6, direction_rad=1.1)
     scan = OctInfo(columns=500, rows=400, plane_direction_rad=1.1, **SIZE)
     settings = monitor_service.MonitorSettings(
-        eye="mine", known=known, limits=MonitorLimits(), scan=scan, address=monitor_service.Address("localhost", 0),
-        console=None, black_box=Path("box"), record=None, token="",
-    )  # fmt: skip
+        eye="mine",
+        known=known,
+        limits=MonitorLimits(),
+        scan=scan,
+        address=monitor_service.Address("localhost", 0),
+        console=None,
+        black_box=Path("box"),
+        record=None,
+        token="",
+    )
     info = monitor_service._recording_info(settings, Study())
-    assert (info.oct, info.needle.polar_angle_rad, info.needle.slice_gap_m) == (scan, 0.6, 0.4e-3)
+    assert (info.oct, info.needle.polar_angle_rad, info.needle.slice_gap_m) == (
+        scan,
+        0.6,
+        0.4e-3,
+    )
     assert info.force == ForceInfo("fz", 1, 0.2)
     relaxing = replace(known, relaxation=KnownRelaxation.declared([[0.1, 2.0]]))
-    found = replace(known, relaxation=KnownRelaxation.of([0.1], [2.0], np.eye(1), "holds"))  # in the calibration
+    found = replace(
+        known, relaxation=KnownRelaxation.of([0.1], [2.0], np.eye(1), "holds")
+    )  # in the calibration
     stated = [
-        monitor_service._recording_info(replace(settings, known=one), Study()).eye.relaxation
+        monitor_service._recording_info(
+            replace(settings, known=one), Study()
+        ).eye.relaxation
         for one in (known, relaxing, found)
     ]
     assert stated == [None, ((0.1, 2.0),), None]
-    unstated = monitor_service._recording_info(replace(settings, known=Known()), Study())
+    unstated = monitor_service._recording_info(
+        replace(settings, known=Known()), Study()
+    )
     assert unstated.needle.polar_angle_rad is None
     assert unstated.needle.slice_gap_m == Study().needle.gap_m
 
@@ -80,7 +125,9 @@ def opinion() -> Iterator[FakeCompanion]:
     companion.end()
 
 
-def test_a_monitor_waits_until_the_second_opinion_is_ready(opinion: FakeCompanion, monkeypatch) -> None:
+def test_a_monitor_waits_until_the_second_opinion_is_ready(
+    opinion: FakeCompanion, monkeypatch
+) -> None:
     monkeypatch.setattr(monitor_service, "NOTED_S", 0.0)
     companions, notes = Companions({OPINION: opinion}), list[str]()
 
@@ -91,15 +138,21 @@ def test_a_monitor_waits_until_the_second_opinion_is_ready(opinion: FakeCompanio
 
     monitor_service._wait_for_opinion(companions, note)
     assert not companions.starts(OPINION)
-    assert notes == ["the second opinion gets ready: some seconds, once after an installation half a minute or more"]
+    assert notes == [
+        "the second opinion gets ready: some seconds, once after an installation half a minute or more"
+    ]
 
 
-def test_a_monitor_does_not_wait_for_a_second_opinion_that_has_failed(opinion: FakeCompanion) -> None:
+def test_a_monitor_does_not_wait_for_a_second_opinion_that_has_failed(
+    opinion: FakeCompanion,
+) -> None:
     companions, notes = Companions({OPINION: opinion}), list[str]()
     opinion.says(SelfReport(detail="no model"))
     opinion.theirs.close()
     monitor_service._wait_for_opinion(companions, notes.append)
-    assert companions.faults(1.0) == ("second opinion: no model",)  # a cause at the server's first tick
+    assert companions.faults(1.0) == (
+        "second opinion: no model",
+    )  # a cause at the server's first tick
     assert notes == []
 
 
@@ -110,29 +163,51 @@ def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_
     companions, notes = Companions({OPINION: opinion}), list[str]()
     monitor_service._wait_for_opinion(companions, notes.append)
     assert companions.starts(OPINION)
-    assert notes == ["the second opinion was not ready within 0.3 s: nothing is OK before its first one"]
+    assert notes == [
+        "the second opinion was not ready within 0.3 s: nothing is OK before its first one"
+    ]
 
 
 def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line() -> None:
-    for host in ("", " ", "no-such-host.invalid", "x" * 64 + ".example", "203.0.113.7", "a\nb"):
+    for host in (
+        "",
+        " ",
+        "no-such-host.invalid",
+        "x" * 64 + ".example",
+        "203.0.113.7",
+        "a\nb",
+    ):
         with pytest.raises(InputError) as refused:
             monitor_service.listen(host, 0)
-        assert str(refused.value).startswith(f"--host {host!r}" if host.strip() else "--host: empty")
+        assert str(refused.value).startswith(
+            f"--host {host!r}" if host.strip() else "--host: empty"
+        )
         assert "\n" not in str(refused.value)
 
 
-def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is_made(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "there").mkdir()
     (tmp_path / "file").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    box, within, long = tmp_path / "box", tmp_path / "file" / "inside", tmp_path / ("x" * 300)
+    box, within, long = (
+        tmp_path / "box",
+        tmp_path / "file" / "inside",
+        tmp_path / ("x" * 300),
+    )
     for black_box, record, words in (
-        (within, None, "Not a directory"), (long, None, "File name too long"), (Path("/proc/box"), None, "/proc/box"),
-        (box, tmp_path / "there", "exists already"), (box, tmp_path / "link", "exists already"),
-        (box, within, "Not a directory"), (box, long, "File name too long"),
-        (box, Path("/proc/session"), "--record /proc/session"), (box, box, "the folder of the black box is there"),
+        (within, None, "Not a directory"),
+        (long, None, "File name too long"),
+        (Path("/proc/box"), None, "/proc/box"),
+        (box, tmp_path / "there", "exists already"),
+        (box, tmp_path / "link", "exists already"),
+        (box, within, "Not a directory"),
+        (box, long, "File name too long"),
+        (box, Path("/proc/session"), "--record /proc/session"),
+        (box, box, "the folder of the black box is there"),
         (box / "inside", box, "the folder of the black box is there"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(InputError, match=words) as refused:
             monitor_service.try_folders(black_box, record)
         assert "\n" not in str(refused.value)
@@ -140,10 +215,15 @@ def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is
     assert not box.exists()
     for _ in range(2):
         monitor_service.try_folders(box, tmp_path / "session")
-    assert sorted(path.name for path in box.rglob("*")) == ["decisions-000001.jsonl", "log"]
+    assert sorted(path.name for path in box.rglob("*")) == [
+        "decisions-000001.jsonl",
+        "log",
+    ]
 
 
-def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused(monkeypatch) -> None:
+def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused(
+    monkeypatch,
+) -> None:
     found = [(256, 1024)]
     monkeypatch.setattr(resource, "getrlimit", lambda _: found[-1])
     monkeypatch.setattr(resource, "setrlimit", lambda _, both: found.append(both))
@@ -169,5 +249,7 @@ def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -
     assert not lines
     go_on.set()
     notes.close(FUSE_S)
-    assert monitor_service.WAITING_LINES <= len(lines) <= monitor_service.WAITING_LINES + 1
+    assert (
+        monitor_service.WAITING_LINES <= len(lines) <= monitor_service.WAITING_LINES + 1
+    )
     assert lines == [str(number) for number in range(len(lines))]  # in their order

@@ -8,7 +8,13 @@ from waiting import FUSE_S
 
 from scleraforce.openigtlink import Text, encode
 from scleraforce.service import reset
-from scleraforce.service.reset import ANSWERED, WRONG_CODES, ResetCode, ResetToken, ask_reset
+from scleraforce.service.reset import (
+    ANSWERED,
+    WRONG_CODES,
+    ResetCode,
+    ResetToken,
+    ask_reset,
+)
 
 
 def withdrawn_but_harmless(scanner: Peer) -> None:
@@ -26,10 +32,14 @@ def answers(peer: Peer) -> int:
 
 
 def say_at_once(peer: Peer, tokens: list[str]) -> None:
-    peer.link.sendall(b"".join(encode(Text(token), "ForceReset", time_s=2e9) for token in tokens))
+    peer.link.sendall(
+        b"".join(encode(Text(token), "ForceReset", time_s=2e9) for token in tokens)
+    )
 
 
-def test_after_three_wrong_tokens_the_right_one_in_the_same_bytes_is_not_obeyed() -> None:
+def test_after_three_wrong_tokens_the_right_one_in_the_same_bytes_is_not_obeyed() -> (
+    None
+):
     with serving() as port, Peer(port) as scanner, Peer(port) as guesser:
         withdrawn_but_harmless(scanner)
         say_at_once(guesser, ["wrong"] * 3 + [TOKEN])
@@ -42,19 +52,25 @@ def test_after_three_wrong_tokens_the_right_one_in_the_same_bytes_is_not_obeyed(
 
 
 @pytest.mark.slow
-def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_all_the_same() -> None:
+def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_all_the_same() -> (
+    None
+):
     with serving() as port, ExitStack() as stack, Peer(port) as scanner:
         guessers = [stack.enter_context(Peer(port)) for _ in range(ANSWERED)]
         for guesser in guessers:
             say_at_once(guesser, ["wrong"] * 2)
         for guesser in guessers:
-            guesser.hear(lambda peer: answers(peer) == 2)  # or the end of its connection
+            guesser.hear(
+                lambda peer: answers(peer) == 2
+            )  # or the end of its connection
         assert sum(answers(guesser) for guesser in guessers) == ANSWERED
         withdrawn_but_harmless(scanner)
         assert ask_reset("127.0.0.1", port, TOKEN, within_s=FUSE_S)[0] is True
 
 
-def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_meanwhile() -> None:
+def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_meanwhile() -> (
+    None
+):
     token = ResetToken(reset.token_digest("right"))
     answered = [token.answers_wrong(0.01 * number) for number in range(10 * ANSWERED)]
     assert answered == [True] * ANSWERED + [False] * 9 * ANSWERED
@@ -64,12 +80,17 @@ def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_mean
     assert token.answers_wrong(reset.WITHIN_S)
 
 
-def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_one_reset() -> None:
+def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_one_reset() -> (
+    None
+):
     code = ResetCode()
     wrong = f"{(int(code.digits) + 1) % 10**6:06d}"
     assert code.digits in code.line
     for _ in range(3):  # the right one forgives those before it
-        assert not any(code.knows(guess, 0.0) for guess in [wrong] * (WRONG_CODES - 1) + ["", "12345", TOKEN])
+        assert not any(
+            code.knows(guess, 0.0)
+            for guess in [wrong] * (WRONG_CODES - 1) + ["", "12345", TOKEN]
+        )
         assert code.knows(code.digits, 0.0)
     assert not any(code.knows(wrong, 1.0) for _ in range(WRONG_CODES))
     assert code.locked(1.0 + 0.99 * reset.LOCKED_S)

@@ -22,9 +22,18 @@ def image(counts: np.ndarray = COUNTS, **changes: object) -> Image:
     return replace(Image(counts[np.newaxis], MATRIX), **changes)
 
 
-def part(rows: slice, columns: slice = slice(0, 9), counts: np.ndarray = COUNTS, **changes: object) -> Image:
+def part(
+    rows: slice,
+    columns: slice = slice(0, 9),
+    counts: np.ndarray = COUNTS,
+    **changes: object,
+) -> Image:
     height, width = counts.shape
-    placed = {"size": (width, height, 1), "offset": (columns.start, rows.start, 0), **changes}
+    placed = {
+        "size": (width, height, 1),
+        "offset": (columns.start, rows.start, 0),
+        **changes,
+    }
     return image(counts[rows, columns], **placed)
 
 
@@ -34,11 +43,18 @@ def frame_of(found: ScannerFrame | None) -> ScannerFrame:
 
 
 def test_what_is_sent_is_counted_without_a_sign() -> None:
-    for sent, counted in (("int8", "uint8"), ("uint8", "uint8"), ("int16", "uint16"), ("uint16", "uint16")):
+    for sent, counted in (
+        ("int8", "uint8"),
+        ("uint8", "uint8"),
+        ("int16", "uint16"),
+        ("uint16", "uint16"),
+    ):
         for little in (True, False):
             limits = np.iinfo(sent)
             pixels = np.array([[[0, 1, limits.max], [5, 6, 7]]], dtype=sent)
-            received = unpack_image(memoryview(pack_image(Image(pixels), little_endian=little)))
+            received = unpack_image(
+                memoryview(pack_image(Image(pixels), little_endian=little))
+            )
             frame = frame_of(FrameAssembler().add(received))
             assert frame.pixels.dtype == np.dtype(counted)
             assert frame.pixels.tolist() == [[0, 1, limits.max], [5, 6, 7]]
@@ -49,13 +65,18 @@ def test_an_image_other_than_a_b_scan_is_refused_in_one_line() -> None:
     for wrong, says in (
         (image(COUNTS.astype(np.int16) - np.int16(4000)), "negative"),
         (image(np.array([[0, -1]], dtype=np.int8)), "int8 pixels down to -1"),
-        (Image(np.zeros((1, 2, 2, 3), dtype=np.uint8), MATRIX), "1 slices, 3 components"),
+        (
+            Image(np.zeros((1, 2, 2, 3), dtype=np.uint8), MATRIX),
+            "1 slices, 3 components",
+        ),
         (Image(np.zeros((2, 2, 2), dtype=np.uint8), MATRIX), "2 slices"),
-        (part(slice(0, 2), size=(9, 6, 3)), "3 slices"), (image(matrix=(0.0, 0.0, 0.0, *MATRIX[3:])), "0.0 x "),
+        (part(slice(0, 2), size=(9, 6, 3)), "3 slices"),
+        (image(matrix=(0.0, 0.0, 0.0, *MATRIX[3:])), "0.0 x "),
         (image(matrix=(*MATRIX[:3], 0.0, 0.0, 0.0, *MATRIX[6:])), " x 0.0 m"),
-        (image(matrix=(float("nan"), *MATRIX[1:])), "nan"), (image(COUNTS.astype(np.float32)), "float32"),
+        (image(matrix=(float("nan"), *MATRIX[1:])), "nan"),
+        (image(COUNTS.astype(np.float32)), "float32"),
         (image(COUNTS.astype(">u2")), "byte order"),
-    ):  # fmt: skip
+    ):
         assembler = FrameAssembler()
         with pytest.raises(ProtocolError, match=says) as refused:
             assembler.add(wrong)
@@ -65,12 +86,19 @@ def test_an_image_other_than_a_b_scan_is_refused_in_one_line() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.sets(st.integers(1, 5), max_size=4), st.sets(st.integers(1, 8), max_size=4), st.randoms(use_true_random=False),
+    st.sets(st.integers(1, 5), max_size=4),
+    st.sets(st.integers(1, 8), max_size=4),
+    st.randoms(use_true_random=False),
     st.sampled_from(["uint8", "int16", "uint16"]),
-)  # fmt: skip
-def test_parts_in_any_order_behind_the_first_make_the_image_they_were_cut_from(rows, columns, random, dtype) -> None:
+)
+def test_parts_in_any_order_behind_the_first_make_the_image_they_were_cut_from(
+    rows, columns, random, dtype
+) -> None:
     counts = (COUNTS % 120).astype(dtype)
-    cut = [[slice(*ends) for ends in pairwise([0, *sorted(at), end])] for at, end in ((rows, 6), (columns, 9))]
+    cut = [
+        [slice(*ends) for ends in pairwise([0, *sorted(at), end])]
+        for at, end in ((rows, 6), (columns, 9))
+    ]
     first, *others = [part(r, c, counts) for r, c in product(*cut)]
     random.shuffle(others)
     assembler = FrameAssembler()
@@ -87,12 +115,18 @@ UPPER, LOWER = part(slice(0, 4)), part(slice(4, 6))
 OTHER = COUNTS ^ 0xFFF
 
 
-def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten() -> None:
+def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten() -> (
+    None
+):
     for second in (
-        part(slice(3, 6)), part(slice(3, 4), slice(8, 9)), image(), part(slice(4, 6), size=(9, 7, 1)),
-        part(slice(4, 6), counts=COUNTS.astype(np.int16)), part(slice(4, 6), matrix=(0.0031, *MATRIX[1:])),
+        part(slice(3, 6)),
+        part(slice(3, 4), slice(8, 9)),
+        image(),
+        part(slice(4, 6), size=(9, 7, 1)),
+        part(slice(4, 6), counts=COUNTS.astype(np.int16)),
+        part(slice(4, 6), matrix=(0.0031, *MATRIX[1:])),
         part(slice(4, 6), coordinates=2),
-    ):  # fmt: skip
+    ):
         assembler = FrameAssembler()
         assembler.add(UPPER)
         with pytest.raises(ProtocolError, match="IMAGE: the part rows"):
@@ -100,35 +134,52 @@ def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotte
         with pytest.raises(ProtocolError, match="first pixel"):
             assembler.add(LOWER)
         assert assembler.add(part(slice(0, 4), counts=OTHER)) is None
-        assert np.array_equal(frame_of(assembler.add(part(slice(4, 6), counts=OTHER))).pixels, OTHER)
+        assert np.array_equal(
+            frame_of(assembler.add(part(slice(4, 6), counts=OTHER))).pixels, OTHER
+        )
     assembler.add(UPPER)
     with pytest.raises(ProtocolError, match="overlaps"):
         assembler.add(part(slice(0, 3), counts=OTHER))  # it begins the next image
-    assert np.array_equal(frame_of(assembler.add(part(slice(3, 6), counts=OTHER))).pixels, OTHER)
+    assert np.array_equal(
+        frame_of(assembler.add(part(slice(3, 6), counts=OTHER))).pixels, OTHER
+    )
 
 
 @settings(max_examples=100, deadline=None)
 @given(st.integers(2, 4), st.data())
-def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(parts: int, data: st.DataObject) -> None:
+def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(
+    parts: int, data: st.DataObject
+) -> None:
     lost = data.draw(st.sets(st.integers(0, 8 * parts - 1)))
     assembler, frames = FrameAssembler(), []
     for turn in range(8 * parts):
         number, index = divmod(turn, parts)
-        counts = np.full((2 * parts, 3), number, dtype=np.uint8)  # every image is of one number
+        counts = np.full(
+            (2 * parts, 3), number, dtype=np.uint8
+        )  # every image is of one number
         if turn in lost:
             assembler = FrameAssembler()
             continue
         try:
-            frames.append(assembler.add(part(slice(2 * index, 2 * index + 2), slice(0, 3), counts)))
+            frames.append(
+                assembler.add(
+                    part(slice(2 * index, 2 * index + 2), slice(0, 3), counts)
+                )
+            )
         except ProtocolError:
             continue
     whole = [n for n in range(8) if not lost & set(range(n * parts, (n + 1) * parts))]
-    assert [np.unique(frame.pixels).tolist() for frame in frames if frame is not None] == [[n] for n in whole]
+    assert [
+        np.unique(frame.pixels).tolist() for frame in frames if frame is not None
+    ] == [[n] for n in whole]
 
 
 def test_a_frame_over_the_cap_takes_no_room() -> None:
     corner = Image(np.ones((1, 1, 1), dtype=np.uint16), MATRIX, (0xFFFF, 0xFFFF, 1))
-    with less_than(100_000), pytest.raises(ProtocolError, match="8589672450 bytes: at most 16777216"):
+    with (
+        less_than(100_000),
+        pytest.raises(ProtocolError, match="8589672450 bytes: at most 16777216"),
+    ):
         FrameAssembler().add(corner)
     assert FrameAssembler(108).add(UPPER) is None
     with pytest.raises(ProtocolError, match="108 bytes: at most 107"):

@@ -27,7 +27,11 @@ pytest.importorskip("torch")
 BINS, BIN = 64, 20  # what the network says always; the fit is the one that answers
 RELAXING = replace(KNOWN, relaxation=KnownRelaxation.declared([[0.2, 1.0]]))
 assert KNOWN.modulus is not None
-PRIOR = Modulus(mean_pa=1.15 * KNOWN.modulus.mean_pa, sd_pa=0.25 * KNOWN.modulus.mean_pa, source="population")
+PRIOR = Modulus(
+    mean_pa=1.15 * KNOWN.modulus.mean_pa,
+    sd_pa=0.25 * KNOWN.modulus.mean_pa,
+    source="population",
+)
 EYE = replace(KNOWN, modulus=PRIOR)
 
 
@@ -35,25 +39,51 @@ class Reader:
     """The process, and the ring that it reads from; with a `record` it learns the eye, and saves it there."""
 
     def __init__(
-        self, model: Path, known: Known = RELAXING, record: Path | None = None, planes: tuple[Plane, ...] = ()
+        self,
+        model: Path,
+        known: Known = RELAXING,
+        record: Path | None = None,
+        planes: tuple[Plane, ...] = (),
     ) -> None:
-        self.ring, self.number = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns), 0
+        self.ring, self.number = (
+            FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns),
+            0,
+        )
         settings = messages.OpinionSettings(
-            model=model, known=known, scale=SCALE, ring=self.ring.place, learns=record and "eye-a", record=record,
+            model=model,
+            known=known,
+            scale=SCALE,
+            ring=self.ring.place,
+            learns=record and "eye-a",
+            record=record,
             planes=planes,
-        )  # fmt: skip
-        self.child = Child("scleraforce.service.second_opinion", settings, [self.ring.place.descriptor])
+        )
+        self.child = Child(
+            "scleraforce.service.second_opinion", settings, [self.ring.place.descriptor]
+        )
 
     def ask(
-        self, number: int, order: int, at_s: float = 0.0, teaches: bool = False, pierced: bool = False,
+        self,
+        number: int,
+        order: int,
+        at_s: float = 0.0,
+        teaches: bool = False,
+        pierced: bool = False,
         planes: tuple[tuple[str, int, int], ...] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         asked = messages.OpinionAsked(
-            number=number, order=order, at_s=at_s, teaches=teaches, pierced=pierced, planes=planes
+            number=number,
+            order=order,
+            at_s=at_s,
+            teaches=teaches,
+            pierced=pierced,
+            planes=planes,
         )
         assert self.child.channel.send(asked)
 
-    def hear(self, kind: type[messages.CompanionMessage]) -> list[messages.CompanionMessage]:
+    def hear(
+        self, kind: type[messages.CompanionMessage]
+    ) -> list[messages.CompanionMessage]:
         """Return what comes until a message of a kind, which is the last."""
         heard = list[messages.CompanionMessage]()
         while not any(isinstance(one, kind) for one in heard):
@@ -65,14 +95,18 @@ class Reader:
         (message,) = self.hear(messages.OpinionGiven)
         return message
 
-    def show(self, force_n: float, teaches: bool = True, pierced: bool = False) -> list[messages.CompanionMessage]:
+    def show(
+        self, force_n: float, teaches: bool = True, pierced: bool = False
+    ) -> list[messages.CompanionMessage]:
         """Show a frame; return what came until its opinion, with it."""
         self.number += 1
         self.ring.put(self.number, image(wall_section(tip_of(force_n)), self.number))
         self.ask(self.number, self.number, monotonic(), teaches, pierced)
         return self.hear(messages.OpinionGiven)
 
-    def learned(self, within_s: float, teaches: bool = True) -> messages.EyeLearned | None:
+    def learned(
+        self, within_s: float, teaches: bool = True
+    ) -> messages.EyeLearned | None:
         """Hold the needle until something was learned; None if nothing was within a time."""
         end_s = monotonic() + within_s
         while monotonic() < end_s:
@@ -86,14 +120,18 @@ class Reader:
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("opinion") / "reader"
-    write_fixed_reader(folder, LIBRARY, [float(number == BIN) for number in range(BINS)])
+    write_fixed_reader(
+        folder, LIBRARY, [float(number == BIN) for number in range(BINS)]
+    )
     return folder
 
 
 @pytest.fixture(scope="module")
 def reader(model: Path) -> Iterator[Reader]:
     reader = Reader(model)
-    assert reader.hear(messages.Alive) == [messages.Alive(faults=())]  # it has read a frame of its own, and is ready
+    assert reader.hear(messages.Alive) == [
+        messages.Alive(faults=())
+    ]  # it has read a frame of its own, and is ready
     yield reader
     assert reader.child.end(FUSE_S) == 0
 
@@ -102,7 +140,11 @@ def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
     reader.ring.put(1, image(wall_section(tip_of(0.015))))
     reader.ask(1, 71)
     opinion = reader.opinion()
-    assert (opinion.order, opinion.verdict.usable, opinion.verdict.predicted) == (71, True, 1)
+    assert (opinion.order, opinion.verdict.usable, opinion.verdict.predicted) == (
+        71,
+        True,
+        1,
+    )
     assert opinion.verdict.force_n == pytest.approx(0.015, abs=1.2e-3)
     assert opinion.verdict.interval_n
     assert opinion.verdict.probabilities
@@ -110,7 +152,9 @@ def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
     assert sum(opinion.verdict.probabilities) == pytest.approx(1.0)
 
 
-def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out(reader: Reader) -> None:
+def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out(
+    reader: Reader,
+) -> None:
     for number, force_n in ((3, 0.003), (4, 0.012), (5, 0.020)):
         reader.ring.put(number, image(wall_section(tip_of(force_n))))
     reader.ask(1, 80)  # gone: frame 5 took its place
@@ -118,19 +162,31 @@ def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out
     assert reader.opinion().order == 85
 
 
-def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(reader: Reader) -> None:
+def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(
+    reader: Reader,
+) -> None:
     verdicts = []
     for turn in range(12):  # a hold of three seconds, after an unknown time
         reader.ring.put(10 + turn, image(wall_section(tip_of(0.015)), turn))
         reader.ask(10 + turn, 100 + turn, 100.0 + 0.25 * turn)
         verdicts.append(reader.opinion().verdict)
-    assert [verdict.elastic_force_n for verdict in verdicts] == pytest.approx([0.015] * 12, abs=1.2e-3)
-    assert verdicts[-1].force_n / verdicts[-1].elastic_force_n == pytest.approx(0.805, abs=0.01)
-    assert verdicts[0].force_n - verdicts[0].interval_n[0] > 4 * (verdicts[-1].force_n - verdicts[-1].interval_n[0])
+    assert [verdict.elastic_force_n for verdict in verdicts] == pytest.approx(
+        [0.015] * 12, abs=1.2e-3
+    )
+    assert verdicts[-1].force_n / verdicts[-1].elastic_force_n == pytest.approx(
+        0.805, abs=0.01
+    )
+    assert verdicts[0].force_n - verdicts[0].interval_n[0] > 4 * (
+        verdicts[-1].force_n - verdicts[-1].interval_n[0]
+    )
 
 
-def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_not_judged(tmp_path: Path) -> None:
-    write_fixed_reader(tmp_path / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
+def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_not_judged(
+    tmp_path: Path,
+) -> None:
+    write_fixed_reader(
+        tmp_path / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)]
+    )
     cross = Reader(tmp_path / "reader", KNOWN, planes=CROSS)
     assert cross.hear(messages.Alive) == [messages.Alive(faults=())]
     contact_m = (0.15e-3, -0.5e-3, 0.5e-3)
@@ -141,21 +197,28 @@ def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_
     cross.ask(2, 72, planes=tuple(asked))
     first, second = cross.opinion(), cross.opinion()
     assert [(one.plane, one.order, one.verdict.usable) for one in (first, second)] == [
-        ("along", 71, True), ("across", 72, True),
-    ]  # fmt: skip
+        ("along", 71, True),
+        ("across", 72, True),
+    ]
     assert first.verdict == second.verdict
     assert first.verdict.force_n == pytest.approx(0.015, abs=1.2e-3)
     assert first.contact_m is not None
     assert first.contact_m[:2] == pytest.approx(contact_m[:2], abs=0.1e-3)
     cross.ask(3, 73, planes=(("along", 1, 71), ("across", 3, 73)))
     seen, dark = cross.opinion(), cross.opinion()
-    assert (seen.verdict.usable, dark.verdict.usable, dark.contact_m) == (True, False, None)
+    assert (seen.verdict.usable, dark.verdict.usable, dark.contact_m) == (
+        True,
+        False,
+        None,
+    )
     assert dark.verdict.reason
     assert dark.verdict.reason.startswith("left out: plane across: ")
     assert cross.child.end(FUSE_S) == 0
 
 
-def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: Path) -> None:
+def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(
+    tmp_path: Path,
+) -> None:
     broken = Reader(tmp_path / "nowhere")
     (message,) = broken.hear(messages.SelfReport)
     assert "nowhere" in message.detail
@@ -164,7 +227,9 @@ def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: P
         broken.child.channel.send(messages.MonitorEnds())
 
 
-def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(model: Path, tmp_path) -> None:
+def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(
+    model: Path, tmp_path
+) -> None:
     learning = Reader(model, EYE, tmp_path)
     learning.hear(messages.Alive)
     learning.show(0.010, teaches=False)
@@ -179,7 +244,9 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
     modulus = found.known.modulus
     assert modulus is not None
     assert modulus.source == "shape"
-    assert modulus.relative_sd == pytest.approx(PRIOR.relative_sd, rel=0.05)  # one shallow dent tells little
+    assert modulus.relative_sd == pytest.approx(
+        PRIOR.relative_sd, rel=0.05
+    )  # one shallow dent tells little
     again = resumed(EYE, tmp_path / LEARNED_FILE, "eye-a")
     assert again.modulus is not None
     assert again.modulus.source == "population"

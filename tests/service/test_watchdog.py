@@ -21,7 +21,9 @@ from scleraforce.openigtlink import VERSIONS, Status, encode
 from scleraforce.service import watchdog
 
 
-def watch(monkeypatch: pytest.MonkeyPatch, said: list[bytes | None]) -> tuple[bool, int]:
+def watch(
+    monkeypatch: pytest.MonkeyPatch, said: list[bytes | None]
+) -> tuple[bool, int]:
     """Let a watchdog look at a monitor that says one thing before each look; return its verdict and the looks."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     looks = 0
@@ -44,7 +46,9 @@ def watch(monkeypatch: pytest.MonkeyPatch, said: list[bytes | None]) -> tuple[bo
     return planned, looks
 
 
-def test_a_monitor_that_says_nothing_for_a_tenth_of_a_second_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_monitor_that_says_nothing_for_a_tenth_of_a_second_hangs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     assert watch(monkeypatch, []) == (False, watchdog.MISSES)
     # As much again is left for the emergency to arrive within 200 ms.
     assert watchdog.MISSES * watchdog.LOOK_S <= 0.1
@@ -56,31 +60,68 @@ def test_a_monitor_that_says_nothing_for_a_tenth_of_a_second_hangs(monkeypatch: 
 
 def test_other_bytes_are_refused() -> None:
     large = b"M1 " + b"x" * watchdog.MOST_BYTES
-    wrong = (b"", b"X", b"B ", b"QQ", b"C", b"C-1", b"C1 ", b"C1\n", b"C" + b"1" * 19, b"V1", b"V1 ", b"V1 4", b"V1 2 ")
-    for data in (*wrong, b"D", b"Dx", b"M1", b"M1 short", b"M4 " + b"x" * 100, large, b"C\xd9\xa1"):
+    wrong = (
+        b"",
+        b"X",
+        b"B ",
+        b"QQ",
+        b"C",
+        b"C-1",
+        b"C1 ",
+        b"C1\n",
+        b"C" + b"1" * 19,
+        b"V1",
+        b"V1 ",
+        b"V1 4",
+        b"V1 2 ",
+    )
+    for data in (
+        *wrong,
+        b"D",
+        b"Dx",
+        b"M1",
+        b"M1 short",
+        b"M4 " + b"x" * 100,
+        large,
+        b"C\xd9\xa1",
+    ):
         with pytest.raises(MessageError, match=f"{len(data)} bytes: not a message"):
             watchdog.parts_of(data)
 
 
 def test_the_watchdog_needs_the_standard_library_alone() -> None:
-    program = ("import sys; import scleraforce.service.watchdog;sys.exit(str([name for name in ('numpy', 'cv2', "
-               "'json') if name in sys.modules] or ''))")  # fmt: skip
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=FUSE_S)
+    program = (
+        "import sys; import scleraforce.service.watchdog;sys.exit(str([name for name in ('numpy', 'cv2', "
+        "'json') if name in sys.modules] or ''))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=FUSE_S,
+    )
     assert done.stderr.strip() == ""
 
 
 def test_a_stamp_changes_the_time_and_nothing_else() -> None:
     for version in VERSIONS:
-        message = bytearray(encode(Status(1), "ForceMonitor", version=version, time_s=1.25))
+        message = bytearray(
+            encode(Status(1), "ForceMonitor", version=version, time_s=1.25)
+        )
         watchdog.stamp_time(message, 1.8e9 + 0.5)
-        assert message == encode(Status(1), "ForceMonitor", version=version, time_s=1.8e9 + 0.5)
+        assert message == encode(
+            Status(1), "ForceMonitor", version=version, time_s=1.8e9 + 0.5
+        )
 
 
 def refuse(*_: object) -> None:
     raise PermissionError
 
 
-def test_real_time_is_not_inherited_and_without_the_right_it_is_niceness(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_real_time_is_not_inherited_and_without_the_right_it_is_niceness(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     asked: list[tuple[int, int, int]] = []
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr(os, "setpriority", lambda *words: asked.append(words))
@@ -88,10 +129,24 @@ def test_real_time_is_not_inherited_and_without_the_right_it_is_niceness(monkeyp
     assert asked == [(os.PRIO_PROCESS, 0, -watchdog.MONITOR_PRIORITY)]
     monkeypatch.setattr(os, "setpriority", refuse)
     assert watchdog.run_in_real_time(watchdog.MONITOR_PRIORITY) is False
-    monkeypatch.setattr(os, "sched_setscheduler", lambda pid, kind, param: asked.append((pid, kind, param)))
+    monkeypatch.setattr(
+        os,
+        "sched_setscheduler",
+        lambda pid, kind, param: asked.append((pid, kind, param)),
+    )
     assert watchdog.run_in_real_time(watchdog.OPINION_PRIORITY) is True
-    assert asked[1:] == [(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(watchdog.OPINION_PRIORITY))]
-    assert watchdog.OPINION_PRIORITY < watchdog.MONITOR_PRIORITY < watchdog.WATCHDOG_PRIORITY
+    assert asked[1:] == [
+        (
+            0,
+            os.SCHED_FIFO | os.SCHED_RESET_ON_FORK,
+            os.sched_param(watchdog.OPINION_PRIORITY),
+        )
+    ]
+    assert (
+        watchdog.OPINION_PRIORITY
+        < watchdog.MONITOR_PRIORITY
+        < watchdog.WATCHDOG_PRIORITY
+    )
 
 
 def spoil(how: str, ours: int, theirs: int) -> None:
@@ -108,7 +163,13 @@ def spoil(how: str, ours: int, theirs: int) -> None:
             os.close(ours)
 
 
-@pytest.mark.parametrize("how", ["closed", *(pytest.param(how, marks=pytest.mark.slow) for how in ("stopped", "full"))])
+@pytest.mark.parametrize(
+    "how",
+    [
+        "closed",
+        *(pytest.param(how, marks=pytest.mark.slow) for how in ("stopped", "full")),
+    ],
+)
 def test_the_emergency_continues_whatever_becomes_of_the_terminal(how: str) -> None:
     ours, theirs = pty.openpty()
     with small_monitor(errors=theirs) as running, Peer(running.port) as robot:

@@ -28,15 +28,20 @@ from scleraforce.study import OctStudy, Range, ReaderStudy, Study, fixed
 SHARED = Path(__file__).parents[3] / "shared"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")
 LIBRARY = analytic_library()
-SMALL_LIBRARY = analytic_library(thicknesses=6, ratios=7, tips=28)  # for models that each test loads anew
+SMALL_LIBRARY = analytic_library(
+    thicknesses=6, ratios=7, tips=28
+)  # for models that each test loads anew
 STUDY = Study()
 CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
 SCALE = PixelScale.of(STUDY.oct)
 MODULUS_PA, IOP_PA, THICKNESS_M, GAP_M = 0.3e6, 270.0, 0.65e-3, 0.6e-3
 KNOWN = Known(
-    modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"), iop_pa=IOP_PA, thickness_m=THICKNESS_M,
-    gap_m=GAP_M, globe=OPEN,
-)  # fmt: skip
+    modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"),
+    iop_pa=IOP_PA,
+    thickness_m=THICKNESS_M,
+    gap_m=GAP_M,
+    globe=OPEN,
+)
 
 
 def tip_of(force_n: float) -> float:
@@ -45,13 +50,26 @@ def tip_of(force_n: float) -> float:
     return float(LIBRARY.tips(*walls, np.array([force_n / MODULUS_PA]))[0])
 
 
-def wall_section(tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3) -> Section:
+def wall_section(
+    tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3
+) -> Section:
     """Section of the wall with a dent, its contact at a depth and a lateral place of the frame."""
     unknown = np.zeros(len(at.NAMES))
-    unknown[[at.TIP, at.LATERAL, at.DEPTH, at.GAP, at.THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, THICKNESS_M
+    unknown[[at.TIP, at.LATERAL, at.DEPTH, at.GAP, at.THICKNESS]] = (
+        tip_m,
+        lateral_m,
+        surface_m,
+        GAP_M,
+        THICKNESS_M,
+    )
     unknown[[at.MODULUS, at.IOP]] = log(MODULUS_PA), log(IOP_PA)
     curves = formed_wall(Walls(LIBRARY), unknown)
-    return Section(*(curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])] for curve in curves))
+    return Section(
+        *(
+            curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])]
+            for curve in curves
+        )
+    )
 
 
 def image(section: Section, seed: int = 1, scanner: OctStudy = STUDY.oct) -> np.ndarray:
@@ -61,7 +79,11 @@ def image(section: Section, seed: int = 1, scanner: OctStudy = STUDY.oct) -> np.
 
 
 def recording_toml(
-    eye: str, gap_m: float = GAP_M, needle: str = "", more: str = "", globe: str = 'globe = "open"'
+    eye: str,
+    gap_m: float = GAP_M,
+    needle: str = "",
+    more: str = "",
+    globe: str = 'globe = "open"',
 ) -> str:
     """Return the text of `recording.toml`; `needle`: other keys of [needle], `more`: of [oct], and sections."""
     return f"""
@@ -84,20 +106,26 @@ depth_m = {STUDY.oct.depth_m}
 """
 
 
-def write_one_frame(recording: Path, text: str, force_n: float = 0.020, seed: int = 1) -> Path:
+def write_one_frame(
+    recording: Path, text: str, force_n: float = 0.020, seed: int = 1
+) -> Path:
     """Write a recording of one frame, with this recording.toml; return the frame's path."""
     (recording / "frames").mkdir(parents=True)
     (recording / "recording.toml").write_text(text)
     (recording / "frames.csv").write_text("file,time_s\n1.png,1.0\n")
-    cv2.imwrite(str(recording / "frames" / "1.png"), image(wall_section(tip_of(force_n)), seed))
+    cv2.imwrite(
+        str(recording / "frames" / "1.png"), image(wall_section(tip_of(force_n)), seed)
+    )
     return recording / "frames" / "1.png"
 
 
 COLUMNS = 256
 RANGES = ReaderStudy(
-    youngs_modulus_pa=Range(min=0.15e6, max=0.6e6), iop_pa=Range(min=100.0, max=600.0),
-    thickness_m=Range(min=0.4e-3, max=0.9e-3), gap_m=Range(min=0.3e-3, max=1.0e-3),
-)  # fmt: skip
+    youngs_modulus_pa=Range(min=0.15e6, max=0.6e6),
+    iop_pa=Range(min=100.0, max=600.0),
+    thickness_m=Range(min=0.4e-3, max=0.9e-3),
+    gap_m=Range(min=0.3e-3, max=1.0e-3),
+)
 LATERAL_M = (np.arange(COLUMNS) + 0.5 - COLUMNS / 2) * 15e-3 / COLUMNS
 
 
@@ -106,8 +134,12 @@ def middling_eye(tip_m: float, **changed: float) -> np.ndarray:
     unknown = np.zeros(len(at.NAMES))
     unknown[[at.TIP, at.LATERAL, at.DEPTH]] = tip_m, 0.4e-3, 0.5e-3
     unknown[[at.GAP, at.THICKNESS, at.MODULUS, at.IOP, at.SHINE]] = (
-        0.6e-3, 0.65e-3, log(0.3e6), log(270.0), SHINE_MEAN_M,
-    )  # fmt: skip
+        0.6e-3,
+        0.65e-3,
+        log(0.3e6),
+        log(270.0),
+        SHINE_MEAN_M,
+    )
     for name, value in changed.items():
         unknown[at.NAMES.index(name)] = value
     return unknown
@@ -116,46 +148,76 @@ def middling_eye(tip_m: float, **changed: float) -> np.ndarray:
 def drawn_wall(unknown: np.ndarray, rng: np.random.Generator) -> None:
     """Draw gap, thickness, modulus and IOP."""
     unknown[[at.GAP, at.THICKNESS, at.MODULUS, at.IOP]] = (
-        rng.uniform(0.4e-3, 0.9e-3), rng.uniform(0.45e-3, 0.85e-3), log(rng.uniform(0.2e6, 0.5e6)),
+        rng.uniform(0.4e-3, 0.9e-3),
+        rng.uniform(0.45e-3, 0.85e-3),
+        log(rng.uniform(0.2e6, 0.5e6)),
         log(rng.uniform(133.0, 533.0)),
-    )  # fmt: skip
+    )
 
 
-def known_eye(unknown: np.ndarray, globe: KnownGlobe = OPEN, relative_sd: float = 0.02) -> Known:
+def known_eye(
+    unknown: np.ndarray, globe: KnownGlobe = OPEN, relative_sd: float = 0.02
+) -> Known:
     """The known values of an eye with these unknowns; the modulus is its own."""
     modulus = exp(unknown[at.MODULUS])
     return Known(
-        modulus=Modulus(mean_pa=modulus, sd_pa=relative_sd * modulus, source="own"), iop_pa=exp(unknown[at.IOP]),
-        thickness_m=unknown[at.THICKNESS], gap_m=unknown[at.GAP], globe=globe,
-    )  # fmt: skip
+        modulus=Modulus(mean_pa=modulus, sd_pa=relative_sd * modulus, source="own"),
+        iop_pa=exp(unknown[at.IOP]),
+        thickness_m=unknown[at.THICKNESS],
+        gap_m=unknown[at.GAP],
+        globe=globe,
+    )
 
 
 BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], COLUMNS))
 
 
-def noisy_boundaries(predicted: Placed, noise_m: float, rng: np.random.Generator | None) -> np.ndarray:
+def noisy_boundaries(
+    predicted: Placed, noise_m: float, rng: np.random.Generator | None
+) -> np.ndarray:
     """Boundaries at BOTH (2, column); where rng is given, with errors along the normal, correlated over 0.35 mm."""
     depth = predicted.depth_m.reshape(2, -1)
     if rng is None:
         return depth
     kernel = np.exp(-(np.linspace(-3, 3, 19) ** 2) / 2)
     kernel /= np.sqrt((kernel**2).sum())
-    rough = [np.convolve(rng.standard_normal(COLUMNS + len(kernel) - 1), kernel, "valid") for _ in "oi"]
-    return depth + noise_m * np.array(rough) * np.sqrt(1 + predicted.slope.reshape(2, -1) ** 2)
+    rough = [
+        np.convolve(rng.standard_normal(COLUMNS + len(kernel) - 1), kernel, "valid")
+        for _ in "oi"
+    ]
+    return depth + noise_m * np.array(rough) * np.sqrt(
+        1 + predicted.slope.reshape(2, -1) ** 2
+    )
 
 
 STEEL = NeedleShaft(
-    diameter_m=0.5e-3, gap_m=0.0, angle_rad=0.0, lean_rad=0.0, bevel_rad=pi / 2, above_m=1e-3, loss_fraction=1.0,
-    level_db=28.0, far_edge_db=-6.0,
-)  # fmt: skip
+    diameter_m=0.5e-3,
+    gap_m=0.0,
+    angle_rad=0.0,
+    lean_rad=0.0,
+    bevel_rad=pi / 2,
+    above_m=1e-3,
+    loss_fraction=1.0,
+    level_db=28.0,
+    far_edge_db=-6.0,
+)
 
 
 SCANNER = OctStudy()
 OPTICS = BscanOptics(
-    snr_db=22.0, attenuation_per_m=1000.0, axial_resolution_m=8e-6, lateral_resolution_m=32e-6,
-    reflection_db=6.0, reflection_angle_rad=np.deg2rad(6.0), choroid_level_db=-8.0, choroid_attenuation_per_m=5000.0,
-    choroid_thickness_m=180e-6, display_floor_db=-7.0, display_range_db=42.0, band_m=0.5e-3,
-)  # fmt: skip
+    snr_db=22.0,
+    attenuation_per_m=1000.0,
+    axial_resolution_m=8e-6,
+    lateral_resolution_m=32e-6,
+    reflection_db=6.0,
+    reflection_angle_rad=np.deg2rad(6.0),
+    choroid_level_db=-8.0,
+    choroid_attenuation_per_m=5000.0,
+    choroid_thickness_m=180e-6,
+    display_floor_db=-7.0,
+    display_range_db=42.0,
+    band_m=0.5e-3,
+)
 RADIUS_M = 12e-3
 
 
@@ -166,32 +228,51 @@ def round_wall(top_m: float, lateral_m: float, thickness_m: float = 0.7e-3) -> S
     return Section(middle + RADIUS_M * ray, middle + (RADIUS_M - thickness_m) * ray)
 
 
-def drawn_counts(seed: int, scanner: OctStudy = SCANNER, **optics: object) -> np.ndarray:
+def drawn_counts(
+    seed: int, scanner: OctStudy = SCANNER, **optics: object
+) -> np.ndarray:
     rng = np.random.default_rng(seed)
     wall = round_wall(rng.uniform(0.4e-3, 0.6e-3), rng.uniform(-0.2e-3, 0.2e-3))
     frame = render_bscan(wall, scanner, replace(OPTICS, **optics), rng).frame
     return frame.astype(np.uint8) if scanner.bits == 8 else frame
 
 
-def imaged(counts: np.ndarray, scanner: OctStudy = SCANNER, name: str = "frame") -> ImagedEye:
+def imaged(
+    counts: np.ndarray, scanner: OctStudy = SCANNER, name: str = "frame"
+) -> ImagedEye:
     scale = PixelScale.of(scanner)
     wall = find_wall(counts, scale)
     assert wall.usable, wall.reason
     return ImagedEye(name, counts, scale, scanner.bits, wall)
 
 
-def drawn_eyes(seeds: range, scanner: OctStudy = SCANNER, **optics: object) -> list[ImagedEye]:
-    return [imaged(drawn_counts(seed, scanner, **optics), scanner, f"frame {seed}") for seed in seeds]
+def drawn_eyes(
+    seeds: range, scanner: OctStudy = SCANNER, **optics: object
+) -> list[ImagedEye]:
+    return [
+        imaged(drawn_counts(seed, scanner, **optics), scanner, f"frame {seed}")
+        for seed in seeds
+    ]
 
 
 def moving(
-    sections: Iterable[Section], rng: np.random.Generator, noise_m: float = 5e-6, study: Study = STUDY
+    sections: Iterable[Section],
+    rng: np.random.Generator,
+    noise_m: float = 5e-6,
+    study: Study = STUDY,
 ) -> list[tuple[Pose, Boundaries]]:
     """Poses of an eye that shifts by up to 0.2 mm between frames, and boundaries from an ideal segmentation."""
     found = []
     for section in sections:
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        pose = Pose(lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01)
+        pose = Pose(
+            lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01
+        )
         smoothing_m = study.calibration.surface_smoothing_m
-        found.append((pose, ideal_boundaries(section, pose, study.oct, noise_m, rng, smoothing_m)))
+        found.append(
+            (
+                pose,
+                ideal_boundaries(section, pose, study.oct, noise_m, rng, smoothing_m),
+            )
+        )
     return found

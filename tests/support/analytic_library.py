@@ -17,7 +17,14 @@ from scleraforce.library.store import SolvedPath, solve_path
 from scleraforce.study import LibraryStudy, Range, Study
 
 RADIUS_M = 12e-3
-AXES_AND_SIZES = ("thickness_m", "tension", "tip_m", "radius_m", "poisson_ratio", "needle_radius_m")
+AXES_AND_SIZES = (
+    "thickness_m",
+    "tension",
+    "tip_m",
+    "radius_m",
+    "poisson_ratio",
+    "needle_radius_m",
+)
 
 
 def node_angles(nodes):
@@ -38,7 +45,9 @@ def force_ratio(thickness_m, iop_ratio, tip_m):
 
 def curves(thickness_m, iop_ratio, tip_m, angles=ANGLES):
     """Curves (..., boundary, node, 2), m, of arguments that broadcast; a node for each angle."""
-    thickness_m, iop_ratio, tip_m = (np.asarray(v)[..., None, None] for v in (thickness_m, iop_ratio, tip_m))
+    thickness_m, iop_ratio, tip_m = (
+        np.asarray(v)[..., None, None] for v in (thickness_m, iop_ratio, tip_m)
+    )
     radius = RADIUS_M - thickness_m * np.array([[0.0], [1.0]])
     grown = iop_ratio * RADIUS_M**2 / (4.0 * thickness_m)
     width = np.sqrt(RADIUS_M * thickness_m) * (0.7 + 60.0 * tip_m)
@@ -74,15 +83,27 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
     grid[1] = grid[1] * grid[0] / RADIUS_M  # IOP/E
     walls = curves(*grid, node_angles(nodes)).astype(np.float32)
     return Library(
-        thickness_m=t, tension=tension, tip_m=d, stiffening=0.0, radius_m=RADIUS_M, poisson_ratio=0.45,
+        thickness_m=t,
+        tension=tension,
+        tip_m=d,
+        stiffening=0.0,
+        radius_m=RADIUS_M,
+        poisson_ratio=0.45,
         walls=StiffenedWalls(
-            stiffening=np.zeros(1), force_ratio_btpd=force_ratio(*grid)[None], displaced_btpd=displaced_m3(*grid)[None],
-            undented_btpbnc=np.ascontiguousarray(walls[None, :, :, 0]), curves=WholeCurves(walls[None]),
+            stiffening=np.zeros(1),
+            force_ratio_btpd=force_ratio(*grid)[None],
+            displaced_btpd=displaced_m3(*grid)[None],
+            undented_btpbnc=np.ascontiguousarray(walls[None, :, :, 0]),
+            curves=WholeCurves(walls[None]),
         ),
-        needle_radius_m=0.35e-3, max_force_ratio=0.5e-6, polar_rad=POLAR_RAD,
-        stiffness_atpd=np.stack([np.full(grid[0].shape, stiffness(polar)) for polar in POLAR_RAD]),
+        needle_radius_m=0.35e-3,
+        max_force_ratio=0.5e-6,
+        polar_rad=POLAR_RAD,
+        stiffness_atpd=np.stack(
+            [np.full(grid[0].shape, stiffness(polar)) for polar in POLAR_RAD]
+        ),
         contact_polar_rad=0.0,
-    )  # fmt: skip
+    )
 
 
 def bulging(library, rise_m=6e-3):
@@ -95,15 +116,25 @@ def bulging(library, rise_m=6e-3):
 
 def draw_walls(rng, count):
     """Thickness (count,) and IOP ratio (count,) anywhere in the library."""
-    return rng.uniform(0.35e-3, 0.9e-3, count), np.exp(rng.uniform(np.log(8e-5), np.log(6e-3), count))
+    return rng.uniform(0.35e-3, 0.9e-3, count), np.exp(
+        rng.uniform(np.log(8e-5), np.log(6e-3), count)
+    )
 
 
 def solve_analytic(plan, number):
     """Return a path of a plan like `library.store.solve_path`, for tests of the code around the solver."""
     path = plan.path(number)
-    state = path.thickness_m, path.iop_ratio * (1.0 + 0.05 * np.log1p(path.stiffening)), path.tip_m
+    state = (
+        path.thickness_m,
+        path.iop_ratio * (1.0 + 0.05 * np.log1p(path.stiffening)),
+        path.tip_m,
+    )
     forces = force_ratio(*state) * (1.0 + 0.05 * np.cos(path.support_rad))
-    return SolvedPath(forces, displaced_m3(*state), curves(*state, node_angles(plan.nodes)).astype(np.float32))
+    return SolvedPath(
+        forces,
+        displaced_m3(*state),
+        curves(*state, node_angles(plan.nodes)).astype(np.float32),
+    )
 
 
 def solve_slowly(plan, number):
@@ -123,7 +154,9 @@ def no_worker(_plan, _number):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-STIFFENINGS = plan_library(Study()).stiffening  # of the made-up library: 0, 0.5, 2.3, 8.4, 30
+STIFFENINGS = plan_library(
+    Study()
+).stiffening  # of the made-up library: 0, 0.5, 2.3, 8.4, 30
 
 
 @cache
@@ -133,18 +166,28 @@ def solved_library(grid: LibraryStudy) -> Library:
     shape = (grid.stiffenings, grid.thicknesses, grid.tensions)
     forces, volumes, curves = (
         np.stack(each).reshape(*shape, *each[0].shape)
-        for each in zip(*(solve_path(plan, unit) for unit in range(plan.paths)), strict=True)
+        for each in zip(
+            *(solve_path(plan, unit) for unit in range(plan.paths)), strict=True
+        )
     )
     walls = StiffenedWalls(
-        stiffening=plan.stiffening, force_ratio_btpd=forces, displaced_btpd=volumes,
-        undented_btpbnc=np.ascontiguousarray(curves[:, :, :, 0]), curves=WholeCurves(curves),
-    )  # fmt: skip
+        stiffening=plan.stiffening,
+        force_ratio_btpd=forces,
+        displaced_btpd=volumes,
+        undented_btpbnc=np.ascontiguousarray(curves[:, :, :, 0]),
+        curves=WholeCurves(curves),
+    )
     return Library(
-        walls=walls, stiffening=float(walls.stiffening[0]), **{name: getattr(plan, name) for name in AXES_AND_SIZES},
-        max_force_ratio=plan.grid.max_force_ratio_m2, polar_rad=POLAR_RAD,
-        stiffness_atpd=np.stack([np.full(forces.shape[1:], stiffness(polar)) for polar in POLAR_RAD]),
+        walls=walls,
+        stiffening=float(walls.stiffening[0]),
+        **{name: getattr(plan, name) for name in AXES_AND_SIZES},
+        max_force_ratio=plan.grid.max_force_ratio_m2,
+        polar_rad=POLAR_RAD,
+        stiffness_atpd=np.stack(
+            [np.full(forces.shape[1:], stiffness(polar)) for polar in POLAR_RAD]
+        ),
         contact_polar_rad=0.0,
-    )  # fmt: skip
+    )
 
 
 def made_up_library(most: float = 30.0) -> Library:
@@ -163,7 +206,11 @@ def made_up_library(most: float = 30.0) -> Library:
     return replace(soft, walls=walls)
 
 
-def without_rests(forces_n: np.ndarray, rng: np.random.Generator, sd_n: float = LABEL_SD_N) -> FrameForces:
+def without_rests(
+    forces_n: np.ndarray, rng: np.random.Generator, sd_n: float = LABEL_SD_N
+) -> FrameForces:
     """Return true forces with noise, in the place of `virtual_eyes.label_forces`."""
     noise_n = sd_n * rng.standard_normal(len(forces_n))
-    return FrameForces(forces_n + noise_n, np.zeros(len(forces_n)), np.zeros(2), ZERO_PRIOR)
+    return FrameForces(
+        forces_n + noise_n, np.zeros(len(forces_n)), np.zeros(2), ZERO_PRIOR
+    )

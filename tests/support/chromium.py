@@ -7,7 +7,10 @@ import pytest
 from playwright.sync_api import sync_playwright as sync_playwright
 
 CHROMIUM = "/usr/bin/chromium"
-NEEDS_CHROMIUM = [pytest.mark.slow, pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason="needs chromium")]
+NEEDS_CHROMIUM = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason="needs chromium"),
+]
 
 
 def in_chromium(test: Callable[..., None]) -> Callable[..., None]:

@@ -29,10 +29,22 @@ BINS, BIN = 64, 20
 
 def monitor_folder(folder: Path) -> Path:
     """A reader whose network always answers the same small force, and whose fit reads; a calibration of one eye."""
-    write_fixed_reader(folder / "reader", SMALL_LIBRARY, [float(number == BIN) for number in range(BINS)])
+    write_fixed_reader(
+        folder / "reader",
+        SMALL_LIBRARY,
+        [float(number == BIN) for number in range(BINS)],
+    )
     mpa = MODULUS_PA / 1e6
-    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6}}
-    text = calibration_text(eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05})
+    eyes = {
+        "mine": {
+            "mean_mpa": mpa,
+            "sd_mpa": 0.01 * mpa,
+            "thickness_um": THICKNESS_M * 1e6,
+        }
+    }
+    text = calibration_text(
+        eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
+    )
     (folder / "calibration.json").write_text(text)
     return folder
 
@@ -40,7 +52,9 @@ def monitor_folder(folder: Path) -> Path:
 def program(folder: Path) -> Path:
     """A program as an installation makes it: the current folder is not where its modules come from."""
     found = folder / "scleraforce-program"
-    found.write_text("from scleraforce.cli.main import main\n\nif __name__ == '__main__':\n    main()\n")
+    found.write_text(
+        "from scleraforce.cli.main import main\n\nif __name__ == '__main__':\n    main()\n"
+    )
     return found
 
 
@@ -55,9 +69,21 @@ class Started:
 @contextmanager
 def started(folder: Path, *options: str, here: Path | None = None) -> Iterator[Started]:
     """Start the command, wait until it listens; Ctrl-C ends it."""
-    command = [sys.executable, str(program(folder)), "monitor", str(folder / "reader"), "--port", "0", "--json"]
+    command = [
+        sys.executable,
+        str(program(folder)),
+        "monitor",
+        str(folder / "reader"),
+        "--port",
+        "0",
+        "--json",
+    ]
     process = subprocess.Popen(
-        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=here
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=here,
     )
     assert process.stderr
     with ends(process.stderr):
@@ -66,7 +92,9 @@ def started(folder: Path, *options: str, here: Path | None = None) -> Iterator[S
             lines.append(process.stderr.readline())
             assert lines[-1], lines
         words = lines[-1].split()
-        monitor = Started(process, int(words[words.index("--port") + 1]), words[-1], lines)
+        monitor = Started(
+            process, int(words[words.index("--port") + 1]), words[-1], lines
+        )
         try:
             yield monitor
         finally:

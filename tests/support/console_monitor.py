@@ -13,14 +13,23 @@ from scleraforce.decision.limits import MonitorLimits
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import CompanionMessage, ConsoleSettings, Decided, ListensAt, Rates
+from scleraforce.service.messages import (
+    CompanionMessage,
+    ConsoleSettings,
+    Decided,
+    ListensAt,
+    Rates,
+)
 from scleraforce.service.monitor_service import listen
 from scleraforce.service.reset import token_digest
 
 TOKEN = "seven of nine"
 
 CODES = {"NOT_READY": 13, "WATCHING": 1, "WITHDRAW": 3}
-CLIENTS = ({"address": "127.0.0.1:50112", "role": "scanner"}, {"address": "127.0.0.1:50114", "role": "listener"})
+CLIENTS = (
+    {"address": "127.0.0.1:50112", "role": "scanner"},
+    {"address": "127.0.0.1:50114", "role": "listener"},
+)
 Kind = TypeVar("Kind")
 
 
@@ -31,23 +40,35 @@ def reading(force_mn: float, width_mn: float = 2.0) -> dict[str, Any]:
     shares[predicted] = 0.96
     interval = (force_mn - width_mn, force_mn + width_mn)
     return {
-        "predicted": predicted, "probabilities": tuple(shares), "force_mn": force_mn, "interval_mn": interval,
-        "usable": True, "latency_ms": 1.1,
-    }  # fmt: skip
+        "predicted": predicted,
+        "probabilities": tuple(shares),
+        "force_mn": force_mn,
+        "interval_mn": interval,
+        "usable": True,
+        "latency_ms": 1.1,
+    }
 
 
 class ConsoleMonitor:
     """Starts a console and talks to it; `with` ends it."""
 
-    def __init__(self, port: int = 0, rows: int = 64, columns: int = 96, **limits: Any) -> None:
+    def __init__(
+        self, port: int = 0, rows: int = 64, columns: int = 96, **limits: Any
+    ) -> None:
         self.ring = FrameRing.create(64, rows, columns)
         listener = listen("127.0.0.1", port)
         self.port = int(listener.getsockname()[1])
         settings = ConsoleSettings(
-            host="127.0.0.1", listener=listener.fileno(), token_digest=token_digest(TOKEN), ring=self.ring.place,
-            scale=PixelScale(lateral_m=15e-3 / columns, depth_m=4e-3 / rows), limits=MonitorLimits(**limits),
-            class_bounds_n=(5e-3, 30e-3), model="reader", eye="eye-a",
-        )  # fmt: skip
+            host="127.0.0.1",
+            listener=listener.fileno(),
+            token_digest=token_digest(TOKEN),
+            ring=self.ring.place,
+            scale=PixelScale(lateral_m=15e-3 / columns, depth_m=4e-3 / rows),
+            limits=MonitorLimits(**limits),
+            class_bounds_n=(5e-3, 30e-3),
+            model="reader",
+            eye="eye-a",
+        )
         descriptors = [self.ring.place.descriptor, listener.fileno()]
         self.child = Child("scleraforce.service.console.server", settings, descriptors)
         listener.close()
@@ -72,8 +93,10 @@ class ConsoleMonitor:
     def hear(self, kind: type[Kind], within_s: float = FUSE_S) -> Kind:
         """Wait for a message of the console."""
         if not select.select([self.child.channel], [], [], within_s)[0]:
-            raise AssertionError(f"the console said nothing, {kind.__name__} was awaited; exit code "
-                                 f"{self.child.process.poll()}")  # fmt: skip
+            raise AssertionError(
+                f"the console said nothing, {kind.__name__} was awaited; exit code "
+                f"{self.child.process.poll()}"
+            )
         (message,) = self.child.channel.receive(1)
         assert isinstance(message, kind), message
         return message
@@ -82,18 +105,38 @@ class ConsoleMonitor:
         """Send a message."""
         assert self.child.channel.send(message)
 
-    def entry(self, state: str, message: str = "", cause: str | None = None, **said: Any) -> None:
+    def entry(
+        self, state: str, message: str = "", cause: str | None = None, **said: Any
+    ) -> None:
         """Tell a decision."""
         self.entries += 1
         if cause is not None:
-            said = {"present_cause": cause, "present": message.partition("; ")[0], "withdrawn_s": time(), **said}
+            said = {
+                "present_cause": cause,
+                "present": message.partition("; ")[0],
+                "withdrawn_s": time(),
+                **said,
+            }
         entry = decision(
-            state, number=self.entries, time_s=time(), at_s=monotonic(), event="frame" if "frame" in said else "tick",
-            code=CODES[state], cause=cause, message=f"{state}: {message}" if message else state, **said,
-        )  # fmt: skip
+            state,
+            number=self.entries,
+            time_s=time(),
+            at_s=monotonic(),
+            event="frame" if "frame" in said else "tick",
+            code=CODES[state],
+            cause=cause,
+            message=f"{state}: {message}" if message else state,
+            **said,
+        )
         assert self.child.channel.send(Decided(entry=entry))
 
-    def frame(self, pixels: NDArray[np.uint16], state: str = "WATCHING", message: str = "", **said: Any) -> int:
+    def frame(
+        self,
+        pixels: NDArray[np.uint16],
+        state: str = "WATCHING",
+        message: str = "",
+        **said: Any,
+    ) -> int:
         """Put a frame into the ring and tell the decision on it; return its number."""
         self.frames += 1
         self.ring.put(self.frames, pixels)
@@ -102,4 +145,8 @@ class ConsoleMonitor:
 
     def rates(self, **changed: Any) -> None:
         """Tell the rates."""
-        self.tell(Rates(**{"frames_per_second": 100.0, "lost": 0, "clients": CLIENTS, **changed}))
+        self.tell(
+            Rates(
+                **{"frames_per_second": 100.0, "lost": 0, "clients": CLIENTS, **changed}
+            )
+        )

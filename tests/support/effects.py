@@ -19,7 +19,11 @@ from waiting import ends
 
 def contents(folder: Path) -> dict[str, bytes]:
     """The bytes of each file below a folder, by its path there."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 @contextmanager
@@ -38,7 +42,9 @@ SCLERAFORCE = (sys.executable, "-c", "from scleraforce.cli.main import main; mai
 # Of the calls that name another host, or a file: what they were given is shown in full, descriptors with their paths.
 CALLS = "connect,bind,sendto,sendmsg,sendmmsg,open,openat,creat,mkdir,mkdirat,rename,renameat,renameat2,link,symlink"
 ADDRESS = re.compile(r'sin6?_addr=inet_(?:addr|pton)\((?:AF_INET6, )?"([^"]+)"')
-OPENED = re.compile(r'\bopenat\((?:AT_FDCWD|\d+)<([^>]*)>, "([^"]*)", ([A-Z_|]+)[^)]*\)\s*= \d')
+OPENED = re.compile(
+    r'\bopenat\((?:AT_FDCWD|\d+)<([^>]*)>, "([^"]*)", ([A-Z_|]+)[^)]*\)\s*= \d'
+)
 
 
 @dataclass(frozen=True)
@@ -67,20 +73,46 @@ def fresh_home(folder: Path) -> dict[str, str]:
         place.mkdir(parents=True, exist_ok=True)
     if not (places["HOME"] / ".cache").exists():
         cache_of_its_own(places["HOME"] / ".cache")
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ORT_", "MPL"))}
-    return kept | {name: str(place) for name, place in places.items()} | {"PYTHONDONTWRITEBYTECODE": "1"}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("XDG_", "ORT_", "MPL"))
+    }
+    return (
+        kept
+        | {name: str(place) for name, place in places.items()}
+        | {"PYTHONDONTWRITEBYTECODE": "1"}
+    )
 
 
-def traced(folder: Path, *arguments: object, until: Callable[[str], bool] | None = None) -> Traced:
+def traced(
+    folder: Path, *arguments: object, until: Callable[[str], bool] | None = None
+) -> Traced:
     """Run a command of scleraforce in a folder; with `until`, Ctrl-C ends it after that line on standard error."""
     assert STRACE
     log = folder / "strace.log"
-    command = [STRACE, "-f", "--seccomp-bpf", "-qq", "-y", "-s", "4096", "-e", f"trace={CALLS}", "-o", str(log)]
+    command = [
+        STRACE,
+        "-f",
+        "--seccomp-bpf",
+        "-qq",
+        "-y",
+        "-s",
+        "4096",
+        "-e",
+        f"trace={CALLS}",
+        "-o",
+        str(log),
+    ]
     process = subprocess.Popen(
         [*command, *SCLERAFORCE, *map(str, arguments)],
-        cwd=folder, env=fresh_home(folder), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        cwd=folder,
+        env=fresh_home(folder),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
         start_new_session=True,
-    )  # fmt: skip
+    )
     assert process.stderr
     with process.stderr, ends(process.stderr):
         lines = []
@@ -88,11 +120,21 @@ def traced(folder: Path, *arguments: object, until: Callable[[str], bool] | None
             lines.append(process.stderr.readline())
             assert lines[-1], lines
         if until:
-            time.sleep(5.0)  # what sends things in the background begins after some seconds
+            time.sleep(
+                5.0
+            )  # what sends things in the background begins after some seconds
             os.killpg(process.pid, signal.SIGINT)
         lines.append(process.stderr.read())
     text = log.read_text()
     log.unlink()
-    files = {Path(base, name) for base, name, flags in OPENED.findall(text)
-             if {"O_WRONLY", "O_RDWR", "O_CREAT"} & set(flags.split("|"))}  # fmt: skip
-    return Traced(process.wait(20.0), "".join(lines), frozenset(ADDRESS.findall(text)), frozenset(files))
+    files = {
+        Path(base, name)
+        for base, name, flags in OPENED.findall(text)
+        if {"O_WRONLY", "O_RDWR", "O_CREAT"} & set(flags.split("|"))
+    }
+    return Traced(
+        process.wait(20.0),
+        "".join(lines),
+        frozenset(ADDRESS.findall(text)),
+        frozenset(files),
+    )

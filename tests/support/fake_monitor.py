@@ -8,17 +8,32 @@ from contextlib import contextmanager, suppress
 from time import time
 
 from scleraforce.errors import LinkError
-from scleraforce.openigtlink import Decoder, Image, Message, PeerEvent, Received, Sensor, Status, Text, encode
+from scleraforce.openigtlink import (
+    Decoder,
+    Image,
+    Message,
+    PeerEvent,
+    Received,
+    Sensor,
+    Status,
+    Text,
+    encode,
+)
 
 HEARTBEAT_S = 0.05
 STATUS, READING = "ForceMonitor", "ForceReading"
-NOT_READY, OK = Status(13, 0, "NOT_READY", "NOT_READY: no good frame yet"), Status(1, 0, "", "WATCHING: class 0")
+NOT_READY, OK = (
+    Status(13, 0, "NOT_READY", "NOT_READY: no good frame yet"),
+    Status(1, 0, "", "WATCHING: class 0"),
+)
 
 
 class MonitorRule:
     """Says OK after each image, until `decide` returns another STATUS for an event (None: a client has gone)."""
 
-    def __init__(self, decide: Callable[[object], Status | None] = lambda _: None) -> None:
+    def __init__(
+        self, decide: Callable[[object], Status | None] = lambda _: None
+    ) -> None:
         self.decide = decide
         self.received: list[PeerEvent | None] = []  # in order only with one sender
         self.answers, self.status = True, NOT_READY  # False: it says nothing any more
@@ -31,28 +46,44 @@ class MonitorRule:
         image = isinstance(event, Received) and isinstance(event.message, Image)
         if self.status.code != 3:
             self.status = decided or (OK if image else self.status)
-        said: list[tuple[str, Status | Text | Sensor]] = [(STATUS, self.status)] if decided or image else []
+        said: list[tuple[str, Status | Text | Sensor]] = (
+            [(STATUS, self.status)] if decided or image else []
+        )
         return said + self._reading(event) if image else said
 
     def _reading(self, event: Received) -> list[tuple[str, Status | Text | Sensor]]:
         self._frames += 1
         frame_id = event.message_id or int(event.header.time_s * 1e6)
-        reading = {"event": "frame", "frame": self._frames, "frame_id": frame_id, "class": 0, "lost": 0}
+        reading = {
+            "event": "frame",
+            "frame": self._frames,
+            "frame_id": frame_id,
+            "class": 0,
+            "lost": 0,
+        }
         reading |= {"force_mn": 1.5, "interval_mn": [0.5, 2.5]}
-        return [(READING, Text(json.dumps(reading))), (READING, Sensor((float(self._frames),)))]
+        return [
+            (READING, Text(json.dumps(reading))),
+            (READING, Sensor((float(self._frames),))),
+        ]
 
 
 class FakeMonitor(MonitorRule):
     """The rule behind a socket."""
 
-    def __init__(self, decide: Callable[[object], Status | None] = lambda _: None) -> None:
+    def __init__(
+        self, decide: Callable[[object], Status | None] = lambda _: None
+    ) -> None:
         super().__init__(decide)
         self.reads = True  # False: it reads nothing any more
         self._peers: dict[socket.socket, int] = {}
         self._lock = threading.RLock()
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._ended = threading.Event()
-        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._accept, self._beat)]
+        self._threads = [
+            threading.Thread(target=work, daemon=True)
+            for work in (self._accept, self._beat)
+        ]
         for thread in self._threads:
             thread.start()
 
@@ -95,7 +126,9 @@ class FakeMonitor(MonitorRule):
                 peer, _ = self._listener.accept()
                 with self._lock:
                     self._peers[peer] = 1
-                self._threads.append(threading.Thread(target=self._serve, args=(peer,), daemon=True))
+                self._threads.append(
+                    threading.Thread(target=self._serve, args=(peer,), daemon=True)
+                )
                 self._threads[-1].start()
 
     def _beat(self) -> None:
@@ -138,7 +171,9 @@ class FakeMonitor(MonitorRule):
 
 
 @contextmanager
-def fake_monitor(decide: Callable[[object], Status | None] = lambda _: None) -> Iterator[FakeMonitor]:
+def fake_monitor(
+    decide: Callable[[object], Status | None] = lambda _: None,
+) -> Iterator[FakeMonitor]:
     monitor = FakeMonitor(decide)
     try:
         yield monitor
@@ -151,9 +186,14 @@ class ClockedClient:
 
     address = "clocked"
 
-    def __init__(self, monitor: MonitorRule, hear: Callable[[float, str, Message], object]) -> None:
+    def __init__(
+        self, monitor: MonitorRule, hear: Callable[[float, str, Message], object]
+    ) -> None:
         self.monitor, self._hear, self._decoder = monitor, hear, Decoder()
-        self.now_s, self.dropped = 1000.0, False  # True: the monitor closes the connection
+        self.now_s, self.dropped = (
+            1000.0,
+            False,
+        )  # True: the monitor closes the connection
         self._beat_s, self._scans = self.now_s, True
         self._said: list[tuple[str, Message]] = []
 
@@ -190,7 +230,9 @@ class ClockedClient:
     def _beat(self) -> None:
         """Say the heartbeats that are due, and hear what was said."""
         while self._beat_s <= self.now_s:
-            self._said += [(STATUS, self.monitor.status)] if self.monitor.answers else []
+            self._said += (
+                [(STATUS, self.monitor.status)] if self.monitor.answers else []
+            )
             self._beat_s += HEARTBEAT_S
         if self.dropped:
             raise LinkError(f"{self.address}: the connection is lost: it was closed")

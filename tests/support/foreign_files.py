@@ -9,7 +9,9 @@ from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
 
 ROWS, COLUMNS, COUNT = 24, 40, 5
-FRAMES = np.arange(COUNT * ROWS * COLUMNS, dtype=np.uint16).reshape(COUNT, ROWS, COLUMNS)  # below 2**13
+FRAMES = np.arange(COUNT * ROWS * COLUMNS, dtype=np.uint16).reshape(
+    COUNT, ROWS, COLUMNS
+)  # below 2**13
 DEPTH_M, LATERAL_M = 4e-6, 15e-6  # of a pixel
 
 
@@ -43,7 +45,9 @@ def write_log(path: Path, seconds: float = 6.0, rate_hz: float = 200.0) -> np.nd
     """Write a log of a push after two seconds in columns of its own, mN against ms; return the force in N."""
     time_s = np.arange(0.0, seconds, 1.0 / rate_hz)
     force_n = -0.02 * np.clip(time_s - 2.0, 0.0, 1.0)
-    lines = [f"{t * 1e3:.3f},{n * 1e3:.4f}" for t, n in zip(time_s, force_n, strict=True)]
+    lines = [
+        f"{t * 1e3:.3f},{n * 1e3:.4f}" for t, n in zip(time_s, force_n, strict=True)
+    ]
     path.write_text("\n".join(["Time (ms),Force_Z [mN]", *lines]) + "\n")
     return force_n
 
@@ -59,7 +63,10 @@ def write_dicom(path: Path, pixels: np.ndarray, **tags: Any) -> FileDataset:
     dataset.Rows, dataset.Columns = pixels.shape[-2:]
     dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 1, "MONOCHROME2"
     dataset.BitsAllocated = dataset.BitsStored = bits
-    dataset.HighBit, dataset.PixelRepresentation = bits - 1, int(pixels.dtype == np.int16)
+    dataset.HighBit, dataset.PixelRepresentation = (
+        bits - 1,
+        int(pixels.dtype == np.int16),
+    )
     if pixels.ndim == 3:
         dataset.NumberOfFrames = len(pixels)
     dataset.PixelData = pixels.tobytes()
@@ -78,11 +85,19 @@ def oct_entry(name: str = INTENSITY_FILE, count: int = COUNT, rows: int = ROWS) 
     return f'<DataFile Type="Real" {sizes} BytesPerPixel="4">{name}</DataFile>'
 
 
-def write_oct(path: Path, header: str | None = None, frames: np.ndarray = FRAMES, name: str = INTENSITY_FILE) -> Path:
+def write_oct(
+    path: Path,
+    header: str | None = None,
+    frames: np.ndarray = FRAMES,
+    name: str = INTENSITY_FILE,
+) -> Path:
     """Write Thorlabs' .oct: depth fastest, then the A-scan, then the B-scan."""
     with ZipFile(path, "w", ZIP_DEFLATED) as archive:
         entries = header or oct_entry()
-        archive.writestr("Header.xml", f'<?xml version="1.0"?><Ocity><DataFiles>{entries}</DataFiles></Ocity>')
+        archive.writestr(
+            "Header.xml",
+            f'<?xml version="1.0"?><Ocity><DataFiles>{entries}</DataFiles></Ocity>',
+        )
         archive.writestr("data\\VideoImage.data", bytes(10))
         archive.writestr(name, np.asarray(frames, dtype="<f4").swapaxes(1, 2).tobytes())
     return path
@@ -92,13 +107,21 @@ def plus_fields(stamps, states=("OK",) * COUNT) -> dict[str, object]:
     """Return the header fields that PLUS writes for each frame."""
     fields: dict[str, object] = {"UltrasoundImageOrientation": "MF"}
     for nth, (stamp, state) in enumerate(zip(stamps, states, strict=True)):
-        fields |= {f"Seq_Frame{nth:04d}_Timestamp": stamp, f"Seq_Frame{nth:04d}_ImageStatus": state}
+        fields |= {
+            f"Seq_Frame{nth:04d}_Timestamp": stamp,
+            f"Seq_Frame{nth:04d}_ImageStatus": state,
+        }
     return fields
 
 
 # The stored form of a picture by its Orientation: the place of row 0 and column 0 in it (TIFF 6.0, EXIF).
 STORED = {
-    1: lambda shown: shown, 2: lambda shown: shown[:, ::-1], 3: lambda shown: shown[::-1, ::-1],
-    4: lambda shown: shown[::-1], 5: lambda shown: shown.T, 6: lambda shown: np.rot90(shown),
-    7: lambda shown: shown[::-1, ::-1].T, 8: lambda shown: np.rot90(shown, -1),
-}  # fmt: skip
+    1: lambda shown: shown,
+    2: lambda shown: shown[:, ::-1],
+    3: lambda shown: shown[::-1, ::-1],
+    4: lambda shown: shown[::-1],
+    5: lambda shown: shown.T,
+    6: lambda shown: np.rot90(shown),
+    7: lambda shown: shown[::-1, ::-1].T,
+    8: lambda shown: np.rot90(shown, -1),
+}

@@ -28,25 +28,82 @@ from scleraforce.calibration.result import parse_calibration
 from scleraforce.errors import InputError
 from scleraforce.known import Known
 from scleraforce.known.calibration_file import open_calibration, read_calibration
-from scleraforce.learning.dataset import DTYPES, SLICES, create_dataset, open_dataset, plan_dataset, unit_samples
+from scleraforce.learning.dataset import (
+    DTYPES,
+    SLICES,
+    create_dataset,
+    open_dataset,
+    plan_dataset,
+    unit_samples,
+)
 from scleraforce.library.store import build_library, open_library
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.labels import label_frames
-from scleraforce.study import DatasetGroup, DatasetStudy, LibraryStudy, SliceStudy, Study, format_study, read_study
+from scleraforce.study import (
+    DatasetGroup,
+    DatasetStudy,
+    LibraryStudy,
+    SliceStudy,
+    Study,
+    format_study,
+    read_study,
+)
 
 SECONDS, MEMORY = 20, 3 * 2**30
 SPECIAL: dict[str, Callable[[Path], object]] = {
-    "pipe": os.mkfifo, "endless": lambda path: path.symlink_to("/dev/zero"), "folder": Path.mkdir, "empty": Path.touch,
+    "pipe": os.mkfifo,
+    "endless": lambda path: path.symlink_to("/dev/zero"),
+    "folder": Path.mkdir,
+    "empty": Path.touch,
     "nothing": lambda _: None,
-}  # fmt: skip
+}
 SMALL_LIBRARY = LibraryStudy(thicknesses=4, tensions=4, tips=6, elements=16)
-NASTY = ["1e308", "-1e308", "1e999", "nan", "inf", "-1", "0", "1_000", "9" * 5000, "", "null", "true", "[]", "{}",
-         '"x"', "[" * 3000, '{"a":' * 3000, "\x00", "\ufeff", "١٢", "1000000000",
-         "../../etc/passwd", "/dev/zero"]  # fmt: skip
-VALUES: list[Any] = [None, True, -1, 0, 10**30, 1e308, float("nan"), float("inf"), "", "x", "/dev/zero", [], {}, [[]],
-                     {"a": {}}, [1, 2, 3], "9" * 5000]  # fmt: skip
+NASTY = [
+    "1e308",
+    "-1e308",
+    "1e999",
+    "nan",
+    "inf",
+    "-1",
+    "0",
+    "1_000",
+    "9" * 5000,
+    "",
+    "null",
+    "true",
+    "[]",
+    "{}",
+    '"x"',
+    "[" * 3000,
+    '{"a":' * 3000,
+    "\x00",
+    "\ufeff",
+    "١٢",
+    "1000000000",
+    "../../etc/passwd",
+    "/dev/zero",
+]
+VALUES: list[Any] = [
+    None,
+    True,
+    -1,
+    0,
+    10**30,
+    1e308,
+    float("nan"),
+    float("inf"),
+    "",
+    "x",
+    "/dev/zero",
+    [],
+    {},
+    [[]],
+    {"a": {}},
+    [1, 2, 3],
+    "9" * 5000,
+]
 
 
 def write_whole_ones(folder: Path) -> None:
@@ -60,15 +117,25 @@ def write_whole_ones(folder: Path) -> None:
         cv2.imwrite(str(folder / "frames" / f"frame.{suffix}"), picture)
     write_dicom(folder / "frames" / "frame.dcm", picture, PixelSpacing=[0.01, 0.01])
     group = DatasetGroup(images=20)
-    study = Study(slice=SliceStudy(rows=8, columns=10), dataset=DatasetStudy(contacts=2, group=(group,)))
-    write_fixed_reader(folder / "model", analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8)
+    study = Study(
+        slice=SliceStudy(rows=8, columns=10),
+        dataset=DatasetStudy(contacts=2, group=(group,)),
+    )
+    write_fixed_reader(
+        folder / "model", analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8
+    )
     plan = plan_dataset(study)
     store = create_dataset(folder / "dataset", study, 3e5, None, plan)
     rows = np.arange(8)[:, None] > np.arange(10) // 2
     for unit in range(len(unit_samples(study))):
         store.write(unit, {SLICES: np.repeat(np.uint8(255) * rows[None], 20, axis=0)})
     store.finish()
-    build_library(Study(library=SMALL_LIBRARY), folder / "library", workers=1, solve=solve_analytic)
+    build_library(
+        Study(library=SMALL_LIBRARY),
+        folder / "library",
+        workers=1,
+        solve=solve_analytic,
+    )
 
 
 def _read_recording(folder: Path) -> object:
@@ -90,23 +157,47 @@ def _read_dataset(folder: Path) -> object:
 
 def _read_model(folder: Path) -> object:
     model = load_force_reader(folder / "model")
-    return model.network.read(np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8), Known())
+    return model.network.read(
+        np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8),
+        Known(),
+    )
 
 
 # Of each kind: the file, or the files of which a seed takes one; what reads it; what makes hashes agree.
-KINDS: dict[str, tuple[str, Callable[[Path], object], Callable[[Path], None] | None]] = {
+KINDS: dict[
+    str, tuple[str, Callable[[Path], object], Callable[[Path], None] | None]
+] = {
     "study": ("study.toml", lambda folder: read_study(folder / "study.toml"), None),
     "recording": ("recording/recording.toml", _read_recording, None),
     "frame list": ("recording/frames.csv", _read_recording, None),
-    "force log": ("recording/forces.csv", _read_recording, None), "png": ("frames/frame.png", _read_frames, None),
-    "tiff": ("frames/frame.tif", _read_frames, None), "jpeg": ("frames/frame.jpg", _read_frames, None),
-    "dicom": ("frames/frame.dcm", _read_frames, None), "calibration": ("calibration.json", _read_calibration, None),
+    "force log": ("recording/forces.csv", _read_recording, None),
+    "png": ("frames/frame.png", _read_frames, None),
+    "tiff": ("frames/frame.tif", _read_frames, None),
+    "jpeg": ("frames/frame.jpg", _read_frames, None),
+    "dicom": ("frames/frame.dcm", _read_frames, None),
+    "calibration": ("calibration.json", _read_calibration, None),
     "model record": ("model/model.json", _read_model, None),
-    "network": ("model/model.onnx", _read_model, lambda folder: rehash_model(folder / "model", "model.onnx")),
-    "npz": ("model/library.npz", _read_model, lambda folder: rehash_model(folder / "model", "library.npz")),
-    "dataset": ("dataset/**/*", _read_dataset, lambda folder: rehash_store(folder / "dataset")),
-    "library": ("library/**/*", lambda folder: open_library(folder / "library"), lambda f: rehash_store(f / "library")),
-}  # fmt: skip
+    "network": (
+        "model/model.onnx",
+        _read_model,
+        lambda folder: rehash_model(folder / "model", "model.onnx"),
+    ),
+    "npz": (
+        "model/library.npz",
+        _read_model,
+        lambda folder: rehash_model(folder / "model", "library.npz"),
+    ),
+    "dataset": (
+        "dataset/**/*",
+        _read_dataset,
+        lambda folder: rehash_store(folder / "dataset"),
+    ),
+    "library": (
+        "library/**/*",
+        lambda folder: open_library(folder / "library"),
+        lambda f: rehash_store(f / "library"),
+    ),
+}
 
 
 def damage(folder: Path, kind: str, seed: int | str) -> Path:
@@ -150,21 +241,37 @@ def _mutated(content: bytes, rng: random.Random) -> bytes:
     """Flip a bit, cut or double a part, insert or overwrite bytes, or replace a word or number."""
     low, high = sorted(rng.randrange(len(content) + 1) for _ in range(2))
     tokens = list(re.finditer(rb"[A-Za-z0-9_.+-]+", content[:100_000]))
-    match rng.choice(("flip", "flip", "cut", "double", "insert", "overwrite", "token", "token")):
+    match rng.choice(
+        ("flip", "flip", "cut", "double", "insert", "overwrite", "token", "token")
+    ):
         case "flip" if content:
             at = rng.randrange(len(content))
-            return content[:at] + bytes([content[at] ^ (1 << rng.randrange(8))]) + content[at + 1 :]
+            return (
+                content[:at]
+                + bytes([content[at] ^ (1 << rng.randrange(8))])
+                + content[at + 1 :]
+            )
         case "cut":
             return content[:low] + content[high:]
         case "double":
             return content[:high] + content[low:]
         case "overwrite":
-            return content[:low] + rng.choice([b"\xff" * 4, bytes(4), rng.randbytes(4)]) + content[low + 4 :]
+            return (
+                content[:low]
+                + rng.choice([b"\xff" * 4, bytes(4), rng.randbytes(4)])
+                + content[low + 4 :]
+            )
         case "token" if tokens:
             token = rng.choice(tokens)
-            return content[: token.start()] + rng.choice(NASTY).encode() + content[token.end() :]
+            return (
+                content[: token.start()]
+                + rng.choice(NASTY).encode()
+                + content[token.end() :]
+            )
         case _:
-            inserted = rng.choice([rng.choice(NASTY).encode(), rng.randbytes(8), b"\xff" * 8])
+            inserted = rng.choice(
+                [rng.choice(NASTY).encode(), rng.randbytes(8), b"\xff" * 8]
+            )
             return content[:low] + inserted + content[low:]
 
 
@@ -193,20 +300,33 @@ def _listing(folder: Path) -> list[tuple[str, int]]:
 
 
 def main() -> None:
-    whole, kind, first, last = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+    whole, kind, first, last = (
+        Path(sys.argv[1]),
+        sys.argv[2],
+        int(sys.argv[3]),
+        int(sys.argv[4]),
+    )
     copy = whole.with_name(f"{whole.name}-{kind.replace(' ', '-')}-{last}")
     top = KINDS[kind][0].partition("/")[0]
     copy.mkdir()
-    (shutil.copytree if (whole / top).is_dir() else shutil.copyfile)(whole / top, copy / top)
+    (shutil.copytree if (whole / top).is_dir() else shutil.copyfile)(
+        whole / top, copy / top
+    )
     assert judge(copy, kind) is None, "what is whole cannot be read"
-    address_space = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    address_space = (
+        int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    )
     resource.setrlimit(resource.RLIMIT_AS, (address_space + MEMORY,) * 2)
     for seed in (*SPECIAL, *range(first, last)):
         print(json.dumps([seed, None, None]), flush=True)  # noqa: T201 - the last printed seed is the one that crashed
         path = damage(copy, kind, seed)
         if found := judge(copy, kind):
             print(json.dumps([seed, str(path.relative_to(copy)), found]), flush=True)  # noqa: T201 - as above
-        beside = {copy / top / name for name in ("zarr.json", "model.json") if (whole / top / name).exists()}
+        beside = {
+            copy / top / name
+            for name in ("zarr.json", "model.json")
+            if (whole / top / name).exists()
+        }
         for changed in {path} | beside:
             _restore(whole / changed.relative_to(copy), changed)
 

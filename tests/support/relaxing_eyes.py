@@ -8,7 +8,14 @@ import numpy as np
 from scleraforce.calibration.forces import ZERO_PRIOR, FrameForces
 from scleraforce.calibration.relaxation import with_elastic_forces
 from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.laboratory.pushes import NeedlePath, Push, path_of_pushes, plan_pushes, sample_sensor, sense
+from scleraforce.laboratory.pushes import (
+    NeedlePath,
+    Push,
+    path_of_pushes,
+    plan_pushes,
+    sample_sensor,
+    sense,
+)
 from scleraforce.mechanics.material import PronySeries
 from scleraforce.reader.answer import Answer
 from scleraforce.recording.folder import ForceInfo
@@ -20,7 +27,9 @@ TISSUE = PronySeries((0.12, 0.15), (1.2, 12.0))
 FORCES_N = (0.026, 0.003, 0.048, 0.014, 0.034, 0.008, 0.040, 0.020)
 
 
-def pushed(tissue: PronySeries, rng: np.random.Generator, forces_n=FORCES_N) -> tuple[tuple[Push, ...], NeedlePath]:
+def pushed(
+    tissue: PronySeries, rng: np.random.Generator, forces_n=FORCES_N
+) -> tuple[tuple[Push, ...], NeedlePath]:
     """Pushes, each with a frame, and the path of their needle."""
     pushes = plan_pushes(forces_n, PhantomStudy(), rng)
     return pushes, path_of_pushes(pushes, tissue)
@@ -28,13 +37,25 @@ def pushed(tissue: PronySeries, rng: np.random.Generator, forces_n=FORCES_N) -> 
 
 def logged(path: NeedlePath, rng: np.random.Generator) -> Any:
     """The parts of a recording that `with_elastic_forces` needs."""
-    table = sense(path, sample_sensor(PhantomStudy(force_drift_n_per_s=PhantomStudy().needle_lean_rad), rng), 2, -1,
-                  path.times_s[-1] + 1.5, rng)  # fmt: skip
+    table = sense(
+        path,
+        sample_sensor(
+            PhantomStudy(force_drift_n_per_s=PhantomStudy().needle_lean_rad), rng
+        ),
+        2,
+        -1,
+        path.times_s[-1] + 1.5,
+        rng,
+    )
     log = ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:])
-    return SimpleNamespace(forces=log, info=SimpleNamespace(force=ForceInfo("fz", -1, 2.0)))
+    return SimpleNamespace(
+        forces=log, info=SimpleNamespace(force=ForceInfo("fz", -1, 2.0))
+    )
 
 
-def found_in(path: NeedlePath, frame_s: np.ndarray, rng, known: KnownRelaxation | None = None):
+def found_in(
+    path: NeedlePath, frame_s: np.ndarray, rng, known: KnownRelaxation | None = None
+):
     """Elastic forces of frames, N, and how the tissue relaxes, from the log of a path and the true labels."""
     forces = FrameForces(path.felt_n(frame_s), frame_s, np.zeros(2), ZERO_PRIOR)
     found, relaxation, _ = with_elastic_forces(logged(path, rng), forces, known)
@@ -45,6 +66,11 @@ def read_as(elastic_n: float, sd_n: float = 0.2e-3) -> Answer:
     """A reader's answer to the dent of an elastic force."""
     interval_n = max(elastic_n - 1.645 * sd_n, 0.0), elastic_n + 1.645 * sd_n
     return Answer(
-        predicted=1, probabilities=(0.0, 1.0, 0.0), usable=True, reason=None, force_n=elastic_n, interval_n=interval_n,
+        predicted=1,
+        probabilities=(0.0, 1.0, 0.0),
+        usable=True,
+        reason=None,
+        force_n=elastic_n,
+        interval_n=interval_n,
         contact_m=0.0,
-    )  # fmt: skip
+    )

@@ -26,24 +26,48 @@ class Messages:
         self.store, self.types = store, store.types
 
     def header(self, stamp_ns: int):
-        stamp = self.types["builtin_interfaces/msg/Time"](stamp_ns // SECOND_NS, stamp_ns % SECOND_NS)
+        stamp = self.types["builtin_interfaces/msg/Time"](
+            stamp_ns // SECOND_NS, stamp_ns % SECOND_NS
+        )
         fields = {"stamp": stamp, "frame_id": "oct"}
         kind = self.types["std_msgs/msg/Header"]
-        return kind(seq=0, **fields) if "seq" in kind.__dataclass_fields__ else kind(**fields)
+        return (
+            kind(seq=0, **fields)
+            if "seq" in kind.__dataclass_fields__
+            else kind(**fields)
+        )
 
-    def image(self, stamp_ns: int, pixels: np.ndarray, encoding: str = "mono16", padding: int = 6, big: bool = False):
-        lines = np.ascontiguousarray(pixels.astype(pixels.dtype.newbyteorder(">")) if big else pixels)
+    def image(
+        self,
+        stamp_ns: int,
+        pixels: np.ndarray,
+        encoding: str = "mono16",
+        padding: int = 6,
+        big: bool = False,
+    ):
+        lines = np.ascontiguousarray(
+            pixels.astype(pixels.dtype.newbyteorder(">")) if big else pixels
+        )
         lines = lines.view(np.uint8).reshape(len(pixels), -1)
         lines = np.pad(lines, ((0, 0), (0, padding)))
         return self.types["sensor_msgs/msg/Image"](
-            header=self.header(stamp_ns), height=pixels.shape[0], width=pixels.shape[1], encoding=encoding,
-            is_bigendian=int(big), step=lines.shape[1], data=lines.ravel(),
-        )  # fmt: skip
+            header=self.header(stamp_ns),
+            height=pixels.shape[0],
+            width=pixels.shape[1],
+            encoding=encoding,
+            is_bigendian=int(big),
+            step=lines.shape[1],
+            data=lines.ravel(),
+        )
 
     def wrench(self, stamp_ns: int, values):
         vector = self.types["geometry_msgs/msg/Vector3"]
-        wrench = self.types["geometry_msgs/msg/Wrench"](force=vector(*values[:3]), torque=vector(*values[3:]))
-        return self.types["geometry_msgs/msg/WrenchStamped"](header=self.header(stamp_ns), wrench=wrench)
+        wrench = self.types["geometry_msgs/msg/Wrench"](
+            force=vector(*values[:3]), torque=vector(*values[3:])
+        )
+        return self.types["geometry_msgs/msg/WrenchStamped"](
+            header=self.header(stamp_ns), wrench=wrench
+        )
 
 
 def stamps(times_s) -> list[int]:
@@ -51,28 +75,52 @@ def stamps(times_s) -> list[int]:
 
 
 def write_bag(
-    path: Path, kind: str, stamped: bool = True, topics=("/oct/image",), forces: bool = True, packed=None
+    path: Path,
+    kind: str,
+    stamped: bool = True,
+    topics=("/oct/image",),
+    forces: bool = True,
+    packed=None,
 ) -> Path:
     """A bag of five frames and a wrench at 200 Hz; images arrive late, so that arrival has another order."""
     one = kind == "ros1"
     store = ROS1 if one else ROS2
     messages = Messages(store)
     plugins = {"sqlite": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}
-    writer = Writer1(path) if one else Writer2(path, version=9, storage_plugin=plugins[kind])
+    writer = (
+        Writer1(path) if one else Writer2(path, version=9, storage_plugin=plugins[kind])
+    )
     serialize = store.serialize_ros1 if one else store.serialize_cdr
     sent = []
     for topic in topics:
         for stamp_ns, frame in zip(stamps(FRAME_TIMES_S), FRAMES, strict=True):
             message = messages.image(stamp_ns if stamped else 0, frame)
-            sent.append((stamp_ns + round(LATE_S * SECOND_NS), topic, message, "sensor_msgs/msg/Image"))
+            sent.append(
+                (
+                    stamp_ns + round(LATE_S * SECOND_NS),
+                    topic,
+                    message,
+                    "sensor_msgs/msg/Image",
+                )
+            )
     for nth, stamp_ns in enumerate(stamps(FORCE_TIMES_S) if forces else []):
         message = messages.wrench(stamp_ns, [nth, 0.5, -nth / 1e3, 0.25, 0.0, 1.0])
-        sent.append((stamp_ns + SECOND_NS // 1000, "/ft/wrench", message, "geometry_msgs/msg/WrenchStamped"))
+        sent.append(
+            (
+                stamp_ns + SECOND_NS // 1000,
+                "/ft/wrench",
+                message,
+                "geometry_msgs/msg/WrenchStamped",
+            )
+        )
     if packed is not None:
         writer.set_compression(packed, CompressionFormat.ZSTD)
     with writer:
         kinds = {topic: kind for _, topic, _, kind in sent}
-        connections = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in kinds.items()}
+        connections = {
+            topic: writer.add_connection(topic, kind, typestore=store)
+            for topic, kind in kinds.items()
+        }
         for arrived_ns, topic, message, name in sorted(sent, key=lambda each: each[0]):
             writer.write(connections[topic], arrived_ns, serialize(message, name))
     return path

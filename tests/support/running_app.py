@@ -21,16 +21,37 @@ class Client:
     def __init__(self, port: int, tab: str = "tab-1") -> None:
         self.port, self.tab, self.cookie = port, tab, ""
 
-    def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, bytes, dict[str, str]]:
+    def ask(
+        self, method: str, path: str, body: Any = None, **headers: str
+    ) -> tuple[int, bytes, dict[str, str]]:
         """Send a request as the page would; return status, body and headers."""
         link = http.client.HTTPConnection(HOST, self.port, timeout=FUSE_S)
-        data = body if isinstance(body, bytes) else b"" if body is None else json.dumps(body).encode()
-        own = {"Origin": f"http://{HOST}:{self.port}", "Content-Type": "application/json", "X-Tab": self.tab}
+        data = (
+            body
+            if isinstance(body, bytes)
+            else b""
+            if body is None
+            else json.dumps(body).encode()
+        )
+        own = {
+            "Origin": f"http://{HOST}:{self.port}",
+            "Content-Type": "application/json",
+            "X-Tab": self.tab,
+        }
         own |= {"Cookie": self.cookie} if self.cookie else {}
         given = {key.replace("_", "-"): value for key, value in headers.items()}
-        link.request(method, path, data, {key: value for key, value in {**own, **given}.items() if value})
+        link.request(
+            method,
+            path,
+            data,
+            {key: value for key, value in {**own, **given}.items() if value},
+        )
         answer = link.getresponse()
-        found = answer.status, answer.read(), {key.lower(): value for key, value in answer.getheaders()}
+        found = (
+            answer.status,
+            answer.read(),
+            {key.lower(): value for key, value in answer.getheaders()},
+        )
         link.close()
         return found
 

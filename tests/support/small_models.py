@@ -18,15 +18,31 @@ from scleraforce.reader.answer import Reading
 from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES
 from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
-from scleraforce.study import RawReaderStudy, ReaderStudy, ScenesStudy, Study, WallFinderStudy, format_study, study_hash
+from scleraforce.segmentation.wall_finder import (
+    FINDER_FRAMES,
+    FINDER_ROWS,
+    FINDER_WALL,
+    SeenWall,
+    WallFinder,
+)
+from scleraforce.study import (
+    RawReaderStudy,
+    ReaderStudy,
+    ScenesStudy,
+    Study,
+    WallFinderStudy,
+    format_study,
+    study_hash,
+)
 from scleraforce.study.fields import Range, fixed
 
 
 def rehash_model(model: Path, *names: str) -> None:
     """Of files of a model folder."""
     record = json.loads((model / "model.json").read_text())
-    record["files"] |= {name: sha256((model / name).read_bytes()).hexdigest() for name in names}
+    record["files"] |= {
+        name: sha256((model / name).read_bytes()).hexdigest() for name in names
+    }
     (model / "model.json").write_text(json.dumps(record))
 
 
@@ -36,7 +52,10 @@ def rehash_store(store: Path) -> None:
     for name, hashes in metadata["attributes"]["sha256"].items():
         chunks = store / name / "c"
         files = (file for file in chunks.rglob("*") if file.is_file())
-        ordered = sorted(files, key=lambda file: [int(part) for part in file.relative_to(chunks).parts])
+        ordered = sorted(
+            files,
+            key=lambda file: [int(part) for part in file.relative_to(chunks).parts],
+        )
         hashes[:] = [sha256(file.read_bytes()).hexdigest() for file in ordered]
     (store / "zarr.json").write_text(json.dumps(metadata))
 
@@ -47,14 +66,23 @@ def fixed_study(bins: int) -> Study:
 
 
 def write_fixed_reader(
-    path: Path, library: Library, shares: Sequence[float], contact_m: float = 0.0, default: str = "fit"
+    path: Path,
+    library: Library,
+    shares: Sequence[float],
+    contact_m: float = 0.0,
+    default: str = "fit",
 ) -> Study:
     """Write the folder; returns its study."""
     from onnx import numpy_helper, parser
     from onnx.helper import set_model_props
 
     study = fixed_study(len(shares))
-    given, bins, rows, columns = len(GIVEN), len(shares), study.slice.rows, study.slice.columns
+    given, bins, rows, columns = (
+        len(GIVEN),
+        len(shares),
+        study.slice.rows,
+        study.slice.columns,
+    )
     model = parser.parse_model(f"""<ir_version: 8, opset_import: ["" : 17]>
         fixed (uint8[n, {rows}, {columns}] {SLICES}, float[n, {given}] {GIVEN_INPUT})
             => (float[n, {bins}] {HISTOGRAM}, float[n] {CONTACT}) {{
@@ -65,7 +93,9 @@ def write_fixed_reader(
         }}""")
     for name, value in {
         "none": np.zeros((given, bins), dtype=np.float32),
-        "shares": np.log(np.maximum(np.asarray(shares, dtype=np.float32), np.float32(1e-12))),
+        "shares": np.log(
+            np.maximum(np.asarray(shares, dtype=np.float32), np.float32(1e-12))
+        ),
         "no_place": np.zeros((given, 1), dtype=np.float32),
         "place": np.array([contact_m], dtype=np.float32),
         "second": np.array([1], dtype=np.int64),
@@ -77,11 +107,23 @@ def write_fixed_reader(
     content = folder.read_bytes()
     folder.unlink()
     record = {"kind": "reader", "default": default, "metrics": {}}
-    write_folder(path, model.SerializeToString(), format_study(study), "# card\n", record, {LIBRARY_FILE: content})
+    write_folder(
+        path,
+        model.SerializeToString(),
+        format_study(study),
+        "# card\n",
+        record,
+        {LIBRARY_FILE: content},
+    )
     return study
 
 
-FIVE_MN = Reading(probabilities=(0.1, 0.8, 0.1), force_n=0.005, interval_n=(0.004, 0.006), contact_m=0.3e-3)
+FIVE_MN = Reading(
+    probabilities=(0.1, 0.8, 0.1),
+    force_n=0.005,
+    interval_n=(0.004, 0.006),
+    contact_m=0.3e-3,
+)
 
 
 class FixedNetwork:
@@ -101,7 +143,9 @@ def force_reader(reading: Reading = FIVE_MN, default: str = "fit") -> ForceReade
 
 
 RAW_STUDY = replace(
-    Study(), reader=ReaderStudy(channels=(6, 8), hidden=(24,), bins=32), raw_reader=RawReaderStudy(channels=(4, 6, 8))
+    Study(),
+    reader=ReaderStudy(channels=(6, 8), hidden=(24,), bins=32),
+    raw_reader=RawReaderStudy(channels=(4, 6, 8)),
 )
 
 
@@ -117,33 +161,62 @@ def write_raw_model(path: Path, study: Study = RAW_STUDY) -> None:
         reads_slices = ReaderNetwork(study.reader, study.slice, study.eye.radius_m)
         network = RawReaderNetwork(study, reads_slices).eval()
     content = force_bytes(network, {"study_sha256": study_hash(study)})
-    write_folder(path, content, format_study(study), "# card\n", {"kind": "raw-reader", "metrics": {}})
+    write_folder(
+        path,
+        content,
+        format_study(study),
+        "# card\n",
+        {"kind": "raw-reader", "metrics": {}},
+    )
 
 
 def _without_disturbance(record: Any) -> Any:
     """Return a record with shares of 0 and empty counts."""
-    shares = {item.name: 0.0 for item in fields(record) if isinstance(getattr(record, item.name), float)}
-    counts = {item.name: fixed(0) for item in fields(record) if item.name.endswith("_count")}
+    shares = {
+        item.name: 0.0
+        for item in fields(record)
+        if isinstance(getattr(record, item.name), float)
+    }
+    counts = {
+        item.name: fixed(0) for item in fields(record) if item.name.endswith("_count")
+    }
     return replace(record, **shares, **counts)
 
 
 def _easy(scenes: ScenesStudy) -> ScenesStudy:
     return ScenesStudy(
         window=replace(
-            scenes.window, rows=fixed(64), columns=fixed(64), pixel_m=Range(min=1e-6, max=100e-6), width_m=fixed(10e-3),
-            depth_share=fixed(0.4), centred_share=1.0, facing=fixed(1.0), surface_share=Range(min=0.1, max=0.4),
+            scenes.window,
+            rows=fixed(64),
+            columns=fixed(64),
+            pixel_m=Range(min=1e-6, max=100e-6),
+            width_m=fixed(10e-3),
+            depth_share=fixed(0.4),
+            centred_share=1.0,
+            facing=fixed(1.0),
+            surface_share=Range(min=0.1, max=0.4),
         ),
-        eye=replace(_without_disturbance(scenes.eye), half_sphere_share=1.0, wave_m=fixed(0.0)),
-        tissue=replace(_without_disturbance(scenes.tissue), corrected_share=1.0, snr_db=fixed(30.0)),
+        eye=replace(
+            _without_disturbance(scenes.eye), half_sphere_share=1.0, wave_m=fixed(0.0)
+        ),
+        tissue=replace(
+            _without_disturbance(scenes.tissue), corrected_share=1.0, snr_db=fixed(30.0)
+        ),
         over=_without_disturbance(scenes.over),
         scanner=replace(_without_disturbance(scenes.scanner), rolloff_db=fixed(0.0)),
-    )  # fmt: skip
+    )
 
 
 SMALL_STUDY = Study(
     scenes=_easy(ScenesStudy()),
     wall_finder=WallFinderStudy(
-        rows=32, columns=32, channels=(8, 12), batch_size=8, batches=80, validation_scenes=12, learning_rate=0.01
+        rows=32,
+        columns=32,
+        channels=(8, 12),
+        batch_size=8,
+        batches=80,
+        validation_scenes=12,
+        learning_rate=0.01,
     ),
 )
 
@@ -159,7 +232,13 @@ def write_blind_finder(folder: Path) -> None:
         network = WallFinderNetwork(SMALL_STUDY.wall_finder).eval()
     provenance = {"study_sha256": study_hash(SMALL_STUDY)}
     record = {"kind": "wall-finder", "provenance": provenance}
-    write_folder(folder, finder_bytes(network, provenance), format_study(SMALL_STUDY), "Blind.", record)
+    write_folder(
+        folder,
+        finder_bytes(network, provenance),
+        format_study(SMALL_STUDY),
+        "Blind.",
+        record,
+    )
 
 
 FINDER_STUDY = WallFinderStudy(rows=128, columns=176, channels=(12, 20, 32, 48))
@@ -174,18 +253,26 @@ class FixedSession:
     def get_inputs(self) -> list[Any]:
         return [
             SimpleNamespace(
-                name=FINDER_FRAMES, type="tensor(float)", shape=["n", FINDER_STUDY.rows, FINDER_STUDY.columns]
+                name=FINDER_FRAMES,
+                type="tensor(float)",
+                shape=["n", FINDER_STUDY.rows, FINDER_STUDY.columns],
             )
         ]
 
     def get_outputs(self) -> list[Any]:
         half = FINDER_STUDY.columns // 2
         return [
-            SimpleNamespace(name=FINDER_ROWS, type="tensor(float)", shape=["n", 2, FINDER_STUDY.rows, half]),
+            SimpleNamespace(
+                name=FINDER_ROWS,
+                type="tensor(float)",
+                shape=["n", 2, FINDER_STUDY.rows, half],
+            ),
             SimpleNamespace(name=FINDER_WALL, type="tensor(float)", shape=["n", half]),
         ]
 
-    def run(self, _outputs: list[str], _inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
+    def run(
+        self, _outputs: list[str], _inputs: dict[str, np.ndarray]
+    ) -> list[np.ndarray]:
         return self._answers
 
 
@@ -208,4 +295,6 @@ def distributions(boundary: np.ndarray, sd: float = 0.6) -> np.ndarray:
 def fixed_finder(outer: np.ndarray, inner: np.ndarray, sd: float = 0.6) -> WallFinder:
     """A wall finder that answers with boundaries, (column / 2,), in rows of the reduced frame; NaN: no wall."""
     rows = np.stack([distributions(outer, sd), distributions(inner, sd)])
-    return FixedFinder(FixedSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "drawn")
+    return FixedFinder(
+        FixedSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "drawn"
+    )

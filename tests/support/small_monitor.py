@@ -20,9 +20,23 @@ from waiting import FUSE_S, ends
 
 from scleraforce.decision.events import Verdict
 from scleraforce.decision.limits import MonitorLimits
-from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, encode
+from scleraforce.openigtlink import (
+    Decoder,
+    Image,
+    Message,
+    Received,
+    Status,
+    Text,
+    encode,
+)
 from scleraforce.reader.answer import Answer, unusable
-from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.folder import (
+    EyeInfo,
+    ForceInfo,
+    NeedleInfo,
+    OctInfo,
+    RecordingInfo,
+)
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.found import without_wall
 from scleraforce.service.channel import Channel
@@ -84,19 +98,35 @@ def read(pixels: NDArray[Any], _: PixelScale) -> Answer:
     shares = tuple(float(number == predicted) for number in range(3))
     interval_n = (0.95 * force_n - 0.5e-3, 1.05 * force_n + 0.5e-3)
     return Answer(
-        predicted=predicted, probabilities=shares, usable=True, reason=None, force_n=force_n, interval_n=interval_n,
+        predicted=predicted,
+        probabilities=shares,
+        usable=True,
+        reason=None,
+        force_n=force_n,
+        interval_n=interval_n,
         segmentation=wall,
-    )  # fmt: skip
+    )
 
 
 def small_server(
-    guard: Guard, companions: Companions, note: Callable[[str], None] = lambda _: None, *,
-    clock: TurnedClock | None = None, borne_s: float = 0.5, catch_up_s: float | None = None, stalled_s: float = 600.0,
-    planes: tuple[str, ...] = (), **settings: Any,
-) -> tuple[Server, int]:  # fmt: skip
+    guard: Guard,
+    companions: Companions,
+    note: Callable[[str], None] = lambda _: None,
+    *,
+    clock: TurnedClock | None = None,
+    borne_s: float = 0.5,
+    catch_up_s: float | None = None,
+    stalled_s: float = 600.0,
+    planes: tuple[str, ...] = (),
+    **settings: Any,
+) -> tuple[Server, int]:
     """A server of small frames, and its port; without a clock of the test it needs to bear what holds a test up."""
     limits = MonitorLimits(
-        size=(ROWS, COLUMNS), scale_m=SCALE_M, silence_s=borne_s, lag_s=borne_s, catch_up_s=catch_up_s or borne_s
+        size=(ROWS, COLUMNS),
+        scale_m=SCALE_M,
+        silence_s=borne_s,
+        lag_s=borne_s,
+        catch_up_s=catch_up_s or borne_s,
     )
     listener = socket.create_server(("127.0.0.1", 0))
     ring = FrameRing.create(100, ROWS, COLUMNS)
@@ -128,25 +158,65 @@ if __name__ == "__main__":
 
 
 def verdict(
-    force_mn: float | None = None, interval_mn: tuple[float, float] | None = None, predicted: int = 1, **said: Any
+    force_mn: float | None = None,
+    interval_mn: tuple[float, float] | None = None,
+    predicted: int = 1,
+    **said: Any,
 ) -> Verdict:
     """A usable verdict with a force in mN; `said` are other attributes."""
-    others: dict[str, Any] = {"probabilities": (0.0, 0.75, 0.25), "usable": True, "reason": None, **said}
+    others: dict[str, Any] = {
+        "probabilities": (0.0, 0.75, 0.25),
+        "usable": True,
+        "reason": None,
+        **said,
+    }
     force_n = None if force_mn is None else to_si(force_mn, "mn")
-    interval_n = interval_mn and (to_si(interval_mn[0], "mn"), to_si(interval_mn[1], "mn"))
-    return Verdict(predicted=predicted, force_n=force_n, interval_n=interval_n, **others)
+    interval_n = interval_mn and (
+        to_si(interval_mn[0], "mn"),
+        to_si(interval_mn[1], "mn"),
+    )
+    return Verdict(
+        predicted=predicted, force_n=force_n, interval_n=interval_n, **others
+    )
 
 
 TICK_ENTRY = Entry(
-    number=1, time_s=1.8e9, at_s=12.5, event="tick", state="NOT_READY", code=13, sub_code=0, cause=None,
+    number=1,
+    time_s=1.8e9,
+    at_s=12.5,
+    event="tick",
+    state="NOT_READY",
+    code=13,
+    sub_code=0,
+    cause=None,
     message="no good frame yet",
-)  # fmt: skip
+)
 READ_ENTRY = Entry(
-    number=3, time_s=1.8e9, at_s=12.5, event="frame", state="WATCHING", code=1, sub_code=0, cause=None,
-    message="OK:\n“12 mN”", frame=3, frame_id=77, verdict=verdict(12.5, (11.0, 13.5)), latency_ms=0.75, lost=2,
-    time_to_bound_ms=900.0, time_to_bound_ms_interval=(310.5, None),
-)  # fmt: skip
-OF_VERDICT = ("force_mn", "interval_mn", "predicted", "probabilities", "usable", "reason")
+    number=3,
+    time_s=1.8e9,
+    at_s=12.5,
+    event="frame",
+    state="WATCHING",
+    code=1,
+    sub_code=0,
+    cause=None,
+    message="OK:\n“12 mN”",
+    frame=3,
+    frame_id=77,
+    verdict=verdict(12.5, (11.0, 13.5)),
+    latency_ms=0.75,
+    lost=2,
+    time_to_bound_ms=900.0,
+    time_to_bound_ms_interval=(310.5, None),
+)
+OF_VERDICT = (
+    "force_mn",
+    "interval_mn",
+    "predicted",
+    "probabilities",
+    "usable",
+    "reason",
+)
 
 
 def decision(state: str = "WATCHING", **said: Any) -> Entry:
@@ -178,7 +248,20 @@ class FakeCompanion:
         self.theirs.close()
 
 
-MATRIX = (SCALE_M[0] * 1e3, 0.0, 0.0, 0.0, SCALE_M[1] * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+MATRIX = (
+    SCALE_M[0] * 1e3,
+    0.0,
+    0.0,
+    0.0,
+    SCALE_M[1] * 1e3,
+    0.0,
+    0.0,
+    0.0,
+    1.0,
+    0.0,
+    0.0,
+    0.0,
+)
 SERIALS = count(1)
 FRAME_S = 0.01  # between two frames of a scanner
 LOOK_S = 6.0  # of a watchdog that no busy machine makes impatient
@@ -221,13 +304,18 @@ def serving(companions: Companions | None = None, **settings: Any) -> Iterator[i
 
 
 @contextmanager
-def small_monitor(errors: int | None = None, look_s: float = LOOK_S) -> Iterator[Running]:
+def small_monitor(
+    errors: int | None = None, look_s: float = LOOK_S
+) -> Iterator[Running]:
     """Run a small monitor, with its watchdog, in a process of its own until the block ends; `errors` is its fd 2."""
     script = Path(__file__).with_name("small_monitor.py")
     process = subprocess.Popen(
-        [sys.executable, str(script), str(look_s)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
+        [sys.executable, str(script), str(look_s)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=errors,
         text=True,
-    )  # fmt: skip
+    )
     assert process.stdin
     assert process.stdout
     try:
@@ -249,10 +337,16 @@ class Peer:
 
     connected: ClassVar[set["Peer"]] = set()
 
-    def __init__(self, port: int, version: int = 1, clock: TurnedClock | None = None) -> None:
+    def __init__(
+        self, port: int, version: int = 1, clock: TurnedClock | None = None
+    ) -> None:
         self.link = socket.create_connection(("127.0.0.1", port), timeout=FUSE_S)
         self.clock, self.closed = clock, False
-        self.version, self.heard, self.decoder = version, list[tuple[str, Message]](), Decoder()
+        self.version, self.heard, self.decoder = (
+            version,
+            list[tuple[str, Message]](),
+            Decoder(),
+        )
         self.versions: set[int] = set()
         self.arrived: list[bytes] = []
         self.connected.add(self)
@@ -267,28 +361,54 @@ class Peer:
     def fileno(self) -> int:
         return self.link.fileno()
 
-    def say(self, message: Message, device: str = "Scanner", time_s: float | None = None, message_id: int = 0) -> None:
+    def say(
+        self,
+        message: Message,
+        device: str = "Scanner",
+        time_s: float | None = None,
+        message_id: int = 0,
+    ) -> None:
         if self.clock and isinstance(message, Image):
             self.clock.turn(FRAME_S)
         stamp = (self.clock or time)() if time_s is None else time_s
-        self.link.sendall(encode(message, device, version=self.version, time_s=stamp, message_id=message_id))
+        self.link.sendall(
+            encode(
+                message,
+                device,
+                version=self.version,
+                time_s=stamp,
+                message_id=message_id,
+            )
+        )
 
-    def show(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: Any) -> None:
+    def show(
+        self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: Any
+    ) -> None:
         """Send a frame that reads as a force."""
-        pixels = frame_of(round(force_mn * 1e3), next(SERIALS)) if pixels is None else pixels
+        pixels = (
+            frame_of(round(force_mn * 1e3), next(SERIALS)) if pixels is None else pixels
+        )
         self.say(Image(pixels[None], MATRIX), **header)
 
-    def read(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: Any) -> None:
+    def read(
+        self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: Any
+    ) -> None:
         """Send a frame and wait until it is answered."""
         before = self.readings()
         self.show(force_mn, pixels, **header)
         self.hear(lambda peer: peer.readings() > before)
         assert self.readings() > before, "a frame was not answered"
 
-    def hear(self, done: Callable[["Peer"], bool] = lambda _: False, within_s: float | None = None) -> None:
+    def hear(
+        self,
+        done: Callable[["Peer"], bool] = lambda _: False,
+        within_s: float | None = None,
+    ) -> None:
         """Take what comes until `done`; a closed connection ends it as well, or a time that is given."""
         end_s = monotonic() + (FUSE_S if within_s is None else within_s)
-        while not done(self) and not self.closed and (left_s := end_s - monotonic()) > 0:
+        while (
+            not done(self) and not self.closed and (left_s := end_s - monotonic()) > 0
+        ):
             if not self.arrived:
                 for peer in select([*self.connected], [], [], left_s)[0]:
                     peer._receive()
@@ -299,7 +419,9 @@ class Peer:
                     assert isinstance(event, Received)
                     self.versions.add(event.header.version)
                     self.heard.append((event.header.device, event.message))
-        assert within_s is not None or self.closed or done(self), f"{self.readings()} readings, {self.statuses()[-1:]}"
+        assert within_s is not None or self.closed or done(self), (
+            f"{self.readings()} readings, {self.statuses()[-1:]}"
+        )
 
     def _receive(self) -> None:
         """Take what has come from the system; nothing at the end of the connection."""
@@ -324,7 +446,9 @@ class Peer:
     def wait_for_code(self, code: int) -> Status:
         """Return the first STATUS of a code that comes from now on."""
         since = len(self.statuses())
-        self.hear(lambda peer: any(status.code == code for status in peer.statuses()[since:]))
+        self.hear(
+            lambda peer: any(status.code == code for status in peer.statuses()[since:])
+        )
         found = [status for status in self.statuses()[since:] if status.code == code]
         assert found, f"no STATUS {code} came, but {self.statuses()[since:]}"
         return found[0]
@@ -338,6 +462,10 @@ class Peer:
     def watch_until(self, code: int) -> Status:
         """Send harmless frames until the monitor says a code; return that STATUS."""
         since = len(self.statuses())
-        while not (found := [status for status in self.statuses()[since:] if status.code == code]):
+        while not (
+            found := [
+                status for status in self.statuses()[since:] if status.code == code
+            ]
+        ):
             self.read(10.0)
         return found[0]

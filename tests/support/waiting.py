@@ -16,7 +16,9 @@ LIMIT_S = 240.0  # of a test that starts a monitor, on a busy machine
 @contextmanager
 def ends(pipe: IO[str], seconds: float = LIMIT_S) -> Iterator[None]:
     """Kill whoever else holds a pipe when this takes longer: whoever reads it then sees its end (Linux only)."""
-    timer = Timer(seconds, _kill_holders, (os.readlink(f"/proc/self/fd/{pipe.fileno()}"),))
+    timer = Timer(
+        seconds, _kill_holders, (os.readlink(f"/proc/self/fd/{pipe.fileno()}"),)
+    )
     timer.start()
     try:
         yield
@@ -42,6 +44,12 @@ def wait_until(holds: Callable[[], bool]) -> None:
 def alive(pid: int) -> bool:
     """Return True if a process runs: a zombie has ended."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()[0] != "Z"
+        return (
+            Path(f"/proc/{pid}/stat")
+            .read_text(encoding="ascii")
+            .rsplit(")", 1)[1]
+            .split()[0]
+            != "Z"
+        )
     except OSError:
         return False

@@ -16,7 +16,9 @@ from speed.solvers.problem import r1_mesh
 NEEDLE_RADIUS_M = 0.35e-3
 GOAL_MS, FIRST_GOAL_MS = 2.0, 5.0  # the second: of a single contact
 PEER = "SciPy's factor of scikit-fem's matrix"
-TOGETHER = 32  # right-hand sides in one triangular solve, as the data set's walls are solved
+TOGETHER = (
+    32  # right-hand sides in one triangular solve, as the data set's walls are solved
+)
 MANY = f"another contact, of {TOGETHER} together"
 SOFA_MS = 26.0
 SETTINGS = """An eye of 0.5 mm, prepared: mesh made, matrix factored. What is timed is the displacement of all
@@ -26,7 +28,9 @@ nodes, and its value under the needle. In turns, in one process."""
 def measure(run: Run) -> Table:
     """Time further loads, in this package and with a factor that one keeps oneself."""
     wall = LinearWall(r1_mesh("even", run.quick), NU)
-    others = iter(np.random.default_rng(0).uniform([0.4, -3.0], [0.8, 3.0], (2000, 2)).tolist())
+    others = iter(
+        np.random.default_rng(0).uniform([0.4, -3.0], [0.8, 3.0], (2000, 2)).tolist()
+    )
     needle_nc = wall.needle_cnc([CONTACT], NEEDLE_RADIUS_M)[0]
     peer = assemble(run.quick)
     free = peer.basis.complement_dofs(peer.held)
@@ -34,7 +38,10 @@ def measure(run: Run) -> Table:
     load = peer.load[free]
 
     def contacts(count: int) -> list[float]:
-        pressed = [Contact(polar_rad=polar, azimuth_rad=azimuth) for polar, azimuth in islice(others, count)]
+        pressed = [
+            Contact(polar_rad=polar, azimuth_rad=azimuth)
+            for polar, azimuth in islice(others, count)
+        ]
         moved_cnc = wall.needle_cnc(pressed, NEEDLE_RADIUS_M)
         return [
             tip_displacement(wall.mesh, contact, FORCE_N / E_PA * moved_nc)
@@ -43,7 +50,9 @@ def measure(run: Run) -> Table:
 
     def another_force() -> float:
         state = {"youngs_modulus_pa": E_PA, "iop_pa": 266.0, "density_kg_m3": 1100.0}
-        return tip_displacement(wall.mesh, CONTACT, wall.displacement(needle_nc, 0.02, **state))
+        return tip_displacement(
+            wall.mesh, CONTACT, wall.displacement(needle_nc, 0.02, **state)
+        )
 
     work = {
         "another contact": lambda: contacts(1),
@@ -53,7 +62,9 @@ def measure(run: Run) -> Table:
     }
     another_force()  # pressure and weight are solved for at the first
     taken = {
-        name: spread([1e3 * second / (TOGETHER if name == MANY else 1) for second in times])
+        name: spread(
+            [1e3 * second / (TOGETHER if name == MANY else 1) for second in times]
+        )
         for name, times in in_turns(work, run.count(40, 3)).items()
     }
     settings = {
@@ -74,5 +85,10 @@ def measure(run: Run) -> Table:
         )
         for name, found in taken.items()
     ]
-    sofa = Row(what="SOFA, factor kept", value=SOFA_MS, unit="ms", source="SOFA v26.06 in C++, by hand, another day")
+    sofa = Row(
+        what="SOFA, factor kept",
+        value=SOFA_MS,
+        unit="ms",
+        source="SOFA v26.06 in C++, by hand, another day",
+    )
     return Table("Another load on the same eye", SETTINGS, (*rows, sofa))

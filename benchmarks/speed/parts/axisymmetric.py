@@ -17,7 +17,11 @@ LIBRARY, EVEN = "library.zarr", "even.zarr"  # in the run's folder
 PATH_GOAL_S, LIBRARY_GOAL_S = 0.05, 8.0
 PATHS_AT_ONCE = 8  # from thin to thick walls
 SOLID = "one path in three dimensions"
-SOLID_EYE: dict[str, Any] = {"thickness_m": 0.6e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0}
+SOLID_EYE: dict[str, Any] = {
+    "thickness_m": 0.6e-3,
+    "youngs_modulus_pa": 0.3e6,
+    "iop_pa": 266.0,
+}
 SETTINGS = """Load paths of a neo-Hookean wall under the needle at the pole, as the response library tabulates them.
 Nobody else tabulates; the prototype that this project was given took 24 s for 70 paths on two cores, on another
 day."""
@@ -33,12 +37,22 @@ def measure(run: Run) -> Table:
     units = [plan.units * number // some for number in range(some)]
     work = {
         "one axisymmetric path": lambda: [solve_path(plan, unit) for unit in units],
-        SOLID: lambda: bend_eye(study, Contact(polar_rad=0.6), **SOLID_EYE, max_force_n=run.count(30, 3) * 1e-3),
+        SOLID: lambda: bend_eye(
+            study,
+            Contact(polar_rad=0.6),
+            **SOLID_EYE,
+            max_force_n=run.count(30, 3) * 1e-3,
+        ),
     }
     taken = in_turns(work, run.count(2, 1))
-    path_s = spread([seconds / len(units) for seconds in taken["one axisymmetric path"]])
+    path_s = spread(
+        [seconds / len(units) for seconds in taken["one axisymmetric path"]]
+    )
     solid_s = spread(taken[SOLID])
-    even_s, library_s = _library_seconds(even, run, EVEN), _library_seconds(study, run, LIBRARY)
+    even_s, library_s = (
+        _library_seconds(even, run, EVEN),
+        _library_seconds(study, run, LIBRARY),
+    )
     cores = available_cores()
     return Table(
         "Axisymmetric paths and the library",
@@ -54,7 +68,12 @@ def measure(run: Run) -> Table:
                 settings=f"mean of {len(units)} of the library's walls, {plan.grid.tips} dents each; one process, "
                 "compiled loops",
             ),
-            Row(what=SOLID, unit="s", **solid_s, settings="`bend_eye` on the graded mesh, 0.6 mm, to 30 mN"),
+            Row(
+                what=SOLID,
+                unit="s",
+                **solid_s,
+                settings="`bend_eye` on the graded mesh, 0.6 mm, to 30 mN",
+            ),
             Row(
                 what=f"library of {plan.units} paths, tissue that does not stiffen",
                 value=even_s,

@@ -28,8 +28,15 @@ def measure(run: Run) -> Table:
     start = perf_counter()
     fitted = fit(network, training, unseen)
     ours_s = perf_counter() - start
-    inputs, asked = ((part.pixels > 0).astype(np.float32) for part in (training, unseen))
-    peer = MLPClassifier(network.hidden, early_stopping=True, max_iter=run.count(MOST_EPOCHS, 12), random_state=0)
+    inputs, asked = (
+        (part.pixels > 0).astype(np.float32) for part in (training, unseen)
+    )
+    peer = MLPClassifier(
+        network.hidden,
+        early_stopping=True,
+        max_iter=run.count(MOST_EPOCHS, 12),
+        random_state=0,
+    )
     start = perf_counter()
     peer.fit(inputs, training.target)
     peer_s = perf_counter() - start
@@ -46,7 +53,10 @@ def measure(run: Run) -> Table:
                 beside_value=peer_s,
                 settings=f"{sizes}, dropout {network.dropout:g}, {network.dropout_masks} masks, mirrored slices; "
                 f"{CLASSIFIER_THREADS} threads of PyTorch, its validation after each epoch included",
-                more={"right class, %": 100.0 * fitted.curves.validation_accuracy[-1], "epochs": float(network.epochs)},
+                more={
+                    "right class, %": 100.0 * fitted.curves.validation_accuracy[-1],
+                    "epochs": float(network.epochs),
+                },
             ),
             Row(
                 what=PEER,
@@ -54,7 +64,10 @@ def measure(run: Run) -> Table:
                 unit="s",
                 settings=f"{sizes}, default settings (Adam, batches of 200), but `early_stopping`, and "
                 f"{MOST_EPOCHS} epochs at most",
-                more={"right class, %": 100.0 * float(peer.score(asked, unseen.target)), "epochs": float(peer.n_iter_)},
+                more={
+                    "right class, %": 100.0 * float(peer.score(asked, unseen.target)),
+                    "epochs": float(peer.n_iter_),
+                },
             ),
         ),
     )

@@ -21,7 +21,16 @@ def measure(run: Run) -> Table:
     """Start each command several times."""
     path = made_recording(run)
     frame = read_recording(path).frame_path(read_recording(path).frames[0])
-    known = ["--youngs-modulus-mpa", "0.3", "--iop-mmhg", "2", "--thickness-um", "650", "--gap-mm", "0.5"]
+    known = [
+        "--youngs-modulus-mpa",
+        "0.3",
+        "--iop-mmhg",
+        "2",
+        "--thickness-um",
+        "650",
+        "--gap-mm",
+        "0.5",
+    ]
     eye, out, mechanics = (
         run.folder / "eye",
         run.folder / "eye.json",
@@ -34,7 +43,9 @@ def measure(run: Run) -> Table:
         HELP: scleraforce("--help"),
         IMPORTS: [sys.executable, "-c", "import numpy, cv2, onnxruntime"],
         READ: scleraforce("read", "default", str(frame), *known),
-        CALIBRATE: scleraforce("calibrate", str(eye), "--frames", "3", "--out", str(out)),
+        CALIBRATE: scleraforce(
+            "calibrate", str(eye), "--frames", "3", "--out", str(out)
+        ),
     }
     taken: dict[str, list[float]] = {name: [] for name in commands}
     for _ in range(run.count(12, 1)):

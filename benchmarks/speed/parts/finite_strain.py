@@ -21,9 +21,12 @@ def measure(run: Run) -> Table:
     kinds = {BENT: "finite-strain", LINEAR: "linear"}
     small = {name: bend(force_n=1e-4, mechanics=kind) for name, kind in kinds.items()}
     work: dict[str, Callable[[], SimulatedEye]] = {
-        name: partial(bend, force_n=run.count(30, 3) * 1e-3, mechanics=kind) for name, kind in kinds.items()
+        name: partial(bend, force_n=run.count(30, 3) * 1e-3, mechanics=kind)
+        for name, kind in kinds.items()
     }
-    taken = {name: spread(times) for name, times in in_turns(work, run.count(3, 1)).items()}
+    taken = {
+        name: spread(times) for name, times in in_turns(work, run.count(3, 1)).items()
+    }
     rows = [
         Row(
             what=name,
@@ -32,7 +35,10 @@ def measure(run: Run) -> Table:
             beside=LINEAR if name == BENT else "",
             beside_value=taken[LINEAR]["value"] if name == BENT else None,
             goal=GOAL_S if name == BENT else None,
-            more={"elements": float(len(eye.mesh.cells_en)), "unknowns": float(eye.mesh.points_nc.size)},
+            more={
+                "elements": float(len(eye.mesh.cells_en)),
+                "unknowns": float(eye.mesh.points_nc.size),
+            },
         )
         for name, eye in small.items()
     ]

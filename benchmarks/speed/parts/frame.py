@@ -29,7 +29,12 @@ FIT_EVERY = 10  # frames of the recording
 MODULUS_PA, MODULUS_SD_PA = 0.3e6, 4.5e3  # of its eye, as a calibration finds it
 CRUDE, SEGMENT, READ = "plain median and Otsu", "segment", "all of the live reading"
 FIT, FIT_OPEN, FIT_UNKNOWN = "fit", "fit, open globe", "fit, unknown globe"
-GOALS_MS = {SEGMENT: (0.35, 0.7), FIT: (1.0, None), FIT_OPEN: (2.0, None), FIT_UNKNOWN: (8.0, None)}
+GOALS_MS = {
+    SEGMENT: (0.35, 0.7),
+    FIT: (1.0, None),
+    FIT_OPEN: (2.0, None),
+    FIT_UNKNOWN: (8.0, None),
+}
 SETTINGS = """Frames of 512 x 512 pixels and 16 bits, drawn from the shipped reader's library under 0 to 60 mN; one
 core. Between two calls there is a pause of 10 ms, as between the frames of a scanner: caches are cold. The rows are
 taken in turns, frame by frame."""
@@ -50,13 +55,18 @@ def measure(run: Run) -> Table:
     reader = shipped_reader()
     eyes = draw_eyes(reader, run.count(24, 4))
     work = _work(reader, eyes) | {FIT: _fit(reader, made_recording(run))}
-    work |= {FIT_OPEN: _fits(reader, eyes, OPEN), FIT_UNKNOWN: _fits(reader, eyes, UNKNOWN)}
+    work |= {
+        FIT_OPEN: _fits(reader, eyes, OPEN),
+        FIT_UNKNOWN: _fits(reader, eyes, UNKNOWN),
+    }
     for do in work.values():
         do(0)
     gc.collect()
     gc.freeze()
     cold = _cold(work, len(eyes), run.count(16, 2))
-    rows = [row for name, times in cold.items() for row in _rows(name, times, cold[CRUDE])]
+    rows = [
+        row for name, times in cold.items() for row in _rows(name, times, cold[CRUDE])
+    ]
     again = {name: _again(work[name], len(eyes)) for name in (CRUDE, SEGMENT)}
     in_a_row = Row(
         what=f"{SEGMENT}, the same frame again",
@@ -89,10 +99,17 @@ def _fit(reader: ForceReader, path: Path) -> Work:
     """Return the function that fits a wall to a frame of the recording, with a monitor's known inputs."""
     recording = read_recording(path)
     known = replace(
-        known_of_recording(recording.info), modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=MODULUS_SD_PA, source="own")
+        known_of_recording(recording.info),
+        modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=MODULUS_SD_PA, source="own"),
     )
-    scale, prior = PixelScale.of(recording.info.oct), prior_of(known, reader.study.reader)
-    library, smoothing_m = reader.library_for(known), reader.study.calibration.surface_smoothing_m
+    scale, prior = (
+        PixelScale.of(recording.info.oct),
+        prior_of(known, reader.study.reader),
+    )
+    library, smoothing_m = (
+        reader.library_for(known),
+        reader.study.calibration.surface_smoothing_m,
+    )
     frames = [recording.frame(entry) for entry in recording.frames[::FIT_EVERY]]
     seen = [segmented_boundaries(find_wall(frame, scale), scale) for frame in frames]
 
@@ -109,8 +126,16 @@ def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> W
     for eye in eyes:
         known = replace(eye.known, globe=globe)
         seen = segmented_boundaries(find_wall(eye.frame, eye.scale), eye.scale)
-        one = reader.library_for(known), seen.lateral_m, seen.depth_m, prior_of(known, reader.study.reader), smoothing_m
-        if fit_boundaries(*one) is not None:  # a frame that shows too little is refused at once
+        one = (
+            reader.library_for(known),
+            seen.lateral_m,
+            seen.depth_m,
+            prior_of(known, reader.study.reader),
+            smoothing_m,
+        )
+        if (
+            fit_boundaries(*one) is not None
+        ):  # a frame that shows too little is refused at once
             inputs.append(one)
     return lambda n: fit_boundaries(*inputs[n % len(inputs)])
 
@@ -149,5 +174,10 @@ def _rows(name: str, times: Sequence[float], beside: Sequence[float]) -> list[Ro
             goal=goal,
             settings=WORDS[name] if share == 0.5 else "",
         )
-        for words, share, goal in zip(("median", "99 %"), (0.5, 0.99), GOALS_MS.get(name, (None, None)), strict=True)
+        for words, share, goal in zip(
+            ("median", "99 %"),
+            (0.5, 0.99),
+            GOALS_MS.get(name, (None, None)),
+            strict=True,
+        )
     ]

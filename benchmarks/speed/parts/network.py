@@ -43,9 +43,14 @@ def measure(run: Run) -> Table:
     reader = shipped_reader()
     eyes = draw_eyes(reader, run.count(48, 6))
     found = [find_wall(eye.frame, eye.scale) for eye in eyes]
-    cuts = [boundary_slices(seen, e.scale, reader.study.slice, SHIFTS)[0] for seen, e in zip(found, eyes, strict=True)]
+    cuts = [
+        boundary_slices(seen, e.scale, reader.study.slice, SHIFTS)[0]
+        for seen, e in zip(found, eyes, strict=True)
+    ]
     network = (SHIPPED_READER / NETWORK_FILE).read_bytes()
-    small = _quantized(network, run.folder, list(zip(cuts, eyes, strict=True))[::2], reader.study)
+    small = _quantized(
+        network, run.folder, list(zip(cuts, eyes, strict=True))[::2], reader.study
+    )
     ways: dict[str, Read] = {
         ONNX: _by_onnx(network, reader.study),
         TORCH: _by_torch(network, reader.study),
@@ -61,7 +66,9 @@ def measure(run: Run) -> Table:
             times[name].append(1e3 * (perf_counter() - start))
             forces_n[name].append(force_n)
     medians = {name: spread(taken) for name, taken in times.items()}
-    off_mn = {name: 1e3 * np.abs(np.subtract(forces_n[name], forces_n[ONNX])) for name in ways}
+    off_mn = {
+        name: 1e3 * np.abs(np.subtract(forces_n[name], forces_n[ONNX])) for name in ways
+    }
     rows = [
         Row(
             what=name,
@@ -70,7 +77,10 @@ def measure(run: Run) -> Table:
             beside=ONNX if name != ONNX else "",
             beside_value=medians[ONNX]["value"] if name != ONNX else None,
             settings=WORDS[name],
-            more={"difference, mN": float(off_mn[name].max()), "in the mean, mN": float(off_mn[name].mean())},
+            more={
+                "difference, mN": float(off_mn[name].max()),
+                "in the mean, mN": float(off_mn[name].mean()),
+            },
         )
         for name in ways
     ]
@@ -91,22 +101,31 @@ def _by_torch(network: bytes, study: Study) -> Read:
     torch.set_num_threads(1)
     module = ReaderNetwork(study.reader, study.slice, study.eye.radius_m).eval()
     stored = {
-        entry.name: onnx.numpy_helper.to_array(entry) for entry in onnx.load_from_string(network).graph.initializer
+        entry.name: onnx.numpy_helper.to_array(entry)
+        for entry in onnx.load_from_string(network).graph.initializer
     }
     names = {
-        name: f"network.{name}" if f"network.{name}" in stored else _stored_name(name) for name in module.state_dict()
+        name: f"network.{name}" if f"network.{name}" in stored else _stored_name(name)
+        for name in module.state_dict()
     }
-    module.load_state_dict({name: torch.from_numpy(stored[names[name]].copy()) for name in names}, strict=True)
+    module.load_state_dict(
+        {name: torch.from_numpy(stored[names[name]].copy()) for name in names},
+        strict=True,
+    )
     edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
 
     def read(cuts: Slices, known: Known) -> float:
         told = given_eye(known)
         given = np.repeat(given_inputs(told, study.reader), len(cuts), axis=0)
         with torch.inference_mode():
-            mixture, _ = module(torch.from_numpy((cuts > 0).astype(np.float32)), torch.from_numpy(given))
+            mixture, _ = module(
+                torch.from_numpy((cuts > 0).astype(np.float32)), torch.from_numpy(given)
+            )
             mean = histogram(mixture, study.reader.bins).mean(dim=0).tolist()
         modulus_pa, _ = given_modulus(told, study.reader)
-        return histogram_reading(mean, edges_m2, float(modulus_pa[0]), study.classes.bounds_n).force_n
+        return histogram_reading(
+            mean, edges_m2, float(modulus_pa[0]), study.classes.bounds_n
+        ).force_n
 
     return read
 
@@ -119,7 +138,12 @@ def _stored_name(name: str) -> str:
     """
     layer, _, rest = name.partition(".")
     number, _, kind = rest.rpartition(".")
-    prefix = {"given_layer": "known_linear_", "hidden": f"linear{number}_", "force": "mixture_", "place": "place_mm_"}
+    prefix = {
+        "given_layer": "known_linear_",
+        "hidden": f"linear{number}_",
+        "force": "mixture_",
+        "place": "place_mm_",
+    }
     if layer == "convolutions":
         return f"{kind}{number}"
     return f"{prefix[layer]}{kind}" if layer in prefix else name
@@ -127,7 +151,11 @@ def _stored_name(name: str) -> str:
 
 def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -> bytes:
     """Return the network with weights and signals of 8 bits, their ranges taken from samples."""
-    from onnxruntime.quantization import CalibrationDataReader, QuantFormat, quantize_static  # type: ignore[import-untyped]  # it ships no types
+    from onnxruntime.quantization import (
+        CalibrationDataReader,
+        QuantFormat,
+        quantize_static,
+    )  # type: ignore[import-untyped]  # it ships no types
 
     class Samples(CalibrationDataReader):  # type: ignore[misc]  # as above
         """The inputs that the ranges are taken from."""
@@ -146,5 +174,12 @@ def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -
 
     before, after = folder / "fp32.onnx", folder / "int8.onnx"
     before.write_bytes(network)
-    quantize_static(before, after, Samples(), QuantFormat.QDQ, per_channel=True, op_types_to_quantize=["Conv", "Gemm"])
+    quantize_static(
+        before,
+        after,
+        Samples(),
+        QuantFormat.QDQ,
+        per_channel=True,
+        op_types_to_quantize=["Conv", "Gemm"],
+    )
     return after.read_bytes()

@@ -20,7 +20,9 @@ QUICK_TEST = "tests/test_whole_files.py"
 
 def measure(run: Run) -> Table:
     """Run what was asked for; say where the rest is from."""
-    return Table("The whole pipeline and the tests", SETTINGS, (_reproduce(run), _tests(run)))
+    return Table(
+        "The whole pipeline and the tests", SETTINGS, (_reproduce(run), _tests(run))
+    )
 
 
 def _reproduce(run: Run) -> Row:
@@ -29,25 +31,69 @@ def _reproduce(run: Run) -> Row:
         study = ["--study", str(QUICK_STUDY), "--train"] if run.quick else []
         start = perf_counter()
         subprocess.run(
-            scleraforce("reproduce", "--out", str(run.folder / "reproduce"), *study), stdout=sys.stderr, check=True
+            scleraforce("reproduce", "--out", str(run.folder / "reproduce"), *study),
+            stdout=sys.stderr,
+            check=True,
         )
-        seconds, source, words = perf_counter() - start, "", f"{available_cores()} processes"
+        seconds, source, words = (
+            perf_counter() - start,
+            "",
+            f"{available_cores()} processes",
+        )
     elif STATE.exists():
         seconds = sum(json.loads(STATE.read_text(encoding="utf-8"))["seconds"].values())
         day = datetime.fromtimestamp(STATE.stat().st_mtime, UTC)
-        source, words = f"{STATE.relative_to(ROOT)}, {day:%-d %B %Y}", "the last one; --reproduce runs it"
+        source, words = (
+            f"{STATE.relative_to(ROOT)}, {day:%-d %B %Y}",
+            "the last one; --reproduce runs it",
+        )
     else:
-        return Row(what=what, value=None, unit="s", goal=REPRODUCE_GOAL_S, settings="not run; --reproduce runs it")
-    return Row(what=what, value=seconds, unit="s", goal=REPRODUCE_GOAL_S, settings=words, source=source)
+        return Row(
+            what=what,
+            value=None,
+            unit="s",
+            goal=REPRODUCE_GOAL_S,
+            settings="not run; --reproduce runs it",
+        )
+    return Row(
+        what=what,
+        value=seconds,
+        unit="s",
+        goal=REPRODUCE_GOAL_S,
+        settings=words,
+        source=source,
+    )
 
 
 def _tests(run: Run) -> Row:
     what = "`make test`"
     if not run.full("tests"):
-        return Row(what=what, value=None, unit="s", goal=TESTS_GOAL_S, settings="not run; --tests runs it")
+        return Row(
+            what=what,
+            value=None,
+            unit="s",
+            goal=TESTS_GOAL_S,
+            settings="not run; --tests runs it",
+        )
     start = perf_counter()
     chosen = [QUICK_TEST] if run.quick else ["-n", "2", "--dist", "worksteal"]
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    subprocess.run([sys.executable, "-m", "pytest", *chosen], cwd=ROOT, env=environment, stdout=sys.stderr, check=True)
-    words = f"{QUICK_TEST} alone" if run.quick else "two processes, as `make test` starts them"
-    return Row(what=what, value=perf_counter() - start, unit="s", goal=TESTS_GOAL_S, settings=words)
+    subprocess.run(
+        [sys.executable, "-m", "pytest", *chosen],
+        cwd=ROOT,
+        env=environment,
+        stdout=sys.stderr,
+        check=True,
+    )
+    words = (
+        f"{QUICK_TEST} alone"
+        if run.quick
+        else "two processes, as `make test` starts them"
+    )
+    return Row(
+        what=what,
+        value=perf_counter() - start,
+        unit="s",
+        goal=TESTS_GOAL_S,
+        settings=words,
+    )

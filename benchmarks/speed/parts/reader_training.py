@@ -21,11 +21,16 @@ trains such a reader."""
 def measure(run: Run) -> Table:
     """Train the reader."""
     study, library = run.study, _library(run)
-    parts = replace(study.reader, epochs=EPOCHS, interval_eyes=min(EYES, study.reader.interval_eyes))
+    parts = replace(
+        study.reader, epochs=EPOCHS, interval_eyes=min(EYES, study.reader.interval_eyes)
+    )
     full = "training" in run.options
-    began_s, epochs_s, eyes_s, end_s, trained = _marks(study if full else replace(study, reader=parts), library, run)
+    began_s, epochs_s, eyes_s, end_s, trained = _marks(
+        study if full else replace(study, reader=parts), library, run
+    )
     sizes = (
-        f"{study.reader.epochs} epochs of {study.reader.samples_per_epoch:,} samples, {study.reader.interval_eyes} eyes"
+        f"{study.reader.epochs} epochs of {study.reader.samples_per_epoch:,} samples, "
+        f"{study.reader.interval_eyes} eyes"
     )
     if full:
         seconds, words = end_s - began_s, f"{sizes}: done to the end"
@@ -33,9 +38,18 @@ def measure(run: Run) -> Table:
         seconds = whole_seconds(study, began_s, epochs_s, eyes_s, end_s)
         words = f"{sizes}: estimated from {len(epochs_s)} epochs and {len(eyes_s)} eyes; --training does all"
     each = {"an epoch, s": _each(epochs_s), "an eye, s": _each(eyes_s)}
-    accuracy = {"right class, %": 100.0 * trained["metrics"]["validation_accuracy"]} if full else {}
+    accuracy = (
+        {"right class, %": 100.0 * trained["metrics"]["validation_accuracy"]}
+        if full
+        else {}
+    )
     row = Row(
-        what="the reader, default training", value=seconds, unit="s", goal=GOAL_S, settings=words, more=each | accuracy
+        what="the reader, default training",
+        value=seconds,
+        unit="s",
+        goal=GOAL_S,
+        settings=words,
+        more=each | accuracy,
     )
     eyes = study.reader.interval_eyes
     intervals = Row(
@@ -48,7 +62,13 @@ def measure(run: Run) -> Table:
     return Table("Training the reader", SETTINGS, (row, intervals))
 
 
-def whole_seconds(study: Study, began_s: float, epochs_s: list[float], eyes_s: list[float], end_s: float) -> float:
+def whole_seconds(
+    study: Study,
+    began_s: float,
+    epochs_s: list[float],
+    eyes_s: list[float],
+    end_s: float,
+) -> float:
     """Return what the whole training would take, of the times when epochs and eyes of a shorter one were done.
 
     What is done once, before, between and after them, counts once.
@@ -68,7 +88,9 @@ def _each(marks_s: list[float]) -> float:
     return (marks_s[-1] - marks_s[0]) / (len(marks_s) - 1)
 
 
-def _marks(study: Study, library: Library, run: Run) -> tuple[float, list[float], list[float], float, Any]:
+def _marks(
+    study: Study, library: Library, run: Run
+) -> tuple[float, list[float], list[float], float, Any]:
     """Train; return when it began, when each epoch and each eye was done, when it ended, and what it reached."""
     from scleraforce.learning.train import train_reader
 

@@ -44,12 +44,25 @@ def session_rows(run: Run) -> list[Row]:
         )
     for role in ROLES:
         rss_mb, pss_mb = found["memory_mb"][role]
-        rows.append(Row(what=f"{role}: memory", unit="MB", value=rss_mb, goal=GOAL_MB, more={"PSS, MB": pss_mb}))
+        rows.append(
+            Row(
+                what=f"{role}: memory",
+                unit="MB",
+                value=rss_mb,
+                goal=GOAL_MB,
+                more={"PSS, MB": pss_mb},
+            )
+        )
     return rows
 
 
 def _session(run: Run, name: str) -> dict[str, Any]:
-    command = [sys.executable, str(ROOT / "benchmarks" / "bench_monitor.py"), "session", str(SHIPPED_READER)]
+    command = [
+        sys.executable,
+        str(ROOT / "benchmarks" / "bench_monitor.py"),
+        "session",
+        str(SHIPPED_READER),
+    ]
     command += [
         str(made_recording(run)),
         "--remote",
@@ -66,7 +79,10 @@ def _session(run: Run, name: str) -> dict[str, Any]:
 @contextmanager
 def busy(loops: int) -> Iterator[None]:
     """Run loops that do nothing, each in a process."""
-    processes = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(loops)]
+    processes = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"])
+        for _ in range(loops)
+    ]
     try:
         yield
     finally:

@@ -20,7 +20,12 @@ OURS = {
     "20-node": "20 quads along an edge, one layer, 20 nodes",
     "paper's": "9,600 trilinear hexahedra in two layers: it locks",
 }
-ELEMENTS = {"C3D20": "20-node", "C3D20R": "20-node", "C3D8": "paper's", "C3D8I": "paper's"}
+ELEMENTS = {
+    "C3D20": "20-node",
+    "C3D20R": "20-node",
+    "C3D8": "paper's",
+    "C3D8I": "paper's",
+}
 SCIKIT_FEM = "plain scikit-fem"
 # SOFA v26.06, HexahedronFEMForceField, StaticSolver, Eigen LDLT: s, unknowns, tip in mm beside a converged 2.135.
 SOFA = {"9,600": (3.0, 43_929, 1.743), "14,400": (9.3, 58_572, 1.867)}
@@ -45,7 +50,9 @@ def measure(run: Run) -> Table:
     """Solve R1 in every program, in turns."""
     solvers = {f"ours, {name}": partial(_ours, name, run.quick) for name in OURS}
     if is_installed():
-        solvers |= {f"CalculiX {name}": partial(_calculix, name, run) for name in ELEMENTS}
+        solvers |= {
+            f"CalculiX {name}": partial(_calculix, name, run) for name in ELEMENTS
+        }
     taken: dict[str, list[Taken]] = defaultdict(list)
     for _ in range(run.count(5, 1)):
         for name, solve in solvers.items():
@@ -65,13 +72,19 @@ def _scikit_fem(quick: bool) -> Taken:
 
 
 def _told(module: str, mesh: str | None, quick: bool) -> Taken:
-    told, process_s = ask_module(module, *filter(None, (mesh, "--quick" if quick else None)))
+    told, process_s = ask_module(
+        module, *filter(None, (mesh, "--quick" if quick else None))
+    )
     return Taken(Solved(**told), process_s)
 
 
 def _calculix(element: str, run: Run) -> Taken:
     mesh = r1_mesh(ELEMENTS[element], run.quick)
-    material = {"youngs_modulus_pa": E_PA, "poisson_ratio": NU, "density_kg_m3": DENSITY_KG_M3}
+    material = {
+        "youngs_modulus_pa": E_PA,
+        "poisson_ratio": NU,
+        "density_kg_m3": DENSITY_KG_M3,
+    }
     deck = input_deck(mesh, element, force_cards(r1_forces(mesh)), **material)
     folder = run.folder / f"calculix-{element}"
     folder.mkdir(exist_ok=True)
@@ -123,7 +136,14 @@ def _words(name: str) -> str:
 def _absent() -> list[Row]:
     if is_installed():
         return []
-    return [Row(what="CalculiX", value=None, unit="s", settings="`ccx` is not installed here")]
+    return [
+        Row(
+            what="CalculiX",
+            value=None,
+            unit="s",
+            settings="`ccx` is not installed here",
+        )
+    ]
 
 
 def _sofa() -> list[Row]:

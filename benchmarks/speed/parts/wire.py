@@ -24,7 +24,11 @@ from speed.run import ROOT, Run
 
 PAUSE_S = 0.01
 VARIANT = "without the second opinion"
-OURS, PLAIN, PYIGTL = "the monitor's answer", "an echo in plain Python", "an echo by pyigtl"
+OURS, PLAIN, PYIGTL = (
+    "the monitor's answer",
+    "an echo in plain Python",
+    "an echo by pyigtl",
+)
 GOALS_MS = {"median": 1.0, "99 %": 1.8}
 SETTINGS = """From the last byte of a frame in the sender's socket to the STATUS in its hands; 512 x 512 pixels of
 16 bits, 100 frames a second, the shipped reader, on this machine. `benchmarks/bench_monitor.py latency` starts
@@ -42,16 +46,24 @@ WORDS = {
 def measure(run: Run) -> Table:
     """Measure the monitor and the echoes by turns."""
     recording = made_recording(run)
-    taken: dict[str, dict[str, list[float]]] = {name: {share: [] for share in GOALS_MS} for name in WORDS}
+    taken: dict[str, dict[str, list[float]]] = {
+        name: {share: [] for share in GOALS_MS} for name in WORDS
+    }
     for number in range(run.count(3, 1)):
-        found = _latency(recording, run.folder / f"latency-{number}.json", run.count(1000, 60))
+        found = _latency(
+            recording, run.folder / f"latency-{number}.json", run.count(1000, 60)
+        )
         pyigtl_ms = _pyigtl_ms(recording, run.count(300, 20))
         for share in GOALS_MS:
             taken[OURS][share].append(found["client"][share])
             taken[PLAIN][share].append(found["echo"][share])
-            taken[PYIGTL][share].append(float(np.quantile(pyigtl_ms, 0.5 if share == "median" else 0.99)))
+            taken[PYIGTL][share].append(
+                float(np.quantile(pyigtl_ms, 0.5 if share == "median" else 0.99))
+            )
     return Table(
-        "The answer on the wire", f"{SETTINGS} {session.SETTINGS}", (*_rows(taken), *session.session_rows(run))
+        "The answer on the wire",
+        f"{SETTINGS} {session.SETTINGS}",
+        (*_rows(taken), *session.session_rows(run)),
     )
 
 
@@ -74,19 +86,39 @@ def _rows(taken: dict[str, dict[str, list[float]]]) -> Iterator[Row]:
 
 def _latency(recording: Path, answer: Path, frames: int) -> dict[str, dict[str, float]]:
     """Run the monitor's own benchmark; return quantiles in ms by name."""
-    command = [sys.executable, str(ROOT / "benchmarks" / "bench_monitor.py"), "latency", str(SHIPPED_READER)]
-    command += [str(recording), "--frames", str(frames), "--without", "--json", str(answer)]
+    command = [
+        sys.executable,
+        str(ROOT / "benchmarks" / "bench_monitor.py"),
+        "latency",
+        str(SHIPPED_READER),
+    ]
+    command += [
+        str(recording),
+        "--frames",
+        str(frames),
+        "--without",
+        "--json",
+        str(answer),
+    ]
     subprocess.run(command, stdout=sys.stderr, check=True)
-    found: dict[str, dict[str, float]] = json.loads(answer.read_text(encoding="utf-8"))[VARIANT]
+    found: dict[str, dict[str, float]] = json.loads(answer.read_text(encoding="utf-8"))[
+        VARIANT
+    ]
     return found
 
 
 def _pyigtl_ms(recording: Path, frames: int) -> list[float]:
     """Return how long pyigtl's echo takes for each frame."""
     scan = read_recording(recording)
-    messages = [encode(Image(scan.frame(entry)[None]), "Scanner", version=1) for entry in scan.frames[:20]]
+    messages = [
+        encode(Image(scan.frame(entry)[None]), "Scanner", version=1)
+        for entry in scan.frames[:20]
+    ]
     taken = []
-    with _pyigtl_server() as port, socket.create_connection(("127.0.0.1", port)) as link:
+    with (
+        _pyigtl_server() as port,
+        socket.create_connection(("127.0.0.1", port)) as link,
+    ):
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         for number in range(frames):
             sleep(PAUSE_S)
@@ -102,7 +134,9 @@ def _pyigtl_ms(recording: Path, frames: int) -> list[float]:
 def _pyigtl_server() -> Iterator[int]:
     """Run the echo in a process of its own."""
     command = [sys.executable, "-m", "speed.pyigtl_echo"]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
     assert process.stdin is not None
     assert process.stdout is not None
     try:

@@ -16,7 +16,10 @@ from speed.solvers.problem import peak_mb
 
 # CalculiX prints few digits (hence lengths in mm, forces in N, stresses in MPa, mass in t) and reads 20 characters.
 MM_PER_M = 1e3
-FIRST_STEP, LAST_STEP = "Determining the structure of the matrix", "Job finished"  # what it says of its own work
+FIRST_STEP, LAST_STEP = (
+    "Determining the structure of the matrix",
+    "Job finished",
+)  # what it says of its own work
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,26 +45,51 @@ def is_installed() -> bool:
 
 
 def input_deck(
-    mesh: HexMesh, element: str, loads: str, *, youngs_modulus_pa: float, poisson_ratio: float, density_kg_m3: float
+    mesh: HexMesh,
+    element: str,
+    loads: str,
+    *,
+    youngs_modulus_pa: float,
+    poisson_ratio: float,
+    density_kg_m3: float,
 ) -> str:
     """Return the input of a static, linear step: the wall of elements of 8 or 20 nodes, its base held."""
     lines = ["*NODE, NSET=ALL"]
-    lines += [f"{n + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for n, (x, y, z) in enumerate(mesh.points_nc * MM_PER_M)]
+    lines += [
+        f"{n + 1}, {x:.12e}, {y:.12e}, {z:.12e}"
+        for n, (x, y, z) in enumerate(mesh.points_nc * MM_PER_M)
+    ]
     lines += [f"*ELEMENT, TYPE={element}, ELSET=WALL"]
     for e, cell in enumerate(mesh.cells_en + 1):
         numbers = [e + 1, *cell]  # VTK's order of 8 and 20 nodes is also CalculiX's
-        lines += [", ".join(map(str, part)) + "," for part in (numbers[:15], numbers[15:]) if part]
+        lines += [
+            ", ".join(map(str, part)) + ","
+            for part in (numbers[:15], numbers[15:])
+            if part
+        ]
     lines += ["*NSET, NSET=BASE", *(f"{n + 1}," for n in mesh.base_nodes)]
-    lines += ["*MATERIAL, NAME=SCLERA", "*ELASTIC", f"{youngs_modulus_pa * 1e-6}, {poisson_ratio}"]
+    lines += [
+        "*MATERIAL, NAME=SCLERA",
+        "*ELASTIC",
+        f"{youngs_modulus_pa * 1e-6}, {poisson_ratio}",
+    ]
     lines += ["*DENSITY", f"{density_kg_m3 * 1e-12:.9e}"]
-    lines += ["*SOLID SECTION, ELSET=WALL, MATERIAL=SCLERA", "*BOUNDARY", "BASE, 1, 3", "*STEP", "*STATIC"]
+    lines += [
+        "*SOLID SECTION, ELSET=WALL, MATERIAL=SCLERA",
+        "*BOUNDARY",
+        "BASE, 1, 3",
+        "*STEP",
+        "*STATIC",
+    ]
     return "\n".join([*lines, loads, "*NODE PRINT, NSET=ALL", "U", "*END STEP", ""])
 
 
 def force_cards(forces_nc: NDArray[np.float64]) -> str:
     """Return concentrated forces (node, 3), N."""
     loaded = np.flatnonzero(forces_nc.any(axis=1))
-    return "*CLOAD\n" + "\n".join(f"{n + 1}, {c + 1}, {forces_nc[n, c]:.11e}" for n in loaded for c in range(3))
+    return "*CLOAD\n" + "\n".join(
+        f"{n + 1}, {c + 1}, {forces_nc[n, c]:.11e}" for n in loaded for c in range(3)
+    )
 
 
 def calculate(folder: Path, deck: str, nodes: int) -> Calculated:
@@ -76,7 +104,11 @@ def calculate(folder: Path, deck: str, nodes: int) -> Calculated:
     ours, theirs = pty.openpty()
     start = perf_counter()
     process = subprocess.Popen(
-        ["ccx", "wall"], cwd=folder, stdin=subprocess.DEVNULL, stdout=theirs, env={**os.environ, "OMP_NUM_THREADS": "1"}
+        ["ccx", "wall"],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=theirs,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
     )
     os.close(theirs)
     while part := _next_words(ours):
@@ -84,7 +116,9 @@ def calculate(folder: Path, deck: str, nodes: int) -> Calculated:
         said += part
         if not began and FIRST_STEP in said:
             began = seconds
-        peak = max(peak, peak_mb(process.pid))  # what it said last may be read after its end
+        peak = max(
+            peak, peak_mb(process.pid)
+        )  # what it said last may be read after its end
     os.close(ours)
     process.wait()
     if process.returncode or "ERROR" in said or LAST_STEP not in said:
@@ -107,7 +141,9 @@ def _next_words(terminal: int) -> str:
 
 def _read(path: Path, nodes: int) -> NDArray[np.float64]:
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
-    table = np.array([row for row in rows if len(row) == 4 and row[0].isdigit()], dtype=float)
+    table = np.array(
+        [row for row in rows if len(row) == 4 and row[0].isdigit()], dtype=float
+    )
     if len(table) != nodes:
         raise RuntimeError(f"ccx printed {len(table)} displacements of {nodes} nodes")
     found: NDArray[np.float64] = table[np.argsort(table[:, 0]), 1:] / MM_PER_M

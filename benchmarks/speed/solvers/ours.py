@@ -15,7 +15,10 @@ def solve(name: str, quick: bool) -> Solved:
     displacement_nc = LinearWall(mesh, NU).solve_one(r1_forces(mesh)) / E_PA
     seconds = perf_counter() - start
     return Solved(
-        seconds=seconds, unknowns=mesh.points_nc.size, tip_mm=tip_mm(mesh, displacement_nc), peak_mb=peak_mb()
+        seconds=seconds,
+        unknowns=mesh.points_nc.size,
+        tip_mm=tip_mm(mesh, displacement_nc),
+        peak_mb=peak_mb(),
     )
 
 

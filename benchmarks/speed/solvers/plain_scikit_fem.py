@@ -19,7 +19,9 @@ from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
 from speed.solvers.problem import THICKNESS_M, Solved, peak_mb
 
 CORNERS = [0, 4, 3, 1, 7, 5, 2, 6]  # scikit-fem's corners in VTK's numbers
-QUADRATURE = 5  # three Gauss points along each direction: by itself it takes seven, and minutes
+QUADRATURE = (
+    5  # three Gauss points along each direction: by itself it takes seven, and minutes
+)
 ON_SURFACE = 1.0 - 1e-6  # just within the outer elements
 
 
@@ -36,8 +38,12 @@ class Assembled:
 
 def assemble(quick: bool) -> Assembled:
     """Return R1 assembled."""
-    corners = build_mesh(RADIUS_M, THICKNESS_M, divisions=4 if quick else 20, level=0, order=1)
-    mesh = skfem.MeshHex1(corners.points_nc.T.copy(), corners.cells_en[:, CORNERS].T.copy())
+    corners = build_mesh(
+        RADIUS_M, THICKNESS_M, divisions=4 if quick else 20, level=0, order=1
+    )
+    mesh = skfem.MeshHex1(
+        corners.points_nc.T.copy(), corners.cells_en[:, CORNERS].T.copy()
+    )
     element = skfem.ElementVector(skfem.ElementHex2())
     basis = skfem.Basis(mesh, element, intorder=QUADRATURE)
     outer = skfem.FacetBasis(mesh, element, facets=_outer_facets(mesh))
@@ -54,9 +60,16 @@ def solve(quick: bool) -> Solved:
     """Mesh, matrix, load, displacements."""
     start = perf_counter()
     problem = assemble(quick)
-    found = skfem.solve(*skfem.condense(problem.stiffness, problem.load, D=problem.held))
+    found = skfem.solve(
+        *skfem.condense(problem.stiffness, problem.load, D=problem.held)
+    )
     seconds = perf_counter() - start
-    return Solved(seconds=seconds, unknowns=int(problem.basis.N), tip_mm=_tip_mm(problem, found), peak_mb=peak_mb())
+    return Solved(
+        seconds=seconds,
+        unknowns=int(problem.basis.N),
+        tip_mm=_tip_mm(problem, found),
+        peak_mb=peak_mb(),
+    )
 
 
 def _outer_facets(mesh: Any) -> NDArray[np.int64]:
@@ -72,7 +85,9 @@ def _gaussian(x: NDArray[np.float64]) -> Any:
 def _load(outer: Any) -> NDArray[np.float64]:
     """Return 30 mN inward along the load's direction, as a traction on the outer facets."""
     total = skfem.Functional(lambda w: _gaussian(w.x)).assemble(outer)
-    pushed = skfem.LinearForm(lambda v, w: -_gaussian(w.x) * sum(CONTACT.normal[c] * v[c] for c in range(3)))
+    pushed = skfem.LinearForm(
+        lambda v, w: -_gaussian(w.x) * sum(CONTACT.normal[c] * v[c] for c in range(3))
+    )
     load: NDArray[np.float64] = FORCE_N / total * pushed.assemble(outer)
     return load
 

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_r1 import CONTACT, CONVERGED_MM, FORCE_N, RADIUS_M, SPREAD_M, gaussian_load
+from reference_r1 import (
+    CONTACT,
+    CONVERGED_MM,
+    FORCE_N,
+    RADIUS_M,
+    SPREAD_M,
+    gaussian_load,
+)
 from reference_walls import wall_mesh
 from scleraforce.mechanics.graded import supported_mesh
 from scleraforce.mechanics.linear import tip_displacement
@@ -20,10 +27,14 @@ THICKNESS_M = 0.5e-3
 QUICK: dict[str, Any] = {"divisions": 4, "level": 0}
 SMALL = Study(mesh=MeshStudy(core=2, rings=6))
 MESHES: dict[str, Callable[[bool], HexMesh]] = {
-    "default": lambda quick: supported_mesh(SMALL if quick else Study(), THICKNESS_M, CONTACT, alone=True),
+    "default": lambda quick: supported_mesh(
+        SMALL if quick else Study(), THICKNESS_M, CONTACT, alone=True
+    ),
     "even": lambda quick: _even(**(QUICK if quick else {})),
     "20-node": lambda quick: _even(**(QUICK if quick else {}), twenty_nodes=True),
-    "paper's": lambda quick: _even(**(QUICK if quick else {"level": 2}), layers=2, order=1),
+    "paper's": lambda quick: _even(
+        **(QUICK if quick else {"level": 2}), layers=2, order=1
+    ),
 }
 
 
@@ -78,4 +89,7 @@ def peak_mb(pid: int | str = "self") -> float:
     The system's `ru_maxrss` does not serve for children: it begins with the parent's memory at the start.
     """
     lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
-    return next((float(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM")), 0.0)
+    return next(
+        (float(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM")),
+        0.0,
+    )

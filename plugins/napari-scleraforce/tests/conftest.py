@@ -17,9 +17,13 @@ def virtual_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a recording of four frames of 12 to 36 mN."""
     folder = tmp_path_factory.mktemp("virtual") / "eye-1"
     sf.phantom(
-        folder, sf.read_study(ROOT / "docs" / "quick.toml"), thickness_m=650e-6, youngs_modulus_pa=0.3e6,
-        mechanics="finite-strain", forces_n=[0.012, 0.024, 0.036, 0.020],
-    )  # fmt: skip
+        folder,
+        sf.read_study(ROOT / "docs" / "quick.toml"),
+        thickness_m=650e-6,
+        youngs_modulus_pa=0.3e6,
+        mechanics="finite-strain",
+        forces_n=[0.012, 0.024, 0.036, 0.020],
+    )
     return folder
 
 

@@ -33,8 +33,15 @@ def opened(recording: Path) -> tuple[ViewerModel, Panel]:
 
 def calibrated(eye: Path) -> Path:
     """Return the calibration of a recording."""
-    command, file = Path(sys.executable).with_name("scleraforce"), eye.with_suffix(".json")
-    subprocess.run([command, "calibrate", eye, "--frames", "3", "--out", file], check=True, capture_output=True)
+    command, file = (
+        Path(sys.executable).with_name("scleraforce"),
+        eye.with_suffix(".json"),
+    )
+    subprocess.run(
+        [command, "calibrate", eye, "--frames", "3", "--out", file],
+        check=True,
+        capture_output=True,
+    )
     return file
 
 
@@ -43,12 +50,16 @@ def walls(viewer: ViewerModel) -> Shapes:
     return layer
 
 
-def test_the_wall_has_the_scale_of_the_frames_and_the_rows_that_sf_segments(eye: Path) -> None:
+def test_the_wall_has_the_scale_of_the_frames_and_the_rows_that_sf_segments(
+    eye: Path,
+) -> None:
     viewer, panel = opened(eye)
     layer, found = walls(viewer), sf.segment(eye / "frames" / "0001.png")
     np.testing.assert_array_equal(layer.scale, viewer.layers[0].scale)
     assert layer.units == viewer.layers[0].units
-    for (name, points), row in zip(panel.paths(), (found.outer_row, found.inner_row), strict=True):
+    for (name, points), row in zip(
+        panel.paths(), (found.outer_row, found.inner_row), strict=True
+    ):
         drawn = np.interp(np.arange(len(row)), points[:, 2], points[:, 1])
         assert np.nanmax(np.abs(drawn - row)) < 1.0, name
     assert [name for name, _ in panel.paths()] == [UPPER, LOWER]
@@ -84,7 +95,10 @@ def test_an_edit_that_is_saved_is_read_as_a_corrected_wall(eye: Path) -> None:
     _, again = opened(eye)
     again._viewer.dims.set_current_step(0, 2)
     for name, points in again.paths():
-        moved = np.interp(before[name][:, 2], points[:, 2], points[:, 1]) - before[name][:, 1]
+        moved = (
+            np.interp(before[name][:, 2], points[:, 2], points[:, 1])
+            - before[name][:, 1]
+        )
         assert np.abs(moved - 4).max() < 1.5, name
     again._viewer.dims.set_current_step(0, 1)
     assert again._viewer.text_overlay.text.endswith("wall: found")
@@ -109,7 +123,9 @@ def test_a_path_of_the_users_is_the_boundary_that_the_panel_names(eye: Path) -> 
         assert panel.paths()[-1][0] == name
 
 
-def test_all_frames_are_plotted_with_their_intervals_and_measured_forces(eye: Path) -> None:
+def test_all_frames_are_plotted_with_their_intervals_and_measured_forces(
+    eye: Path,
+) -> None:
     _, panel = opened(eye)
     panel.read_all()
     (axes,) = panel.figure.axes
@@ -121,10 +137,14 @@ def test_all_frames_are_plotted_with_their_intervals_and_measured_forces(eye: Pa
         (bars[0], [each.answer.force_n for each in read]),
         (measured, [each.measured_force_n for each in read]),
     ):
-        np.testing.assert_allclose(np.asarray(line.get_ydata()), 1e3 * np.array(forces_n, float))
+        np.testing.assert_allclose(
+            np.asarray(line.get_ydata()), 1e3 * np.array(forces_n, float)
+        )
 
 
-def test_a_calibration_narrows_the_interval_and_a_bad_one_is_shown_in_one_line(eye: Path) -> None:
+def test_a_calibration_narrows_the_interval_and_a_bad_one_is_shown_in_one_line(
+    eye: Path,
+) -> None:
     def width_mn() -> float:
         low, high = re.findall(r"([\d.]+) to ([\d.]+)", viewer.text_overlay.text)[0]
         return float(high) - float(low)
@@ -136,21 +156,36 @@ def test_a_calibration_narrows_the_interval_and_a_bad_one_is_shown_in_one_line(e
     file.write_text("{}")
     shown: list[str] = []
     with notification_manager:
-        notification_manager.notification_ready.connect(lambda notification: shown.append(notification.message))
+        notification_manager.notification_ready.connect(
+            lambda notification: shown.append(notification.message)
+        )
         panel.calibration.value = None
         panel.calibration.value = file
     assert shown[-1].startswith(f"{file}: ")
     assert "\n" not in shown[-1]
 
 
-@pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="needs Xvfb: a window needs OpenGL")
+@pytest.mark.skipif(
+    shutil.which("xvfb-run") is None, reason="needs Xvfb: a window needs OpenGL"
+)
 def test_the_window_shows_frame_wall_force_and_plot(eye: Path, tmp_path: Path) -> None:
     script = Path(__file__).parents[1] / "screenshot.py"
     picture = tmp_path / "window.png"
     subprocess.run(
-        ["xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", sys.executable, script, eye, calibrated(eye), picture],
-        env=os.environ | {"QT_QPA_PLATFORM": "xcb"}, check=True,
-    )  # fmt: skip
+        [
+            "xvfb-run",
+            "-a",
+            "-s",
+            "-screen 0 1600x1000x24",
+            sys.executable,
+            script,
+            eye,
+            calibrated(eye),
+            picture,
+        ],
+        env=os.environ | {"QT_QPA_PLATFORM": "xcb"},
+        check=True,
+    )
     pixels = imread(picture)[..., :3].astype(int)
     canvas = pixels[100:-100, 400:-450]
     assert canvas.std() > 20

@@ -20,7 +20,9 @@ def test_a_wall_survives_its_paths_within_a_row_and_they_have_few_points() -> No
     paths = paths_of(3, OUTER, INNER)
     assert [name for name, _ in paths] == [UPPER, LOWER]
     assert all(len(points) < 30 and set(points[:, 0]) == {3} for _, points in paths)
-    for found, true in zip(bounds(mask_of(paths, (100, 200))), (OUTER, INNER), strict=True):
+    for found, true in zip(
+        bounds(mask_of(paths, (100, 200))), (OUTER, INNER), strict=True
+    ):
         assert np.abs(found - true).max() < 1.0
 
 
@@ -44,6 +46,13 @@ def test_a_frame_without_paths_is_not_judged() -> None:
 
 
 @pytest.mark.parametrize("backwards", [False, True])
-def test_the_direction_in_which_a_path_is_drawn_makes_no_difference(backwards: bool) -> None:
-    paths = [(name, points[::-1] if backwards else points) for name, points in paths_of(0, OUTER, INNER)]
-    np.testing.assert_array_equal(mask_of(paths, (100, 200)), mask_of(paths_of(0, OUTER, INNER), (100, 200)))
+def test_the_direction_in_which_a_path_is_drawn_makes_no_difference(
+    backwards: bool,
+) -> None:
+    paths = [
+        (name, points[::-1] if backwards else points)
+        for name, points in paths_of(0, OUTER, INNER)
+    ]
+    np.testing.assert_array_equal(
+        mask_of(paths, (100, 200)), mask_of(paths_of(0, OUTER, INNER), (100, 200))
+    )

@@ -66,8 +66,14 @@ class Job:
         job = cls(tuple(words), kept)
         ours, theirs = openpty()  # progress bars are drawn for a terminal only
         try:
-            job._process = subprocess.Popen([*COMMAND, *words, "--json"], cwd=folder, stdin=subprocess.DEVNULL,
-                                            stdout=subprocess.PIPE, stderr=theirs, start_new_session=True)  # fmt: skip
+            job._process = subprocess.Popen(
+                [*COMMAND, *words, "--json"],
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=theirs,
+                start_new_session=True,
+            )
         except OSError:
             os.close(ours)
             raise
@@ -85,7 +91,12 @@ class Job:
 
     def as_json(self) -> dict[str, Any]:
         """Return what the page shows, without the result, which may be large."""
-        state = {"title": self.title, "share": self.share, "done": self.done, "fault": self.fault}
+        state = {
+            "title": self.title,
+            "share": self.share,
+            "done": self.done,
+            "fault": self.fault,
+        }
         return {"command": shown(self.words), **state}
 
     def _finish(self, process: "subprocess.Popen[bytes]", terminal: int) -> None:
@@ -94,7 +105,11 @@ class Job:
         printed = process.communicate()[0]
         listener.join()
         if code := process.returncode:
-            self.fault = "stopped" if code in (INTERRUPTED, -signal.SIGINT) else self.fault or f"exit code {code}"
+            self.fault = (
+                "stopped"
+                if code in (INTERRUPTED, -signal.SIGINT)
+                else self.fault or f"exit code {code}"
+            )
         else:
             self.fault = self._keep(printed)
         self.done = True
@@ -102,7 +117,11 @@ class Job:
     def _keep(self, printed: bytes) -> str | None:
         """Write the result; return why that failed."""
         try:
-            ended = {"command": shown(self.words), "time_utc": utc_now(), "result": json.loads(printed)}
+            ended = {
+                "command": shown(self.words),
+                "time_utc": utc_now(),
+                "result": json.loads(printed),
+            }
             self.kept.parent.mkdir(exist_ok=True)
             write_whole(json.dumps(ended), self.kept)
         except (OSError, InputError, ValueError) as fault:
@@ -116,7 +135,9 @@ class Job:
             if bars := BAR.findall(text):
                 self.title, self.share = bars[-1][0].strip(), float(f"{bars[-1][1]}e-2")
         os.close(terminal)
-        self.fault = (re.findall(r"^error: (.*?)\r?$", text, re.MULTILINE) or [None])[-1]
+        self.fault = (re.findall(r"^error: (.*?)\r?$", text, re.MULTILINE) or [None])[
+            -1
+        ]
 
 
 def _read(terminal: int) -> bytes:

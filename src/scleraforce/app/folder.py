@@ -33,7 +33,11 @@ class Folder:
         path = self.root / name
         try:
             fits = bool(name) and path.resolve().is_relative_to(self.root)
-        except (OSError, ValueError, RuntimeError) as fault:  # too long, a null character, links that go round
+        except (
+            OSError,
+            ValueError,
+            RuntimeError,
+        ) as fault:  # too long, a null character, links that go round
             raise InputError(f"{name[:80]!r}: {fault}") from fault
         if not fits:
             raise InputError(f"{name}: leads out of {self.root}")
@@ -65,10 +69,19 @@ class Folder:
 
     def contents(self) -> dict[str, Any]:
         """Return recordings with their eyes, calibrations with theirs, models, and sources with kind or fault."""
-        found: dict[str, list[dict[str, Any]]] = {"recordings": [], "calibrations": [], "models": [], "sources": []}
+        found: dict[str, list[dict[str, Any]]] = {
+            "recordings": [],
+            "calibrations": [],
+            "models": [],
+            "sources": [],
+        }
         known = [place for place in (self.root, self.root / SOURCES) if place.is_dir()]
         places = [place for place in known if place.resolve().is_relative_to(self.root)]
-        for each in [each for place in places for each in sorted(os.scandir(place), key=lambda each: each.name)]:
+        for each in [
+            each
+            for place in places
+            for each in sorted(os.scandir(place), key=lambda each: each.name)
+        ]:
             name = str(Path(each.path).relative_to(self.root))
             if each.name.startswith(".") or name == SOURCES:
                 continue
@@ -76,7 +89,10 @@ class Folder:
                 if each.is_symlink():
                     self.inside(name)
                 kind, entry = _entry(Path(each.path), _stamp(each))
-            except (OSError, InputError):  # without permission, gone meanwhile, or a link that leads out
+            except (
+                OSError,
+                InputError,
+            ):  # without permission, gone meanwhile, or a link that leads out
                 continue
             if kind:
                 found[kind].append({"name": name, **entry})
@@ -85,7 +101,9 @@ class Folder:
     async def upload(self, name: str, size: int, chunks: AsyncIterator[bytes]) -> None:
         """Write a dropped file as it arrives, whole or not at all; one of that name is never replaced."""
         if not 0 < size <= MOST_UPLOAD_BYTES:
-            raise InputError(f"{name}: {size} bytes; a file may have 1 to {MOST_UPLOAD_BYTES}")
+            raise InputError(
+                f"{name}: {size} bytes; a file may have 1 to {MOST_UPLOAD_BYTES}"
+            )
         if shutil.disk_usage(self.root).free - size < LEFT_BYTES:
             raise InputError(f"{name}: the disk is too full for {size} bytes")
         self.inside(SOURCES).mkdir(exist_ok=True)
@@ -101,7 +119,9 @@ class Folder:
                         raise InputError(f"{name}: more bytes than were announced")
                     file.write(chunk)
             if left:
-                raise InputError(f"{name}: ended {left} bytes before its end; drop it again")
+                raise InputError(
+                    f"{name}: ended {left} bytes before its end; drop it again"
+                )
             path.open("xb").close()  # fails if a file of that name has come meanwhile
             part.replace(path)
         except FileExistsError as fault:
@@ -113,10 +133,20 @@ class Folder:
 def _stamp(each: os.DirEntry[str]) -> tuple[int, ...]:
     """Return numbers that change with a file, or with the files that make a folder a recording or a model."""
     marks = (
-        [mark for name in (PARTS[0], RECORD_FILE) if (mark := Path(each.path, name)).exists()] if each.is_dir() else []
+        [
+            mark
+            for name in (PARTS[0], RECORD_FILE)
+            if (mark := Path(each.path, name)).exists()
+        ]
+        if each.is_dir()
+        else []
     )
     stats = [each.stat(), *(mark.stat() for mark in marks)]
-    return tuple(number for stat in stats for number in (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns))
+    return tuple(
+        number
+        for stat in stats
+        for number in (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
+    )
 
 
 @lru_cache(MOST_ENTRIES)
@@ -134,6 +164,8 @@ def _entry(path: Path, _: tuple[int, ...]) -> tuple[str, dict[str, Any]]:
         if first := next((each for each in files_of([path]) if each.is_file()), None):
             return "sources", {"kind": f"folder of {source_kind(first)} files"}
     except InputError as fault:
-        other = path.suffix == ".json" or (path.is_dir() and not (path / PARTS[0]).exists())
+        other = path.suffix == ".json" or (
+            path.is_dir() and not (path / PARTS[0]).exists()
+        )
         return ("", {}) if other else ("sources", {"fault": str(fault)})
     return "", {}

@@ -38,27 +38,44 @@ def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
     known = pixels[np.isfinite(pixels)]
     low, high = np.percentile(known, [DARK, BRIGHT]) if known.size else (0.0, 1.0)
     grey = np.clip(
-        (np.nan_to_num(pixels, nan=low).astype(np.float32) - low) * (255.0 / max(high - low, 1e-9)), 0.0, 255.0
+        (np.nan_to_num(pixels, nan=low).astype(np.float32) - low)
+        * (255.0 / max(high - low, 1e-9)),
+        0.0,
+        255.0,
     ).astype(np.uint8)
     if height is not None and height < len(grey):
         width = max(1, round(grey.shape[1] * height / len(grey)))
-        grey = np.asarray(cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+        grey = np.asarray(
+            cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA), np.uint8
+        )
     return bytes(cv2.imencode(".png", grey)[1])
 
 
 def curve(time_s: Floats, values: Floats) -> dict[str, Any]:
     """Return a curve with the least and the largest value of each of `BINS` stretches, NaN where there is none."""
-    starts = np.linspace(0, len(values), min(BINS, len(values)), endpoint=False).astype(np.intp)
-    low, high = (extreme.reduceat(values, starts).tolist() for extreme in (np.fmin, np.fmax))
+    starts = np.linspace(0, len(values), min(BINS, len(values)), endpoint=False).astype(
+        np.intp
+    )
+    low, high = (
+        extreme.reduceat(values, starts).tolist() for extreme in (np.fmin, np.fmax)
+    )
     return {"time_s": time_s[starts].tolist(), "low": low, "high": high}
 
 
 def mask_between(
-    outer: list[float | None], inner: list[float | None], unseen: list[int], rows: int, columns: int
+    outer: list[float | None],
+    inner: list[float | None],
+    unseen: list[int],
+    rows: int,
+    columns: int,
 ) -> Bytes:
     """Return the mask (row, column) of boundaries in rows, None: not there (an inner one: below the frame)."""
-    if (len(outer), len(inner)) != (columns, columns) or not all(0 <= column < columns for column in unseen):
-        raise FrameError(f"wall: boundaries or unseen columns do not fit a frame of {columns} columns")
+    if (len(outer), len(inner)) != (columns, columns) or not all(
+        0 <= column < columns for column in unseen
+    ):
+        raise FrameError(
+            f"wall: boundaries or unseen columns do not fit a frame of {columns} columns"
+        )
     first = np.array([np.nan if row is None else row for row in outer], np.float64)
     last = np.array([rows if row is None else row for row in inner], np.float64)
     row = np.arange(rows)[:, None]
@@ -86,7 +103,9 @@ class Looks:
     def recording(self, path: Path) -> Recording:
         """Return a recording, read again where one of its tables has changed."""
         tables = [path / name for name in PARTS]
-        return _opened(path, tuple(table.stat().st_mtime_ns for table in tables if table.exists()))
+        return _opened(
+            path, tuple(table.stat().st_mtime_ns for table in tables if table.exists())
+        )
 
     def entry(self, path: Path, file: str) -> tuple[Recording, FrameEntry]:
         """Return a recording and its frame of a name."""
@@ -111,28 +130,49 @@ class Looks:
         if log is not None and info.force is not None:
             known = log.known(info.force.axis)
             force = curve(known.time_s, from_si(contact_force(known, info.force), "mn"))
-        found: dict[str, Any] = finite({
-            "eye": info.eye.id, "rows": info.oct.rows, "columns": info.oct.columns,
-            "width_mm": from_si(info.oct.width_m, "mm"), "depth_mm": from_si(info.oct.depth_m, "mm"),
-            "files": files,
-            "time_s": [entry.time_s for entry in recording.frames],
-            "planes": [entry.plane for entry in recording.frames] if info.oct.plane else None,
-            "force_mn": [from_si(trial.measured_force_n, "mn") for trial in trials] or None,
-            "log": force, "notes": notes,
-            "corrected": [file for file in files if PurePath(file).stem in drawn],
-        })  # fmt: skip
+        found: dict[str, Any] = finite(
+            {
+                "eye": info.eye.id,
+                "rows": info.oct.rows,
+                "columns": info.oct.columns,
+                "width_mm": from_si(info.oct.width_m, "mm"),
+                "depth_mm": from_si(info.oct.depth_m, "mm"),
+                "files": files,
+                "time_s": [entry.time_s for entry in recording.frames],
+                "planes": [entry.plane for entry in recording.frames]
+                if info.oct.plane
+                else None,
+                "force_mn": [from_si(trial.measured_force_n, "mn") for trial in trials]
+                or None,
+                "log": force,
+                "notes": notes,
+                "corrected": [file for file in files if PurePath(file).stem in drawn],
+            }
+        )
         return found
 
     def look(self, path: Path, file: str) -> dict[str, Any]:
         """Return the wall of a frame, and the answer of the bundled reader with its warnings."""
         recording, entry = self.entry(path, file)
-        frames = [entry, *(other for other in recording.frames if other.time_s == entry.time_s and other is not entry)]
+        frames = [
+            entry,
+            *(
+                other
+                for other in recording.frames
+                if other.time_s == entry.time_s and other is not entry
+            ),
+        ]
         with self._reading:  # the model is not made for several threads
             answer = read(self.model, [recording.frame_path(each) for each in frames])
         wall = answer.segmentation
         found = answer.to_dict() | {"warnings": list(answer.warnings)}
-        shown: dict[str, Any] = finite({"answer": found, "wall": None if wall is None else _outline(wall)})
-        return shown | {"frames": [each.file for each in frames], "draft": read_draft(recording, file)}
+        shown: dict[str, Any] = finite(
+            {"answer": found, "wall": None if wall is None else _outline(wall)}
+        )
+        return shown | {
+            "frames": [each.file for each in frames],
+            "draft": read_draft(recording, file),
+        }
 
 
 def write_draft(recording: Recording, file: str, drawn: dict[str, Any]) -> None:
@@ -146,7 +186,9 @@ def read_draft(recording: Recording, file: str) -> dict[str, Any] | None:
     """Return the draft of a frame's wall; None without one, if it is damaged, or if the frame has changed since."""
     with suppress(InputError, ValueError):
         draft = parse_json(read_text(_draft(recording, file), KINDS["result"]))
-        if isinstance(draft, dict) and draft.pop("source_sha256", "") == _digest(recording, file):
+        if isinstance(draft, dict) and draft.pop("source_sha256", "") == _digest(
+            recording, file
+        ):
             return draft
     return None
 
@@ -166,6 +208,15 @@ def _digest(recording: Recording, file: str) -> str:
 
 def _outline(wall: Segmentation) -> dict[str, Any]:
     inner = wall.inner_row if wall.inner_found else np.full_like(wall.inner_row, np.nan)
-    rows = [[round(row, 2) if np.isfinite(row) else None for row in each.tolist()] for each in (wall.outer_row, inner)]
-    return {"outer": rows[0], "inner": rows[1], "usable": wall.usable, "reason": wall.reason, "source": wall.source,
-            "thickness_um": from_si(wall.thickness_m, "um")}  # fmt: skip
+    rows = [
+        [round(row, 2) if np.isfinite(row) else None for row in each.tolist()]
+        for each in (wall.outer_row, inner)
+    ]
+    return {
+        "outer": rows[0],
+        "inner": rows[1],
+        "usable": wall.usable,
+        "reason": wall.reason,
+        "source": wall.source,
+        "thickness_um": from_si(wall.thickness_m, "um"),
+    }

@@ -46,12 +46,23 @@ class Asked(BaseModel):
     options: dict[str, int | FiniteFloat | str | bool] = {}
     columns: list[str] = Field([], max_length=20)
 
-    def read(self, folder: Folder) -> tuple[list[Path], list[Plane | None], ImportOptions]:
+    def read(
+        self, folder: Folder
+    ) -> tuple[list[Path], list[Plane | None], ImportOptions]:
         """Return the paths of an import, their planes and its options; raises `InputError` or `ValidationError`."""
         given: dict[str, Any] = dict(self.options)
-        given |= {name: folder.inside(str(given[name])) for name in {"times"} & set(given)}
-        planes = [parse_plane(self.planes[name]) if name in self.planes else None for name in self.operands]
-        return [folder.whole(name) for name in self.operands], planes, Checked(**given, columns=tuple(self.columns))
+        given |= {
+            name: folder.inside(str(given[name])) for name in {"times"} & set(given)
+        }
+        planes = [
+            parse_plane(self.planes[name]) if name in self.planes else None
+            for name in self.operands
+        ]
+        return (
+            [folder.whole(name) for name in self.operands],
+            planes,
+            Checked(**given, columns=tuple(self.columns)),
+        )
 
 
 class Run(Asked):
@@ -71,7 +82,13 @@ class Drawn(BaseModel):
 
 OPTIONS = {
     "import": ANSWERS,
-    "calibrate": {"frames", "without_force", "parameters", "thickness_um", "calibration"},
+    "calibrate": {
+        "frames",
+        "without_force",
+        "parameters",
+        "thickness_um",
+        "calibration",
+    },
     "evaluate": {"calibration", "html"},
 }
 NEW_FILES, OLD_FILES = ("html",), ("calibration", "times")
@@ -83,20 +100,30 @@ def words_of(run: Run, folder: Folder) -> list[str]:
     if run.command not in OPTIONS:
         raise InputError(f"{run.command}: not a command of the app")
     models = run.operands[:1] if run.command == "evaluate" else []
-    for name in run.operands + [str(run.options[key]) for key in OLD_FILES if key in run.options]:
+    for name in run.operands + [
+        str(run.options[key]) for key in OLD_FILES if key in run.options
+    ]:
         if not folder.whole(name).exists() and name not in models:
             raise InputError(f"{name}: does not exist")
     words = [run.command]
     for plane in dict.fromkeys(["", *run.planes.values()]):
         words += [f"--plane={plane}"] if plane else []
-        words += [_operand(name) for name in run.operands if run.planes.get(name, "") == plane]
+        words += [
+            _operand(name) for name in run.operands if run.planes.get(name, "") == plane
+        ]
     for name, value in run.options.items():
         if name not in OPTIONS[run.command]:
             raise InputError(f"{name}: not an option of {run.command} in the app")
         if name in NEW_FILES:
             folder.new(str(value))
         text = f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
-        words += [] if value is False else [option_name(name)] if value is True else [f"{option_name(name)}={text}"]
+        words += (
+            []
+            if value is False
+            else [option_name(name)]
+            if value is True
+            else [f"{option_name(name)}={text}"]
+        )
     words += [f"--column={column}" for column in run.columns]
     if run.command != "evaluate":
         folder.new(run.out)
@@ -107,7 +134,9 @@ def words_of(run: Run, folder: Folder) -> list[str]:
 def _line(fault: Exception, folder: Folder) -> str:
     if isinstance(fault, RequestValidationError | ValidationError):
         first = fault.errors()[0]
-        return f"{'.'.join(map(str, first['loc'])).removeprefix('body.')}: {first['msg']}"
+        return (
+            f"{'.'.join(map(str, first['loc'])).removeprefix('body.')}: {first['msg']}"
+        )
     if isinstance(fault, OSError):
         return f"{Path(fault.filename).name if fault.filename else 'disk'}: {fault.strerror}"
     return str(fault).replace(f"{folder.root}/", "")
@@ -139,18 +168,29 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     The cookie is given for the token each time, and for `once` a single time.
     """
-    folder, looks, sources, holder = Folder(root.resolve()), Looks(), Sources(), Holder()
+    folder, looks, sources, holder = (
+        Folder(root.resolve()),
+        Looks(),
+        Sources(),
+        Holder(),
+    )
     jobs, writing, tokens = list[Job](), Lock(), {token, once} - {""}
     cookie, session = f"scleraforce-{port}", secrets.token_urlsafe(32)
 
     async def refused(_: Request, fault: Exception) -> Response:
         return PlainTextResponse(_line(fault, folder), 422)
 
-    faults: Any = dict.fromkeys((InputError, OSError, RequestValidationError, ValidationError), refused)
-    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, exception_handlers=faults)
+    faults: Any = dict.fromkeys(
+        (InputError, OSError, RequestValidationError, ValidationError), refused
+    )
+    app = FastAPI(
+        docs_url=None, redoc_url=None, openapi_url=None, exception_handlers=faults
+    )
 
     @app.middleware("http")
-    async def check(request: Request, answer: Callable[[Request], Awaitable[Response]]) -> Response:
+    async def check(
+        request: Request, answer: Callable[[Request], Awaitable[Response]]
+    ) -> Response:
         given = request.query_params.get("token", "")
         if request.url.path == "/" and given in tokens:
             if given == once:
@@ -158,12 +198,19 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
             opened = RedirectResponse("/", 303)
             opened.set_cookie(cookie, session, httponly=True, samesite="strict")
             return opened
-        if not compare_digest(request.cookies.get(cookie, "").encode(), session.encode()):
-            return PlainTextResponse("open the whole address that `scleraforce app` printed", 403)
+        if not compare_digest(
+            request.cookies.get(cookie, "").encode(), session.encode()
+        ):
+            return PlainTextResponse(
+                "open the whole address that `scleraforce app` printed", 403
+            )
         if request.method not in ("GET", "HEAD"):
             if not holder.is_held_by(request.headers.get("x-tab", "")):
                 return PlainTextResponse(BUSY, 409)
-            if request.url.path != "/api/source" and int(request.headers["content-length"]) > MOST_JSON_BYTES:
+            if (
+                request.url.path != "/api/source"
+                and int(request.headers["content-length"]) > MOST_JSON_BYTES
+            ):
                 return PlainTextResponse(f"more than {MOST_JSON_BYTES} bytes", 413)
         return await answer(request)
 
@@ -179,19 +226,31 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         return found
 
     def mask_of(found: Recording, drawn: Drawn) -> Bytes:
-        return mask_between(drawn.outer, drawn.inner, drawn.unseen, found.info.oct.rows, found.info.oct.columns)
+        return mask_between(
+            drawn.outer,
+            drawn.inner,
+            drawn.unseen,
+            found.info.oct.rows,
+            found.info.oct.columns,
+        )
 
     @app.get("/api/state")
     def state(tab: str = "") -> dict[str, Any]:
         job = jobs[-1].as_json() | {"number": len(jobs) - 1} if jobs else None
-        return {"job": job, "writes": holder.is_held_by(tab), **folder.contents()}  # what a job wrote is there
+        return {
+            "job": job,
+            "writes": holder.is_held_by(tab),
+            **folder.contents(),
+        }  # what a job wrote is there
 
     @app.get("/api/recording")
     def recording(name: str) -> dict[str, Any]:
         return looks.summary(folder.recording(name))
 
     @app.get("/api/frame")
-    def frame(name: str, file: str, height: Annotated[int | None, Query(ge=1)] = None) -> Response:
+    def frame(
+        name: str, file: str, height: Annotated[int | None, Query(ge=1)] = None
+    ) -> Response:
         found, entry = looks.entry(folder.recording(name, file), file)
         return Response(png(found.frame(entry), height), media_type="image/png")
 
@@ -230,7 +289,9 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     @app.post("/api/picture")
     def picture(asked: Asked, number: int) -> Response:
-        return Response(sources.picture(*asked.read(folder), number), media_type="image/png")
+        return Response(
+            sources.picture(*asked.read(folder), number), media_type="image/png"
+        )
 
     @app.post("/api/clocks")
     def clocks(asked: Asked) -> dict[str, Any]:
@@ -247,8 +308,12 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     def start(run: Run) -> dict[str, Any]:
         with writing:
             if jobs and not jobs[-1].done:
-                raise InputError("another command is running; wait until it ends, or stop it")
-            jobs.append(Job.started(words_of(run, folder), folder.root, kept(run.command)))
+                raise InputError(
+                    "another command is running; wait until it ends, or stop it"
+                )
+            jobs.append(
+                Job.started(words_of(run, folder), folder.root, kept(run.command))
+            )
             return {"job": len(jobs) - 1}
 
     @app.delete("/api/run")
@@ -263,11 +328,18 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     @app.get("/api/result")
     def result(command: Literal["calibrate", "evaluate"]) -> Response:
         path = kept(command)
-        return Response(path.read_bytes() if path.exists() else b"null", media_type="application/json")
+        return Response(
+            path.read_bytes() if path.exists() else b"null",
+            media_type="application/json",
+        )
 
     @app.get("/api/csv")
     def table() -> dict[str, Any]:
-        return {"text": csv_text(json.loads(kept("evaluate").read_bytes())["result"]["frames"])}
+        return {
+            "text": csv_text(
+                json.loads(kept("evaluate").read_bytes())["result"]["frames"]
+            )
+        }
 
     app.mount("/", StaticFiles(packages=[("scleraforce.app", "page")], html=True))
     return OwnPagesOnly(app, HOST, MOST_UPLOAD_BYTES)
@@ -282,16 +354,25 @@ def listen(port: int) -> socket.socket:
         listener.listen()
     except OSError as fault:
         listener.close()
-        raise InputError(f"--port {port}: {fault.strerror}; choose another one, or 0 for a free one") from fault
+        raise InputError(
+            f"--port {port}: {fault.strerror}; choose another one, or 0 for a free one"
+        ) from fault
     return listener
 
 
-def server_of(root: Path, listener: socket.socket, token: str, once: str = "") -> uvicorn.Server:
+def server_of(
+    root: Path, listener: socket.socket, token: str, once: str = ""
+) -> uvicorn.Server:
     """Return the app's server; `run([listener])` serves until Ctrl-C."""
     app = app_of(root, token, listener.getsockname()[1], once)
     return uvicorn.Server(
         uvicorn.Config(
-            app, lifespan="off", log_level="critical", access_log=False, server_header=False, proxy_headers=False,
+            app,
+            lifespan="off",
+            log_level="critical",
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
             timeout_graceful_shutdown=1,
         )
-    )  # fmt: skip
+    )

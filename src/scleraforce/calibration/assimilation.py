@@ -16,23 +16,42 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.calibration import registration, roukf
-from scleraforce.calibration.eye_model import EyeConstants, ParameterSpace, known_of_constants, stated_wall
+from scleraforce.calibration.eye_model import (
+    EyeConstants,
+    ParameterSpace,
+    known_of_constants,
+    stated_wall,
+)
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.library_eye import LibraryEye, library_eye, without_form
 from scleraforce.known import Known, KnownGlobe, Modulus, correlation_of, within_bounds
 from scleraforce.library import Library
 from scleraforce.library.placement import Places, curve_depths
-from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
+from scleraforce.segmentation.observations import (
+    Boundaries,
+    Observation,
+    observe_points,
+)
 from scleraforce.study import CalibrationStudy, Study
 from scleraforce.units import from_si
 
 # Name on the command line -> name of the parameter.
-PARAMETERS = {"e": "youngs_modulus_pa", "iop": "iop_pa", "thickness": "thickness_m", "gap": "gap_m"}
+PARAMETERS = {
+    "e": "youngs_modulus_pa",
+    "iop": "iop_pa",
+    "thickness": "thickness_m",
+    "gap": "gap_m",
+}
 RIGIDITY = "rigidity_pa13_per_m3"  # comes after them, of an eye that may be sealed
 LEAST_POINTS = 3
 UNREACHED_SD_M = 1.0  # of a point that the model's section does not reach
 UNSEEN = "too little of the wall is in view"
-SHARED = ("zero_n", "drift_n_per_s", "polar_rad", "model_fraction")  # the columns of `EyeState.sensitivity`
+SHARED = (
+    "zero_n",
+    "drift_n_per_s",
+    "polar_rad",
+    "model_fraction",
+)  # the columns of `EyeState.sensitivity`
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,25 +93,39 @@ class Skipped:
 
 
 def eye_filter(
-    model: "registration.EyeModel", study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)
+    model: "registration.EyeModel",
+    study: CalibrationStudy,
+    parameters: tuple[str, ...] = ("e",),
 ) -> EyeFilter:
     """Set up the filter of an eye for parameters named as on the command line; a rigidity is added by itself."""
-    if not parameters or set(parameters) - set(PARAMETERS) or len(set(parameters)) < len(parameters):
-        raise ValueError(f"parameters {','.join(parameters)}: choose from {','.join(PARAMETERS)}, each once")
+    if (
+        not parameters
+        or set(parameters) - set(PARAMETERS)
+        or len(set(parameters)) < len(parameters)
+    ):
+        raise ValueError(
+            f"parameters {','.join(parameters)}: choose from {','.join(PARAMETERS)}, each once"
+        )
     priors = {
         "e": (study.prior_mean_pa, study.prior_sd_pa),
         "iop": (max(model.constants.iop_pa, 1.0), study.iop_sd_pa),
         "thickness": (model.constants.thickness_m, study.thickness_sd_m),
         "gap": (max(model.constants.gap_m, 1e-5), study.gap_sd_m),
     }
-    unknown = [(PARAMETERS[name], *priors[name], study.positive, False) for name in parameters]
+    unknown = [
+        (PARAMETERS[name], *priors[name], study.positive, False) for name in parameters
+    ]
     globe = model.constants.globe
     if globe.can_be_sealed:
         unknown.append((RIGIDITY, globe.mean, globe.sd, False, True))
     names, *columns = zip(*unknown, strict=True)
     points = roukf.sigma_points(study.sigma_points, len(unknown))
-    params = roukf.FilterParams(points, study.iterations, gate=study.gate_sd, inflate=True)
-    return EyeFilter(model, ParameterSpace(names, *map(np.array, columns)), params, study)
+    params = roukf.FilterParams(
+        points, study.iterations, gate=study.gate_sd, inflate=True
+    )
+    return EyeFilter(
+        model, ParameterSpace(names, *map(np.array, columns)), params, study
+    )
 
 
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
@@ -108,10 +141,19 @@ def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
 
     The covariance is the filter's plus that of the shared values.
     """
-    shared = np.diag([0.0, 0.0, eye.model.constants.polar_sd_rad**2, eye.study.model_error_fraction**2])
+    shared = np.diag(
+        [
+            0.0,
+            0.0,
+            eye.model.constants.polar_sd_rad**2,
+            eye.study.model_error_fraction**2,
+        ]
+    )
     shared[:2, :2] = state.zero_covariance
     mean = state.posterior.mean
-    covariance = state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
+    covariance = (
+        state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
+    )
     if RIGIDITY not in eye.space.names:
         return mean, covariance
     globe, place = eye.model.constants.globe, eye.space.names.index(RIGIDITY)
@@ -125,9 +167,16 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
     if not globe.can_be_sealed:
         return globe
     mean, covariance = _within_bounds(eye, state)
-    rigidity, modulus = (eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"]))
-    sd, correlation = globe.mean * sqrt(covariance[rigidity, rigidity]), correlation_of(covariance, rigidity, modulus)
-    globe = replace(globe, mean=globe.mean * float(mean[rigidity]), sd=sd, correlation=correlation)
+    rigidity, modulus = (
+        eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"])
+    )
+    sd, correlation = (
+        globe.mean * sqrt(covariance[rigidity, rigidity]),
+        correlation_of(covariance, rigidity, modulus),
+    )
+    globe = replace(
+        globe, mean=globe.mean * float(mean[rigidity]), sd=sd, correlation=correlation
+    )
     return replace(globe, calibrated=state.posterior.updates > 0)
 
 
@@ -135,11 +184,16 @@ def rigidity_after(eye: EyeFilter, state: EyeState) -> float:
     """Return the estimated rigidity of the globe, Pa^(1/3)/m^3: 0 for an open one."""
     if RIGIDITY not in eye.space.names:
         return eye.model.constants.globe.mean
-    return float(eye.space.values(state.posterior.mean)[eye.space.names.index(RIGIDITY)])
+    return float(
+        eye.space.values(state.posterior.mean)[eye.space.names.index(RIGIDITY)]
+    )
 
 
 def assimilate(
-    session: "EyeSession", boundaries: Boundaries, force_n: float, since_start_s: float = 0.0
+    session: "EyeSession",
+    boundaries: Boundaries,
+    force_n: float,
+    since_start_s: float = 0.0,
 ) -> FrameStep | Skipped:
     """Assimilate one frame; it is skipped if it shows too little, or if the mechanics does not hold.
 
@@ -149,17 +203,26 @@ def assimilate(
     if np.isfinite(boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     prior = registration.frame_prior(state.belief, eye.study)
-    median_pa = float(eye.space.values(state.posterior.mean)[eye.space.names.index(PARAMETERS["e"])])
+    median_pa = float(
+        eye.space.values(state.posterior.mean)[eye.space.names.index(PARAMETERS["e"])]
+    )
     modulus_pa = max(median_pa, 0.01 * eye.study.prior_mean_pa)
-    fit = registration.register(eye.model, boundaries, force_n, modulus_pa, prior, rigidity_after(eye, state))
+    fit = registration.register(
+        eye.model, boundaries, force_n, modulus_pa, prior, rigidity_after(eye, state)
+    )
     contact_m = float(fit.nuisance[registration.BY_LATERAL])
-    observation = observe_points(boundaries, eye.study.points, contact_m, eye.study.span_m)
+    observation = observe_points(
+        boundaries, eye.study.points, contact_m, eye.study.span_m
+    )
     places = Places(observation.lateral_m, observation.boundary)
     at = (eye.model, fit.wall, fit.nuisance, places)
     placed = registration.predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
-    by_force, by_polar = registration.force_derivative(*at), registration.polar_derivative(*at)
+    by_force, by_polar = (
+        registration.force_derivative(*at),
+        registration.polar_derivative(*at),
+    )
     by_nuisance = placed.jacobian[:, : registration.LOG_MODULUS]
     expected = by_nuisance @ (prior.mean - fit.nuisance)
 
@@ -173,16 +236,24 @@ def assimilate(
         + eye.model.constants.polar_sd_rad**2 * np.outer(by_polar, by_polar)
     )
     start = _start(eye, state, fit)
-    result = roukf.filter_step(eye.params, state.posterior, observe, observation.depth_m, noise, start=start)
-    stated = stated_wall(eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad)
+    result = roukf.filter_step(
+        eye.params, state.posterior, observe, observation.depth_m, noise, start=start
+    )
+    stated = stated_wall(
+        eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad
+    )
     values = eye.space.values(result.posterior.mean).tolist()
-    outside = eye.model.outside(replace(stated, **dict(zip(eye.space.names, values, strict=True))))
+    outside = eye.model.outside(
+        replace(stated, **dict(zip(eye.space.names, values, strict=True)))
+    )
     if outside is not None:
         return Skipped(outside)
     sensitivity = state.sensitivity
     if result.observations:
         # x+ = x- + G (y - h(x-)): an error d of a shared value moves y by g d (`g`: point, shared).
-        g = np.stack([by_force, by_force * since_start_s, by_polar, by_force * force_n], axis=1)
+        g = np.stack(
+            [by_force, by_force * since_start_s, by_polar, by_force * force_n], axis=1
+        )
         sensitivity = result.contraction @ sensitivity + result.gain @ g
     belief = registration.updated_belief(state.belief, prior, fit)
     after = EyeState(result.posterior, belief, sensitivity, session.zero_covariance)
@@ -196,15 +267,21 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Floa
     """
     coordinates = _with_modulus(eye, step.state.posterior.mean, modulus_pa)
     places = Places(step.observation.lateral_m, step.observation.boundary)
-    return _depths(eye, coordinates[None], step.force_n, step.registered.nuisance, places)[0]
+    return _depths(
+        eye, coordinates[None], step.force_n, step.registered.nuisance, places
+    )[0]
 
 
-def _start(eye: EyeFilter, state: EyeState, fit: registration.Registered) -> Floats | None:
+def _start(
+    eye: EyeFilter, state: EyeState, fit: registration.Registered
+) -> Floats | None:
     """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found from anywhere."""
     if RIGIDITY not in eye.space.names:
         return None
     start = _with_modulus(eye, state.posterior.mean, fit.wall.youngs_modulus_pa)
-    start[eye.space.names.index(RIGIDITY)] = fit.wall.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
+    start[eye.space.names.index(RIGIDITY)] = (
+        fit.wall.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
+    )
     return start
 
 
@@ -216,14 +293,18 @@ def _with_modulus(eye: EyeFilter, coordinates: Floats, modulus_pa: float) -> Flo
     return changed
 
 
-def _depths(eye: EyeFilter, states_rp: Floats, force_n: float, nuisance: Floats, places: Places) -> Floats:
+def _depths(
+    eye: EyeFilter, states_rp: Floats, force_n: float, nuisance: Floats, places: Places
+) -> Floats:
     """Return predicted depths (row, place) for rows of the filter's coordinates; NaN for a row without such an eye."""
     values = eye.space.values(states_rp)
     sound = eye.space.exist(values)
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
     if sound.any():
         polar_rad = float(nuisance[registration.BY_POLAR])
-        curves = registration.parameter_sections(eye.model, eye.space.names, values[sound], force_n, polar_rad)
+        curves = registration.parameter_sections(
+            eye.model, eye.space.names, values[sound], force_n, polar_rad
+        )
         placed = registration.place_section(curves, nuisance)
         inner = nuisance[registration.BY_INNER] * places.is_inner
         depths[sound] = [curve_depths(curve, places)[0] + inner for curve in placed]
@@ -249,7 +330,9 @@ class EyeSession:
         """Posterior of Young's modulus: the prior before the first frame."""
         means, sds = moments(self.filter, self.state)
         place = self.filter.space.names.index(PARAMETERS["e"])
-        return Modulus(mean_pa=float(means[place]), sd_pa=float(sds[place]), source="own")
+        return Modulus(
+            mean_pa=float(means[place]), sd_pa=float(sds[place]), source="own"
+        )
 
     @property
     def updates(self) -> int:
@@ -258,9 +341,13 @@ class EyeSession:
 
 
 def begin(
-    study: Study, constants: EyeConstants, library: Library | None, parameters: tuple[str, ...] = ("e",),
-    zero_covariance: Floats = ZERO_PRIOR, poses: dict[Boundaries, registration.PoseBelief] | None = None,
-) -> EyeSession:  # fmt: skip
+    study: Study,
+    constants: EyeConstants,
+    library: Library | None,
+    parameters: tuple[str, ...] = ("e",),
+    zero_covariance: Floats = ZERO_PRIOR,
+    poses: dict[Boundaries, registration.PoseBelief] | None = None,
+) -> EyeSession:
     """Return an eye before its first frame, with a library one of finite strain; raises `CalibrationError`.
 
     `poses` are shared by sessions of the same eye and the same frames, in one order, with walls of other tissue.
@@ -268,39 +355,64 @@ def begin(
     if library is None:
         from scleraforce.calibration.linear_eye import linear_eye
 
-        model: registration.EyeModel = linear_eye(study, constants, "thickness" in parameters)
+        model: registration.EyeModel = linear_eye(
+            study, constants, "thickness" in parameters
+        )
     else:
         model = library_eye(study, constants, library)
     return begin_with(model, study.calibration, parameters, zero_covariance, poses)
 
 
 def begin_with(
-    model: "registration.EyeModel", study: CalibrationStudy, parameters: tuple[str, ...] = ("e",),
-    zero_covariance: Floats = ZERO_PRIOR, poses: dict[Boundaries, registration.PoseBelief] | None = None,
-) -> EyeSession:  # fmt: skip
+    model: "registration.EyeModel",
+    study: CalibrationStudy,
+    parameters: tuple[str, ...] = ("e",),
+    zero_covariance: Floats = ZERO_PRIOR,
+    poses: dict[Boundaries, registration.PoseBelief] | None = None,
+) -> EyeSession:
     """Return an eye of a model before its first frame."""
     eye = eye_filter(model, study, parameters)
-    prior, belief = roukf.initial_posterior(*eye.space.prior()), registration.first_belief(model)
-    state = EyeState(prior, belief, np.zeros((len(prior.mean), len(SHARED))), ZERO_PRIOR)
+    prior, belief = (
+        roukf.initial_posterior(*eye.space.prior()),
+        registration.first_belief(model),
+    )
+    state = EyeState(
+        prior, belief, np.zeros((len(prior.mean), len(SHARED))), ZERO_PRIOR
+    )
     return EyeSession(eye, state, zero_covariance, poses=poses)
 
 
-def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float = 0.0) -> EyeSession:
+def step(
+    session: EyeSession,
+    boundaries: Boundaries,
+    force_n: float,
+    since_start_s: float = 0.0,
+) -> EyeSession:
     """Return the eye after one more frame; one of little force shows where it lies, but nothing of its modulus."""
     eye, state, seen = session.filter, session.state, boundaries
-    known = session.poses.get(seen) if session.poses and force_n <= eye.study.min_force_n else None
+    known = (
+        session.poses.get(seen)
+        if session.poses and force_n <= eye.study.min_force_n
+        else None
+    )
     if isinstance(eye.model, LibraryEye) and known is None:
         boundaries = without_form(eye.model, boundaries, eye.study)
     if force_n > eye.study.min_force_n:
         found = assimilate(session, boundaries, force_n, since_start_s)
-        return replace(session, state=state if isinstance(found, Skipped) else found.state, last=found)
+        return replace(
+            session,
+            state=state if isinstance(found, Skipped) else found.state,
+            last=found,
+        )
     if known is not None:
         state = replace(state, belief=known)
     elif np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
         prior = registration.frame_prior(state.belief, eye.study)
         here = (eye.model, boundaries, max(force_n, 0.0), session.modulus.mean_pa)
         fit = registration.register(*here, prior, rigidity_after(eye, state))
-        state = replace(state, belief=registration.updated_belief(state.belief, prior, fit))
+        state = replace(
+            state, belief=registration.updated_belief(state.belief, prior, fit)
+        )
         if session.poses is not None and not session.updates:
             session.poses[seen] = state.belief
     reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
@@ -310,10 +422,18 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
 def known_after(session: EyeSession) -> Known:
     """Return the known eye after its frames; without a modulus if its last one diverged."""
     constants = session.filter.model.constants
-    diverged = isinstance(session.last, FrameStep) and session.last.result.status != "ok"
+    diverged = (
+        isinstance(session.last, FrameStep) and session.last.result.status != "ok"
+    )
     if diverged or not session.updates:
         return known_of_constants(constants)
     names, means = session.filter.space.names, moments(session.filter, session.state)[0]
-    thickness_m = dict(zip(names, means.tolist(), strict=True)).get(PARAMETERS["thickness"], constants.thickness_m)
+    thickness_m = dict(zip(names, means.tolist(), strict=True)).get(
+        PARAMETERS["thickness"], constants.thickness_m
+    )
     globe = known_globe_after(session.filter, session.state)
-    return replace(known_of_constants(constants, session.modulus), thickness_m=thickness_m, globe=globe)
+    return replace(
+        known_of_constants(constants, session.modulus),
+        thickness_m=thickness_m,
+        globe=globe,
+    )

@@ -15,13 +15,33 @@ from scleraforce.calibration import assimilation
 from scleraforce.calibration.eye_frames import EyeFrames, SeenFrame, Settings, silent
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_order
-from scleraforce.calibration.known_forces import TissueTrial, most_trials, own, search, settled
+from scleraforce.calibration.known_forces import (
+    TissueTrial,
+    most_trials,
+    own,
+    search,
+    settled,
+)
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.relaxation import STEP_S
-from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording, rigidity_words
+from scleraforce.calibration.result import (
+    Calibration,
+    EyeCalibration,
+    FrameRecord,
+    UsedRecording,
+    rigidity_words,
+)
 from scleraforce.errors import CalibrationError
-from scleraforce.known import NINETY_PERCENT, OPEN, SEALED, UNKNOWN, Known, open_doubts, stated_globe
+from scleraforce.known import (
+    NINETY_PERCENT,
+    OPEN,
+    SEALED,
+    UNKNOWN,
+    Known,
+    open_doubts,
+    stated_globe,
+)
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.library import Library
 from scleraforce.library.sealed import iop_ratio_under_force
@@ -35,7 +55,9 @@ from scleraforce.units import from_si
 SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
 SOUGHT_ON = 6  # frames of the search; if more are wanted, they are calibrated on once it is found
-FAR_ABOVE = 1.5  # of the highest force that is calibrated on: a force above is far from it
+FAR_ABOVE = (
+    1.5  # of the highest force that is calibrated on: a force above is far from it
+)
 LEAKS = "eye.leak_time_s: E and k are of the globe without its leak, which `read` and `monitor` do not follow"
 LEAK_ROUNDS = 3  # of a calibration with the resting pressures that its E and k give
 
@@ -53,10 +75,15 @@ class _StepCount:
 
 
 def calibrate_recordings(
-    recordings: Sequence[Recording], study: Study, study_sha256: str, library: Library | None,
-    parameters: tuple[str, ...] | None = None, frames: int | None = None,
-    progress: Callable[[int], object] | None = None, finder: WallFinder | None = None,
-) -> Calibration:  # fmt: skip
+    recordings: Sequence[Recording],
+    study: Study,
+    study_sha256: str,
+    library: Library | None,
+    parameters: tuple[str, ...] | None = None,
+    frames: int | None = None,
+    progress: Callable[[int], object] | None = None,
+    finder: WallFinder | None = None,
+) -> Calibration:
     """Calibrate every eye on its recordings; recordings of one eye add up. It raises `CalibrationError`.
 
     Without a library, mechanics is linear, as in the paper. The uncertain `parameters` are, of `e`, `stiffening`,
@@ -68,53 +95,84 @@ def calibrate_recordings(
     if parameters is None:
         parameters = ("e",) if library is None else ("e", STIFFENING)
     if library is None and STIFFENING in parameters:
-        raise CalibrationError("parameters: linear mechanics knows no tissue that stiffens; leave out stiffening")
+        raise CalibrationError(
+            "parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
+        )
     of_filter = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
-    settings = Settings(study, library, of_filter, STIFFENING in parameters, frames, finder)
+    settings = Settings(
+        study, library, of_filter, STIFFENING in parameters, frames, finder
+    )
     eyes = dict[str, EyeCalibration]()
     for recording in recordings:
         eye_id = recording.info.eye.id
         count = _StepCount(passes * len(recording.frames), progress or silent)
-        eyes[eye_id] = _of_eye(recording, replace(settings, count=count), eyes.get(eye_id))
+        eyes[eye_id] = _of_eye(
+            recording, replace(settings, count=count), eyes.get(eye_id)
+        )
         count(count.left)
     mechanics = "linear" if library is None else "finite-strain"
     return Calibration(eyes, study_sha256, study.classes.bounds_n, mechanics)
 
 
-def calibration_passes(library: Library | None, parameters: tuple[str, ...] | None) -> int:
+def calibration_passes(
+    library: Library | None, parameters: tuple[str, ...] | None
+) -> int:
     """Return the largest number of passes over the frames of a recording."""
     sought = parameters is None or STIFFENING in parameters
     return most_trials(library) + 1 if sought and library is not None else 1
 
 
-def _of_eye(recording: Recording, settings: Settings, before: EyeCalibration | None) -> EyeCalibration:
+def _of_eye(
+    recording: Recording, settings: Settings, before: EyeCalibration | None
+) -> EyeCalibration:
     """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
     stated = recording.info.eye.globe
-    used = frozenset() if before is None else frozenset(sha256 for record in before.frames for _, sha256 in record.seen)
+    used = (
+        frozenset()
+        if before is None
+        else frozenset(sha256 for record in before.frames for _, sha256 in record.seen)
+    )
     check_planes(recording, settings)
     frames = EyeFrames(recording, settings, used, _known_relaxation(recording, before))
     recording = frames.recording
-    if before is not None and stated == before.globe.kind == "open" and before.globe.can_be_sealed:
+    if (
+        before is not None
+        and stated == before.globe.kind == "open"
+        and before.globe.can_be_sealed
+    ):
         return _as_open(_of_tissue(_without_globe(recording), settings, frames, before))
     found = _of_tissue(recording, settings, frames, before)
-    if found.status == "ok" or before is not None or settings.library is None or stated is None:
+    if (
+        found.status == "ok"
+        or before is not None
+        or settings.library is None
+        or stated is None
+    ):
         return found
-    other = _of_tissue(_without_globe(recording), replace(settings, count=silent), frames, None)
+    other = _of_tissue(
+        _without_globe(recording), replace(settings, count=silent), frames, None
+    )
     if other.status != "ok":
         return found
-    if stated == "open" and other.globe.mean < max(SEALED.lowest, SURE_SEALED * other.globe.sd):
+    if stated == "open" and other.globe.mean < max(
+        SEALED.lowest, SURE_SEALED * other.globe.sd
+    ):
         return _doubted(
             _as_open(other),
             f"eye.globe is stated as open, and the model does not know its walls: they are read as with "
             f"{rigidity_words(other)}, less than that of closed eyes; is its limbus in view, or its wall uneven?",
         )
-    doubt = (f"eye.globe is stated as {stated}, and the frames contradict that; for a globe that may be open or sealed "
-             f"they show {rigidity_words(other)} and do not: state what it is, or leave eye.globe out")  # fmt: skip
+    doubt = (
+        f"eye.globe is stated as {stated}, and the frames contradict that; for a globe that may be open or sealed "
+        f"they show {rigidity_words(other)} and do not: state what it is, or leave eye.globe out"
+    )
     return _doubted(replace(found, globe=UNKNOWN), doubt)
 
 
-def _known_relaxation(recording: Recording, before: EyeCalibration | None) -> KnownRelaxation | None:
+def _known_relaxation(
+    recording: Recording, before: EyeCalibration | None
+) -> KnownRelaxation | None:
     """Return how an eye relaxes as declared or found before; None: it is to be found. Early files have elastic eyes."""
     if before is not None:
         return before.relaxation or KnownRelaxation.declared(())
@@ -123,7 +181,13 @@ def _known_relaxation(recording: Recording, before: EyeCalibration | None) -> Kn
 
 
 def _without_globe(recording: Recording) -> Recording:
-    eye = replace(recording.info.eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None, leak_time_s=None)
+    eye = replace(
+        recording.info.eye,
+        globe=None,
+        rigidity_pa13_per_m3=None,
+        rigidity_law=None,
+        leak_time_s=None,
+    )
     return replace(recording, info=replace(recording.info, eye=eye))
 
 
@@ -138,11 +202,16 @@ def _as_open(eye: EyeCalibration) -> EyeCalibration:
 
 def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
     *others, last = eye.recordings
-    return replace(eye, recordings=(*others, replace(last, doubts=(*last.doubts, doubt))))
+    return replace(
+        eye, recordings=(*others, replace(last, doubts=(*last.doubts, doubt)))
+    )
 
 
 def _of_tissue(
-    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None
+    recording: Recording,
+    settings: Settings,
+    frames: EyeFrames,
+    earlier: EyeCalibration | None,
 ) -> EyeCalibration:
     """Calibrate an eye with the walls of the tissue that explains its frames best, or of the known one."""
     library = settings.library
@@ -150,18 +219,35 @@ def _of_tissue(
     if library is not None and earlier is None and settings.stiffening_sought:
         return _of_sought_tissue(recording, settings, library, frames)
     if library is not None:
-        stiffening = settings.study.tissue.stiffening if earlier is None else earlier.stiffening
+        stiffening = (
+            settings.study.tissue.stiffening if earlier is None else earlier.stiffening
+        )
         library = library.for_stiffening(stiffening)
-    return calibrate_eye(recording, replace(settings, library=library), frames, earlier).found
+    return calibrate_eye(
+        recording, replace(settings, library=library), frames, earlier
+    ).found
 
 
-def _of_sought_tissue(recording: Recording, settings: Settings, library: Library, frames: EyeFrames) -> EyeCalibration:
+def _of_sought_tissue(
+    recording: Recording, settings: Settings, library: Library, frames: EyeFrames
+) -> EyeCalibration:
     faults = list[CalibrationError]()
-    more = len(recording.frames) > SOUGHT_ON and (settings.frames is None or settings.frames > SOUGHT_ON)
+    more = len(recording.frames) > SOUGHT_ON and (
+        settings.frames is None or settings.frames > SOUGHT_ON
+    )
 
-    def calibrate(of_tissue: Library, wanted: int | None) -> TissueTrial[EyeCalibration]:
-        with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
-            return calibrate_eye(recording, replace(settings, library=of_tissue, frames=wanted), frames, None)
+    def calibrate(
+        of_tissue: Library, wanted: int | None
+    ) -> TissueTrial[EyeCalibration]:
+        with np.errstate(
+            all="ignore"
+        ):  # with walls that are far from the eye's a filter may end anywhere
+            return calibrate_eye(
+                recording,
+                replace(settings, library=of_tissue, frames=wanted),
+                frames,
+                None,
+            )
 
     def attempt(of_tissue: Library) -> TissueTrial[EyeCalibration] | None:
         try:
@@ -174,27 +260,47 @@ def _of_sought_tissue(recording: Recording, settings: Settings, library: Library
     if found is None:
         raise faults[0]
     stiffening, eye = found
-    return calibrate(library.for_stiffening(stiffening), settings.frames).found if more else eye
+    return (
+        calibrate(library.for_stiffening(stiffening), settings.frames).found
+        if more
+        else eye
+    )
 
 
 def calibrate_eye(
-    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None
+    recording: Recording,
+    settings: Settings,
+    frames: EyeFrames,
+    earlier: EyeCalibration | None,
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue; of one that leaks, anew with the pressures that this gives."""
-    found, library = _calibrate_eye(recording, settings, frames, earlier, None), settings.library
+    found, library = (
+        _calibrate_eye(recording, settings, frames, earlier, None),
+        settings.library,
+    )
     for _ in range(LEAK_ROUNDS if recording.info.eye.leak_time_s else 0):
         if library is None or found.found.status != "ok":
             break
         rests_pa = _rests_pa(recording, settings.study, library, frames, found.found)
-        found = _calibrate_eye(recording, replace(settings, count=silent), frames, earlier, rests_pa)
+        found = _calibrate_eye(
+            recording, replace(settings, count=silent), frames, earlier, rests_pa
+        )
     return found
 
 
-def _rests_pa(recording: Recording, study: Study, library: Library, frames: EyeFrames, eye: EyeCalibration) -> Floats:
+def _rests_pa(
+    recording: Recording,
+    study: Study,
+    library: Library,
+    frames: EyeFrames,
+    eye: EyeCalibration,
+) -> Floats:
     """Return the pressure at rest of a leaking eye at each frame (frame,), by its log, E and k."""
     _, forces, _, elastic_n = frames.labelled()
     iop_pa = eye_constants(recording, study).iop_pa
-    modulus_pa = dict(zip(eye.names, eye.means, strict=True))[assimilation.PARAMETERS["e"]]
+    modulus_pa = dict(zip(eye.names, eye.means, strict=True))[
+        assimilation.PARAMETERS["e"]
+    ]
     law, leak_time_s = eye.globe.globe(eye.globe.mean), recording.info.eye.leak_time_s
     if not law.is_sealed or leak_time_s is None:
         return np.full(len(forces.force_n), iop_pa)
@@ -204,27 +310,46 @@ def _rests_pa(recording: Recording, study: Study, library: Library, frames: EyeF
     def pressed(force_n: float, leaked_m3: float) -> float:
         rest = np.clip(law.pressure(iop_pa, -leaked_m3) / modulus_pa, *ends)
         force = np.array([force_n / modulus_pa])
-        return modulus_pa * float(iop_ratio_under_force(library, thickness, rest, force, law.over(modulus_pa))[0])
+        return modulus_pa * float(
+            iop_ratio_under_force(
+                library, thickness, rest, force, law.over(modulus_pa)
+            )[0]
+        )
 
     leaked_m3 = law.leaked_m3(iop_pa, leak_time_s / STEP_S, elastic_n, pressed)
-    at_m3 = np.interp(forces.since_start_s, STEP_S * np.arange(len(leaked_m3)), leaked_m3)
+    at_m3 = np.interp(
+        forces.since_start_s, STEP_S * np.arange(len(leaked_m3)), leaked_m3
+    )
     return law.pressure(iop_pa, -at_m3)
 
 
 def _calibrate_eye(
-    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None, rests_pa: Floats | None
+    recording: Recording,
+    settings: Settings,
+    frames: EyeFrames,
+    earlier: EyeCalibration | None,
+    rests_pa: Floats | None,
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye, whose frames have resting pressures of their own if it leaks."""
     study, library = settings.study, settings.library
     trials, forces, relaxation, _ = frames.labelled()
     session = _begin(recording, settings, frames, earlier)
-    records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
-    least_n, left = study.calibration.min_force_n, len(trials) if settings.frames is None else settings.frames
+    records, steps = (
+        ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
+    )
+    least_n, left = (
+        study.calibration.min_force_n,
+        len(trials) if settings.frames is None else settings.frames,
+    )
     included = [trial.excluded is None for trial in trials]
     rising = session.filter.model.constants.globe.can_be_sealed
     order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
     shown = [float("nan")] * len(trials)
-    taken, refused, path = dict[int, tuple[SeenFrame, float | None]](), 0, str(recording.path)
+    taken, refused, path = (
+        dict[int, tuple[SeenFrame, float | None]](),
+        0,
+        str(recording.path),
+    )
     for index in order:
         seen = frames.seen(index) if left > 0 and included[index] else None
         if seen is not None:
@@ -232,9 +357,14 @@ def _calibrate_eye(
             if isinstance(seen.wall, assimilation.Skipped):
                 found: assimilation.FrameStep | assimilation.Skipped | None = seen.wall
             else:
-                shown[index], rest_pa = dent(seen.wall), None if rests_pa is None else float(rests_pa[index])
+                shown[index], rest_pa = (
+                    dent(seen.wall),
+                    None if rests_pa is None else float(rests_pa[index]),
+                )
                 now = _at(session, seen, rest_pa, study)
-                now = assimilation.step(now, seen.wall, force_n, float(forces.since_start_s[index]))
+                now = assimilation.step(
+                    now, seen.wall, force_n, float(forces.since_start_s[index])
+                )
                 session = replace(now, filter=session.filter)
                 found = session.last
                 refused += force_n > least_n and isinstance(found, assimilation.Skipped)
@@ -244,7 +374,13 @@ def _calibrate_eye(
                     left -= 1
             assert found is not None  # after a step
             mean_pa, sd_pa = session.modulus.mean_pa, session.modulus.sd_pa
-            of_frame = partial(FrameRecord, recording=path, file=seen.file, sha256=seen.sha256, planes=seen.files)
+            of_frame = partial(
+                FrameRecord,
+                recording=path,
+                file=seen.file,
+                sha256=seen.sha256,
+                planes=seen.files,
+            )
             frame = of_frame(force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa)
             records.append(_recorded(frame, found))
         settings.count(1)
@@ -252,10 +388,13 @@ def _calibrate_eye(
     missed_n = [record.force_n for record in records if record.skipped is not None]
     used_n = [record.force_n for record in records if record.skipped is None]
     doubts = (
-        *(open_doubts(recording.info.eye.globe) if library is None else ()), *(() if rests_pa is None else (LEAKS,)),
-        *label_notes(recording, trials), *recording.walls.notes, *log_doubts(recording, study.classes, shown),
+        *(open_doubts(recording.info.eye.globe) if library is None else ()),
+        *(() if rests_pa is None else (LEAKS,)),
+        *label_notes(recording, trials),
+        *recording.walls.notes,
+        *log_doubts(recording, study.classes, shown),
         *reach_doubts(used_n, missed_n),
-    )  # fmt: skip
+    )
     if not used_n:
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(
@@ -265,13 +404,21 @@ def _calibrate_eye(
         )
     means, sds = assimilation.moments(session.filter, session.state)
     eye = EyeCalibration(
-        id=recording.info.eye.id, names=session.filter.space.names, means=tuple(means.tolist()),
-        sds=tuple(sds.tolist()), stated_thickness_m=session.filter.model.constants.thickness_m,
-        globe=assimilation.known_globe_after(session.filter, session.state), state=session.state,
-        recordings=_recordings(recording, forces, earlier, doubts), frames=tuple(records), steps=tuple(steps),
-        filter=session.filter, stiffening=0.0 if library is None else library.stiffening, relaxation=relaxation,
+        id=recording.info.eye.id,
+        names=session.filter.space.names,
+        means=tuple(means.tolist()),
+        sds=tuple(sds.tolist()),
+        stated_thickness_m=session.filter.model.constants.thickness_m,
+        globe=assimilation.known_globe_after(session.filter, session.state),
+        state=session.state,
+        recordings=_recordings(recording, forces, earlier, doubts),
+        frames=tuple(records),
+        steps=tuple(steps),
+        filter=session.filter,
+        stiffening=0.0 if library is None else library.stiffening,
+        relaxation=relaxation,
         lean_rad=recording.info.needle.lean_rad,
-    )  # fmt: skip
+    )
     return _settled(eye, assimilation.known_after(session), taken, refused, settings)
 
 
@@ -284,7 +431,10 @@ def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[st
     >>> reach_doubts([0.011, 0.02], [0.028])
     ()
     """
-    highest_n, missed_n = max(used_n, default=0.0), [force_n for force_n in missed_n if np.isfinite(force_n)]
+    highest_n, missed_n = (
+        max(used_n, default=0.0),
+        [force_n for force_n in missed_n if np.isfinite(force_n)],
+    )
     if not missed_n or max(missed_n) <= FAR_ABOVE * highest_n:
         return ()
     return (
@@ -297,14 +447,17 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     """Return a recording's statements on its eye, by default the study's values; raises `CalibrationError`."""
     info = recording.info
     if info.eye.thickness_m is None:
-        raise CalibrationError(f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs "
-                               "the wall's thickness")  # fmt: skip
+        raise CalibrationError(
+            f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs "
+            "the wall's thickness"
+        )
     low, high = study.needle.polar_angle_rad.bounds
     stated = info.needle.polar_angle_rad
     return EyeConstants(
         iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
         thickness_m=info.eye.thickness_m,
-        gap_m=info.needle.slice_gap_m or 0.0,  # of several planes, each moment has its own
+        gap_m=info.needle.slice_gap_m
+        or 0.0,  # of several planes, each moment has its own
         polar_rad=(low + high) / 2 if stated is None else stated,
         polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
         direction_rad=info.oct.plane_direction_rad,
@@ -317,13 +470,20 @@ def check_planes(recording: Recording, settings: Settings) -> None:
     """Raise a `CalibrationError` if a recording of several planes meets linear mechanics or an uncertain gap."""
     place = f"{recording.path / 'recording.toml'}: oct.plane"
     if recording.info.oct.plane and settings.library is None:
-        raise CalibrationError(f"{place}: linear mechanics takes a single plane; calibrate at finite strain")
+        raise CalibrationError(
+            f"{place}: linear mechanics takes a single plane; calibrate at finite strain"
+        )
     if recording.info.oct.plane and "gap" in settings.parameters:
-        raise CalibrationError(f"{place}: several planes show their gaps; leave gap out of the parameters")
+        raise CalibrationError(
+            f"{place}: several planes show their gaps; leave gap out of the parameters"
+        )
 
 
 def _at(
-    session: assimilation.EyeSession, seen: SeenFrame, rest_pa: float | None, study: Study
+    session: assimilation.EyeSession,
+    seen: SeenFrame,
+    rest_pa: float | None,
+    study: Study,
 ) -> assimilation.EyeSession:
     """Return the eye at a frame's place, if it is one of several planes, and its own resting pressure, if it leaks."""
     model = session.filter.model
@@ -335,45 +495,78 @@ def _at(
 
 
 def _begin(
-    recording: Recording, settings: Settings, frames: EyeFrames, earlier: EyeCalibration | None
+    recording: Recording,
+    settings: Settings,
+    frames: EyeFrames,
+    earlier: EyeCalibration | None,
 ) -> assimilation.EyeSession:
     """Return the eye before this recording's frames; the pose that frames share is new with each recording."""
     constants = eye_constants(recording, settings.study)
     if settings.library is None:
-        constants = replace(constants, globe=OPEN)  # as in the paper: linear mechanics knows no other
+        constants = replace(
+            constants, globe=OPEN
+        )  # as in the paper: linear mechanics knows no other
     _, forces, _, _ = frames.labelled()
-    begun = (settings.study, constants, settings.library, settings.parameters, forces.zero_covariance)
+    begun = (
+        settings.study,
+        constants,
+        settings.library,
+        settings.parameters,
+        forces.zero_covariance,
+    )
     session = assimilation.begin(*begun, frames.poses if earlier is None else None)
     if earlier is None:
         return session
     if (earlier.lean_rad is None) != (recording.info.needle.lean_rad is None):
-        raise CalibrationError(f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of {earlier.id} "
-                               "state it and some do not; state it in all of them, or in none")  # fmt: skip
+        raise CalibrationError(
+            f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of {earlier.id} "
+            "state it and some do not; state it in all of them, or in none"
+        )
     assert earlier.state is not None  # of a filter
-    return replace(session, state=replace(earlier.state, belief=first_belief(session.filter.model)))
+    return replace(
+        session, state=replace(earlier.state, belief=first_belief(session.filter.model))
+    )
 
 
-def _recorded(record: FrameRecord, found: assimilation.FrameStep | assimilation.Skipped) -> FrameRecord:
+def _recorded(
+    record: FrameRecord, found: assimilation.FrameStep | assimilation.Skipped
+) -> FrameRecord:
     if isinstance(found, assimilation.Skipped):
         return replace(record, skipped=found.reason)
     result, own_pa = found.result, found.registered.wall.youngs_modulus_pa
-    record = replace(record, own_modulus_pa=own_pa, points=result.observations, gated=result.gated)
-    return replace(record, nis=result.nis, inflation=result.inflation, status=result.status)
+    record = replace(
+        record, own_modulus_pa=own_pa, points=result.observations, gated=result.gated
+    )
+    return replace(
+        record, nis=result.nis, inflation=result.inflation, status=result.status
+    )
 
 
 def _recordings(
-    recording: Recording, forces: FrameForces, earlier: EyeCalibration | None, doubts: tuple[str, ...]
+    recording: Recording,
+    forces: FrameForces,
+    earlier: EyeCalibration | None,
+    doubts: tuple[str, ...],
 ) -> tuple[UsedRecording, ...]:
     """Return the recordings that an eye rests on, this one among them."""
-    path, sha256, (zero_n, drift) = str(recording.path), tables_digest(recording), forces.zero.tolist()
-    used = UsedRecording(path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, doubts=doubts)
+    path, sha256, (zero_n, drift) = (
+        str(recording.path),
+        tables_digest(recording),
+        forces.zero.tolist(),
+    )
+    used = UsedRecording(
+        path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, doubts=doubts
+    )
     return (used,) if earlier is None else (*earlier.recordings, used)
 
 
 def _settled(
-    eye: EyeCalibration, known: Known, taken: Mapping[int, tuple[SeenFrame, float | None]], refused: int,
+    eye: EyeCalibration,
+    known: Known,
+    taken: Mapping[int, tuple[SeenFrame, float | None]],
+    refused: int,
     settings: Settings,
-) -> TissueTrial[EyeCalibration]:  # fmt: skip
+) -> TissueTrial[EyeCalibration]:
     """Return a calibration after its frames are read again, at their resting pressures, Pa, if it leaks."""
     if settings.library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)
@@ -384,8 +577,14 @@ def _settled(
         if not isinstance(seen.wall, assimilation.Skipped)
     ]
     rested = [rest_pa for _, rest_pa in taken.values() if rest_pa is not None]
-    earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]
-    after = settled(known, asked, earlier, settings.library, settings.study, rested or None)
+    earlier = [
+        frame.again
+        for place, frame in enumerate(frames)
+        if frame.again is not None and place not in taken
+    ]
+    after = settled(
+        known, asked, earlier, settings.library, settings.study, rested or None
+    )
     for place, read in zip(taken, after.again, strict=True):
         frames[place] = replace(frames[place], again=read)
     modulus, globe = own(after.known)
@@ -394,7 +593,16 @@ def _settled(
         assimilation.RIGIDITY: (globe.mean, globe.sd),
     }
     estimates = zip(eye.names, eye.means, eye.sds, strict=True)
-    means, sds = zip(*(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True)
+    means, sds = zip(
+        *(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True
+    )
     discrepancy = after.known.discrepancy
-    settled_eye = replace(eye, means=means, sds=sds, globe=globe, discrepancy=discrepancy, frames=tuple(frames))
+    settled_eye = replace(
+        eye,
+        means=means,
+        sds=sds,
+        globe=globe,
+        discrepancy=discrepancy,
+        frames=tuple(frames),
+    )
     return after.trial(settled_eye, refused)

@@ -31,7 +31,11 @@ from scleraforce.recording.folder import Plane, Recording, frame_digest
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.tables import FrameEntry
-from scleraforce.segmentation.observations import Boundaries, recorded_wall, segmented_boundaries
+from scleraforce.segmentation.observations import (
+    Boundaries,
+    recorded_wall,
+    segmented_boundaries,
+)
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
@@ -75,8 +79,14 @@ class SeenFrame:
     def beside(self, constants: EyeConstants) -> EyeConstants:
         """Return an eye's constants at the place of the plane; `constants` are of the scanner's x axis."""
         gap_m, turn_rad, tilt_rad = self.place
-        direction_rad = None if constants.direction_rad is None else constants.direction_rad + turn_rad
-        return replace(constants, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad)
+        direction_rad = (
+            None
+            if constants.direction_rad is None
+            else constants.direction_rad + turn_rad
+        )
+        return replace(
+            constants, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad
+        )
 
 
 class EyeFrames:
@@ -87,12 +97,23 @@ class EyeFrames:
     """
 
     def __init__(
-        self, recording: Recording, settings: Settings, used: frozenset[str], relaxation: KnownRelaxation | None
+        self,
+        recording: Recording,
+        settings: Settings,
+        used: frozenset[str],
+        relaxation: KnownRelaxation | None,
     ) -> None:
-        self.moments, self.settings, self.used, self.relaxation = recording.moments, settings, used, relaxation
+        self.moments, self.settings, self.used, self.relaxation = (
+            recording.moments,
+            settings,
+            used,
+            relaxation,
+        )
         self.recording = recording
         if recording.info.oct.plane:
-            self.recording = replace(recording, frames=tuple(first for first, *_ in self.moments))
+            self.recording = replace(
+                recording, frames=tuple(first for first, *_ in self.moments)
+            )
         self.seen, self.labelled = cache(self._seen), cache(self._labelled)
         self._look, self._fitted = cache(self._look_at), cache(self._fit)
         self.poses = dict[Boundaries, PoseBelief]()
@@ -101,7 +122,10 @@ class EyeFrames:
         moment, plane = self.moments[index], self.followed
         if any(self._look(entry)[0] in self.used for entry in moment):
             return None
-        entry = next((entry for entry in moment if plane is None or entry.plane == plane.name), moment[0])
+        entry = next(
+            (entry for entry in moment if plane is None or entry.plane == plane.name),
+            moment[0],
+        )
         sha256, wall = self._look(entry)
         if plane is not None and entry.plane != plane.name:
             wall = assimilation.Skipped(f"not usable: no frame of plane {plane.name}")
@@ -112,7 +136,11 @@ class EyeFrames:
         if isinstance(found, assimilation.Skipped):
             return replace(seen, wall=found)
         turn_rad, (x_rad, y_rad) = plane.direction_rad, found.place.tilt_rad
-        place = gap_of(found, plane), turn_rad, cos(turn_rad) * y_rad - sin(turn_rad) * x_rad
+        place = (
+            gap_of(found, plane),
+            turn_rad,
+            cos(turn_rad) * y_rad - sin(turn_rad) * x_rad,
+        )
         files = tuple((entry.file, self._look(entry)[0]) for entry in moment)
         return replace(seen, planes=found, place=place, files=files)
 
@@ -123,47 +151,90 @@ class EyeFrames:
         if not planes:
             return None
         each = (self._fitted(index) for index in range(len(self.moments)))
-        fitted = list(islice((one for one in each if isinstance(one, PlanesFit)), LOOKED_AT))
-        return min(planes, key=lambda plane: np.median([abs(gap_of(one, plane)) for one in fitted] or [0.0]))
+        fitted = list(
+            islice((one for one in each if isinstance(one, PlanesFit)), LOOKED_AT)
+        )
+        return min(
+            planes,
+            key=lambda plane: np.median(
+                [abs(gap_of(one, plane)) for one in fitted] or [0.0]
+            ),
+        )
 
-    def _look_at(self, entry: FrameEntry) -> tuple[str, Boundaries | assimilation.Skipped]:
+    def _look_at(
+        self, entry: FrameEntry
+    ) -> tuple[str, Boundaries | assimilation.Skipped]:
         """Return the digest of a frame's pixels, and its wall."""
         pixels, info = self.recording.frame(entry), self.recording.info
         scale = PixelScale.of(info.oct)
         given = recorded_wall(self.recording.walls, entry.file, pixels.shape, scale)
-        found = given or find_wall(pixels, scale, info.eye.thickness_m, self.settings.finder)
+        found = given or find_wall(
+            pixels, scale, info.eye.thickness_m, self.settings.finder
+        )
         if not found.usable:
-            return frame_digest(pixels), assimilation.Skipped(f"not usable: {found.reason}")
+            return frame_digest(pixels), assimilation.Skipped(
+                f"not usable: {found.reason}"
+            )
         return frame_digest(pixels), segmented_boundaries(found, scale)
 
     def _fit(self, index: int) -> PlanesFit | assimilation.Skipped:
         """Fit the planes of a moment that show a wall together, beside the population's modulus."""
-        info, study, library = self.recording.info, self.settings.study, self.settings.library
+        info, study, library = (
+            self.recording.info,
+            self.settings.study,
+            self.settings.library,
+        )
         assert library is not None  # `calibrate.check_planes`
         mean_pa, sd_pa = study.calibration.prior_mean_pa, study.calibration.prior_sd_pa
-        known = replace(known_of_recording(info), modulus=Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population"))
+        known = replace(
+            known_of_recording(info),
+            modulus=Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population"),
+        )
         planes = list[SeenPlane]()
         for entry in self.moments[index]:
             (_, wall), plane = self._look(entry), info.oct.named(entry.plane)
             if plane is not None and not isinstance(wall, assimilation.Skipped):
                 turn_rad = plane.direction_rad
                 prior = prior_of(known.turned(turn_rad), study.reader)
-                planes.append(SeenPlane(plane.offset_m, turn_rad, wall.lateral_m, wall.depth_m, prior))
+                planes.append(
+                    SeenPlane(
+                        plane.offset_m, turn_rad, wall.lateral_m, wall.depth_m, prior
+                    )
+                )
         if len(planes) < 2:
             return assimilation.Skipped("not usable: fewer than two planes show a wall")
-        near = library.for_stiffening(float(library.walls.stiffening[0])).nearest_contact(known.polar_rad)
+        near = library.for_stiffening(
+            float(library.walls.stiffening[0])
+        ).nearest_contact(known.polar_rad)
         fits, place = fit_planes(near, planes, study.calibration.surface_smoothing_m)
         if place is None:
             return assimilation.Skipped(assimilation.UNSEEN)
         found = PlanesFit(tuple(planes), fits, place)
-        return found if found.whole.misfit_m <= NO_WALL_M else assimilation.Skipped(NO_WALL)
+        return (
+            found
+            if found.whole.misfit_m <= NO_WALL_M
+            else assimilation.Skipped(NO_WALL)
+        )
 
-    def _labelled(self) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None, Floats]:
-        study, log, info = self.settings.study, self.recording.forces, self.recording.info.force
+    def _labelled(
+        self,
+    ) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None, Floats]:
+        study, log, info = (
+            self.settings.study,
+            self.recording.forces,
+            self.recording.info.force,
+        )
         if log is None or info is None:
-            raise CalibrationError(f"{self.recording.path}: no forces.csv; a calibration needs frames of known force")
-        log = replace(log, wrench_sc=log.wrench_sc * cos(self.recording.info.needle.lean_rad or 0.0))
-        trials = label_frames(replace(self.recording, forces=log), study.classes, study.needle.max_force_n)
+            raise CalibrationError(
+                f"{self.recording.path}: no forces.csv; a calibration needs frames of known force"
+            )
+        log = replace(
+            log,
+            wrench_sc=log.wrench_sc * cos(self.recording.info.needle.lean_rad or 0.0),
+        )
+        trials = label_frames(
+            replace(self.recording, forces=log), study.classes, study.needle.max_force_n
+        )
         recording = replace(self.recording, forces=log.known(info.axis))
         forces = frame_forces(recording, trials)
         if self.settings.library is None:
@@ -173,5 +244,15 @@ class EyeFrames:
 
 def gap_of(found: PlanesFit, plane: Plane) -> float:
     """Return the gap of a plane, m, with its sign; infinite if it is not in the fit."""
-    there = ((seen.offset_m, seen.direction_rad) == (plane.offset_m, plane.direction_rad) for seen in found.planes)
-    return next((float(fit.unknown[GAP]) for fit, is_it in zip(found.fits, there, strict=True) if is_it), np.inf)
+    there = (
+        (seen.offset_m, seen.direction_rad) == (plane.offset_m, plane.direction_rad)
+        for seen in found.planes
+    )
+    return next(
+        (
+            float(fit.unknown[GAP])
+            for fit, is_it in zip(found.fits, there, strict=True)
+            if is_it
+        ),
+        np.inf,
+    )

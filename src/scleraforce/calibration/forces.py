@@ -43,19 +43,30 @@ class FrameForces:
 
 def frame_forces(recording: Recording, trials: tuple[Trial, ...]) -> FrameForces:
     """Return the forces of labelled trials, without offset and drift; NaN without a label."""
-    force_n = np.array([np.nan if trial.measured_force_n is None else trial.measured_force_n for trial in trials])
+    force_n = np.array(
+        [
+            np.nan if trial.measured_force_n is None else trial.measured_force_n
+            for trial in trials
+        ]
+    )
     time_s = np.array([trial.time_s for trial in trials])
     if recording.forces is None or recording.info.force is None:
         return FrameForces(force_n, np.zeros_like(time_s), np.zeros(2), ZERO_PRIOR)
     log_s = recording.forces.time_s
     since_s = time_s - log_s[0]
-    zeros = rest_zeros(contact_force(recording.forces, recording.info.force), log_s, time_s, force_n)
+    zeros = rest_zeros(
+        contact_force(recording.forces, recording.info.force), log_s, time_s, force_n
+    )
     zero, covariance = zero_line(*zeros)
     return FrameForces(force_n - zero[0] - zero[1] * since_s, since_s, zero, covariance)
 
 
 def frame_order(
-    force_n: Floats, included: Sequence[bool], min_force_n: float, frames: int | None, rising: bool
+    force_n: Floats,
+    included: Sequence[bool],
+    min_force_n: float,
+    frames: int | None,
+    rising: bool,
 ) -> list[int]:
     """Return the frames in the order in which they are examined: of the included ones the wanted number, or all (None).
 
@@ -66,21 +77,37 @@ def frame_order(
     """
     if frames is None and not rising:
         return list(range(len(included)))
-    light = [index for index, inside in enumerate(included) if inside and force_n[index] <= min_force_n]
-    left = [index for index, inside in enumerate(included) if inside and force_n[index] > min_force_n]
+    light = [
+        index
+        for index, inside in enumerate(included)
+        if inside and force_n[index] <= min_force_n
+    ]
+    left = [
+        index
+        for index, inside in enumerate(included)
+        if inside and force_n[index] > min_force_n
+    ]
     left.sort(key=lambda index: -force_n[index])
     if frames is None:
-        return [*light, *reversed(left), *(index for index, inside in enumerate(included) if not inside)]
+        return [
+            *light,
+            *reversed(left),
+            *(index for index, inside in enumerate(included) if not inside),
+        ]
     chosen, highest_n = list[int](), force_n[left[0]] if left else 0.0
     for share in np.arange(frames, 0, -1) / frames:
         if left:
-            nearest = min(left, key=lambda index: abs(force_n[index] - share * highest_n))
+            nearest = min(
+                left, key=lambda index: abs(force_n[index] - share * highest_n)
+            )
             left.remove(nearest)
             chosen.append(nearest)
     return [*light[:frames], *reversed(chosen), *left]
 
 
-def rest_zeros(contact_n: Floats, log_s: Floats, frames_s: Floats, frames_n: Floats) -> tuple[Floats, Floats]:
+def rest_zeros(
+    contact_n: Floats, log_s: Floats, frames_s: Floats, frames_n: Floats
+) -> tuple[Floats, Floats]:
     """Return time since the log's beginning and mean force of every rest between two pushes, each (rest,).
 
     Of the log: contact force, tared at the beginning, and times; of the frames: times, increasing, and labels.
@@ -89,10 +116,14 @@ def rest_zeros(contact_n: Floats, log_s: Floats, frames_s: Floats, frames_n: Flo
     ends = np.searchsorted(log_s, frames_s)
     found = [
         _rest(contact_n[start:end], rate_hz, start)
-        for (start, end), (before_n, after_n) in zip(pairwise(ends), pairwise(frames_n), strict=True)
+        for (start, end), (before_n, after_n) in zip(
+            pairwise(ends), pairwise(frames_n), strict=True
+        )
         if min(before_n, after_n) > PUSH_N
     ]
-    rests = [rest for rest in found if rest is not None and abs(rest[1]) < FARTHEST_ZERO_N]
+    rests = [
+        rest for rest in found if rest is not None and abs(rest[1]) < FARTHEST_ZERO_N
+    ]
     middle = np.array([rest[0] for rest in rests], dtype=np.intp)
     return log_s[middle] - log_s[0], np.array([rest[1] for rest in rests])
 
@@ -106,7 +137,9 @@ def zero_line(time_s: Floats, zero_n: Floats) -> tuple[Floats, Floats]:
     prior = np.linalg.inv(ZERO_PRIOR)
     sd = REST_SD_N
     for _ in range(2):
-        covariance: Floats = np.asarray(np.linalg.inv(prior + design.T @ design / sd**2), dtype=np.float64)
+        covariance: Floats = np.asarray(
+            np.linalg.inv(prior + design.T @ design / sd**2), dtype=np.float64
+        )
         line = covariance @ (design.T @ zero_n) / sd**2
         rest = zero_n - design @ line
         sd = max(REST_SD_N, float(np.sqrt(rest @ rest / max(len(rest) - 2, 1))))
@@ -117,11 +150,15 @@ def _rest(contact_n: Floats, rate_hz: float, start: int) -> tuple[int, float] | 
     """Return the middle sample of the rest between two frames, and its mean; None without a rest."""
     total = np.concatenate([[0.0], np.cumsum(contact_n)])
     lengths = (round(QUIET_S * rate_hz), round(SMOOTH_S * rate_hz))
-    quiet, smooth = ((total[length:] - total[:-length]) / length for length in lengths)  # means of all windows
+    quiet, smooth = (
+        (total[length:] - total[:-length]) / length for length in lengths
+    )  # means of all windows
     if len(quiet) < 2:
         return None
     middle = int(quiet.argmin()) + round(QUIET_S * rate_hz) // 2
-    over = np.flatnonzero(smooth > quiet.min() + EDGE_N) + round(SMOOTH_S * rate_hz) // 2
+    over = (
+        np.flatnonzero(smooth > quiet.min() + EDGE_N) + round(SMOOTH_S * rate_hz) // 2
+    )
     begin = int(over[over < middle].max(initial=-1)) + 1 + round(EDGE_S * rate_hz)
     end = int(over[over > middle].min(initial=len(contact_n))) - round(EDGE_S * rate_hz)
     if end - begin < round(QUIET_S * rate_hz) // 2:
@@ -139,7 +176,9 @@ SURE = 2.0  # standard errors, beyond which motion counts
 LEAST_SCALE = 1e-3  # of the noise over that of the zero's line: every sensor has noise
 
 
-def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | None, ...]:
+def label_sds(
+    recording: Recording, trials: Sequence[Trial]
+) -> tuple[float | None, ...]:
     """Return the standard deviation of the error of each frame's label, N; None without a label."""
     log, info = recording.forces, recording.info.force
     labelled = [trial for trial in trials if trial.measured_force_n is not None]
@@ -147,27 +186,51 @@ def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | No
         return tuple(None for _ in trials)
     every_n = info.contact_sign * log.force_n(info.axis)
     there = np.isfinite(every_n)
-    log_s, raw_n, contact_n = log.time_s[there], every_n[there], contact_force(log, info)[there]
+    log_s, raw_n, contact_n = (
+        log.time_s[there],
+        every_n[there],
+        contact_force(log, info)[there],
+    )
     frames_s = np.array([trial.time_s for trial in labelled])
     frames_n = np.array([trial.measured_force_n for trial in labelled])
     around = [_around(log_s, raw_n, time_s, info.average_s) for time_s in frames_s]
-    densities = [density for density, *_ in around[:: max(len(around) // MOST_FRAMES, 1)] if np.isfinite(density)]
-    density = float(np.median(densities)) if densities else _sample_variance(raw_n) / log.sample_rate_hz
+    densities = [
+        density
+        for density, *_ in around[:: max(len(around) // MOST_FRAMES, 1)]
+        if np.isfinite(density)
+    ]
+    density = (
+        float(np.median(densities))
+        if densities
+        else _sample_variance(raw_n) / log.sample_rate_hz
+    )
     scale = max(sqrt(density / REST_S) / REST_SD_N, LEAST_SCALE)
     rests_s, rests_n = rest_zeros(contact_n, log_s, frames_s, frames_n)
-    line, covariance = zero_line(rests_s / scale, rests_n / scale)  # times, too: the prior of the drift stays
+    line, covariance = zero_line(
+        rests_s / scale, rests_n / scale
+    )  # times, too: the prior of the drift stays
     at_frame = np.stack([np.ones_like(frames_s), (frames_s - log_s[0]) / scale], axis=1)
-    zero = scale**2 * ((at_frame @ line) ** 2 + np.einsum("fi,ij,fj->f", at_frame, covariance, at_frame))
+    zero = scale**2 * (
+        (at_frame @ line) ** 2
+        + np.einsum("fi,ij,fj->f", at_frame, covariance, at_frame)
+    )
     tare_s = tare_samples(raw_n, log.sample_rate_hz) / log.sample_rate_hz
     tare = max(density / tare_s - scale**2 * float(ZERO_PRIOR[0, 0]), 0.0)
     noise = density * _energy(info.average_s, log.sample_rate_hz)
     shared = noise + tare + 2.0 * _quantisation(raw_n)
-    motion = [max(motion_n**2 - (SURE * gain) ** 2 * density, 0.0) for _, motion_n, gain in around]
+    motion = [
+        max(motion_n**2 - (SURE * gain) ** 2 * density, 0.0)
+        for _, motion_n, gain in around
+    ]
     found = iter(np.sqrt(shared + zero + motion).tolist())
-    return tuple(None if trial.measured_force_n is None else next(found) for trial in trials)
+    return tuple(
+        None if trial.measured_force_n is None else next(found) for trial in trials
+    )
 
 
-def _around(log_s: Floats, raw_n: Floats, time_s: float, average_s: float) -> tuple[float, float, float]:
+def _around(
+    log_s: Floats, raw_n: Floats, time_s: float, average_s: float
+) -> tuple[float, float, float]:
     """Fit a parabola to means of 0.1 s about a frame; return the noise's density, N^2 s, the motion, N, and its gain.
 
     The density is NaN with too few samples. The motion is the difference of the mean over the window from the force at
@@ -178,24 +241,43 @@ def _around(log_s: Floats, raw_n: Floats, time_s: float, average_s: float) -> tu
     since_s, force_n = log_s[start:stop] - time_s, raw_n[start:stop]
     block = np.floor((since_s + half_s) / MEAN_S).astype(np.intp)
     count = np.bincount(block)
-    full = count > 0.5 * np.median(count[count > 0]) if len(count) else np.zeros(0, dtype=np.bool_)
+    full = (
+        count > 0.5 * np.median(count[count > 0])
+        if len(count)
+        else np.zeros(0, dtype=np.bool_)
+    )
     if full.sum() <= TERMS:
         return np.nan, 0.0, 0.0
-    mean_s, mean_n = (np.bincount(block, weights=values)[full] / count[full] for values in (since_s, force_n))
+    mean_s, mean_n = (
+        np.bincount(block, weights=values)[full] / count[full]
+        for values in (since_s, force_n)
+    )
     design = np.stack([np.ones_like(mean_s), mean_s, mean_s**2], axis=1)
     inverse = np.linalg.inv(design.T @ design)
     parabola = inverse @ design.T @ mean_n
     rest, freedom = mean_n - design @ parabola, len(mean_n) - TERMS
-    median = (1.0 - 2.0 / (9.0 * freedom)) ** 3  # of a chi square over its degrees of freedom (Wilson and Hilferty)
+    median = (
+        1.0 - 2.0 / (9.0 * freedom)
+    ) ** 3  # of a chi square over its degrees of freedom (Wilson and Hilferty)
     window_s = since_s[np.abs(since_s) <= average_s / 2]
-    off = np.array([0.0, window_s.mean(), (window_s**2).mean()]) if len(window_s) else np.zeros(TERMS)
+    off = (
+        np.array([0.0, window_s.mean(), (window_s**2).mean()])
+        if len(window_s)
+        else np.zeros(TERMS)
+    )
     density = MEAN_S * float(rest @ rest) / freedom / median
     return density, float(off @ parabola), sqrt(float(off @ inverse @ off) / MEAN_S)
 
 
 def _energy(average_s: float, rate_hz: float) -> float:
     """Return the energy of a label's weights, 1/s: low-pass, and mean over the window."""
-    time_s = np.arange(-round((average_s / 2 + 1.0) * rate_hz), round((average_s / 2 + 1.0) * rate_hz) + 1) / rate_hz
+    time_s = (
+        np.arange(
+            -round((average_s / 2 + 1.0) * rate_hz),
+            round((average_s / 2 + 1.0) * rate_hz) + 1,
+        )
+        / rate_hz
+    )
     window = np.where(np.abs(time_s) <= average_s / 2, 1.0, 0.0)
     weights = low_pass(window / window.sum(), time_s)
     return float(weights @ weights) * rate_hz
@@ -215,4 +297,10 @@ def _quantisation(raw_n: Floats) -> float:
     step_n = float(np.diff(levels_n).min())
     noise = max(_sample_variance(raw_n) - step_n**2 / 12.0, 0.0)
     k = np.arange(1, HARMONICS + 1)
-    return float(((step_n / (pi * k)) ** 2 / 2.0 * np.exp(-((2.0 * pi * k / step_n) ** 2) * noise)).sum())
+    return float(
+        (
+            (step_n / (pi * k)) ** 2
+            / 2.0
+            * np.exp(-((2.0 * pi * k / step_n) ** 2) * noise)
+        ).sum()
+    )

@@ -43,13 +43,19 @@ from scleraforce.study import Study
 
 Scales = tuple[Floats, Floats]
 
-OF_MODULUS, OF_RIGIDITY = 0, 1  # places of the four that are found: ln E, k over the reference's, level, growth
+OF_MODULUS, OF_RIGIDITY = (
+    0,
+    1,
+)  # places of the four that are found: ln E, k over the reference's, level, growth
 # Scales of Cauchy's prior, whose density falls slowly: forces of most eyes are hardly off (uneven ones,
 # computed in three dimensions, drift by 0.035 from none to the largest), forces of tissue that stiffens by up to 1.
 SCALES = np.array([0.02, 0.035])  # of level and growth
 CAUCHY = 2.0  # scales at which a prior's weight is halved
 ROUNDS = 60
-BEGINNINGS = (0.0, 0.0, 1.0, 1.0), (1.0, 1.0, 0.0, 0.0)  # of the search: either pair explains much
+BEGINNINGS = (
+    (0.0, 0.0, 1.0, 1.0),
+    (1.0, 1.0, 0.0, 0.0),
+)  # of the search: either pair explains much
 AS_READ = (False, False, True, True)  # what is sought where E and k stay
 _OPEN_SD = 1e-6  # standard deviation of the k of an open globe
 SETTLED = 1e-9
@@ -102,22 +108,46 @@ class Found:
 def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Found:
     """Return the estimate from frames of one eye, by reweighted least squares."""
     center = np.concatenate([place_of(known), np.zeros(2)])
-    direction, left, weight = np.zeros((len(frames), 4)), np.zeros(len(frames)), np.zeros(len(frames))
+    direction, left, weight = (
+        np.zeros((len(frames), 4)),
+        np.zeros(len(frames)),
+        np.zeros(len(frames)),
+    )
     for row, frame in enumerate(frames):
         beside = float(beside_middle(np.array(frame.library_n)))
         direction[row] = frame.by_modulus, frame.by_rigidity, 1.0, beside
-        read_at = np.array([log(frame.modulus_pa), frame.rigidity / REFERENCE_RIGIDITY, 0.0, 0.0])
-        left[row] = log(frame.force_n / frame.library_n) - direction[row] @ (center - read_at)
-        weight[row] = 1.0 / ((frame.sd_n / frame.library_n) ** 2 + (LABEL_SD_N / frame.force_n) ** 2)
+        read_at = np.array(
+            [log(frame.modulus_pa), frame.rigidity / REFERENCE_RIGIDITY, 0.0, 0.0]
+        )
+        left[row] = log(frame.force_n / frame.library_n) - direction[row] @ (
+            center - read_at
+        )
+        weight[row] = 1.0 / (
+            (frame.sd_n / frame.library_n) ** 2 + (LABEL_SD_N / frame.force_n) ** 2
+        )
     modulus, globe = own(known)
     sds = np.array([modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, _OPEN_SD)])
-    of_filter = np.outer(sds, sds) * np.array([[1.0, globe.correlation], [globe.correlation, 1.0]])
+    of_filter = np.outer(sds, sds) * np.array(
+        [[1.0, globe.correlation], [globe.correlation, 1.0]]
+    )
     scales: Scales = np.asarray(np.linalg.inv(of_filter)), np.diag(SCALES**-2.0)
     every = np.ones(4, dtype=bool)
-    begun = (_reweighted(direction, left, weight, scales, every, begin) for begin in BEGINNINGS)
-    mean, covariance = min(begun, key=lambda found: _loss(direction, left, weight, scales, found[0]))
+    begun = (
+        _reweighted(direction, left, weight, scales, every, begin)
+        for begin in BEGINNINGS
+    )
+    mean, covariance = min(
+        begun, key=lambda found: _loss(direction, left, weight, scales, found[0])
+    )
     away = np.concatenate([place, np.zeros(2)]) - center
-    there, _ = _reweighted(direction, left - direction @ away, weight, scales, np.array(AS_READ), BEGINNINGS[0])
+    there, _ = _reweighted(
+        direction,
+        left - direction @ away,
+        weight,
+        scales,
+        np.array(AS_READ),
+        BEGINNINGS[0],
+    )
     loss = _loss(direction, left, weight, scales, there + away)
     rest = left - direction @ mean
     # Before any frame the scatter is 1, sure like `SCATTER_FRAMES` frames (inverse gamma prior: Gelman et al., Bayesian
@@ -128,27 +158,42 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Fou
 
 
 def _reweighted(
-    direction: Floats, left: Floats, weight: Floats, scales: Scales, free: Flags, begin: tuple[float, ...]
+    direction: Floats,
+    left: Floats,
+    weight: Floats,
+    scales: Scales,
+    free: Flags,
+    begin: tuple[float, ...],
 ) -> tuple[Floats, Floats]:
     """Return mean (4,) and covariance (4, 4) of the `free` unknowns; the rest stays 0.
 
     `direction` (frame, 4) are the frames' slopes, `left` (frame,) the residuals to explain; `scales`: inverse squares
     of the scales of E with k, and of level with growth, (2, 2) each. Far from `begin` the priors hardly hold.
     """
-    normal, gradient = direction.T @ (weight[:, None] * direction), direction.T @ (weight * left)
+    normal, gradient = (
+        direction.T @ (weight[:, None] * direction),
+        direction.T @ (weight * left),
+    )
     found, covariance = np.where(free & bool(len(left)), begin, 0.0), np.zeros((4, 4))
     for _ in range(ROUNDS):
         precision = normal.copy()
-        precision[:2, :2] += scales[0] / (1.0 + found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
+        precision[:2, :2] += scales[0] / (
+            1.0 + found[:2] @ scales[0] @ found[:2] / CAUCHY**2
+        )
         precision[2:, 2:] += scales[1] / (1.0 + scales[1] @ found[2:] ** 2 / CAUCHY**2)
-        before, covariance[np.ix_(free, free)] = found, np.linalg.inv(precision[np.ix_(free, free)])
+        before, covariance[np.ix_(free, free)] = (
+            found,
+            np.linalg.inv(precision[np.ix_(free, free)]),
+        )
         found = covariance @ gradient
         if np.abs(found - before).max() < SETTLED:
             break
     return found, covariance
 
 
-def _loss(direction: Floats, left: Floats, weight: Floats, scales: Scales, found: Floats) -> float:
+def _loss(
+    direction: Floats, left: Floats, weight: Floats, scales: Scales, found: Floats
+) -> float:
     """Return the loss of the four: their residuals, and their distance from the priors (`_reweighted`)."""
     rest = left - direction @ found
     of_filter = CAUCHY**2 * np.log1p(found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
@@ -171,7 +216,11 @@ def place_of(known: Known) -> Floats:
 
 Trial = TypeVar("Trial")
 
-MODULUS_STEP, RIGIDITY_STEP, LEAST_RIGIDITY = 0.02, 0.05, 0.1  # of ln E; of k, as a share of it, or of the reference's
+MODULUS_STEP, RIGIDITY_STEP, LEAST_RIGIDITY = (
+    0.02,
+    0.05,
+    0.1,
+)  # of ln E; of k, as a share of it, or of the reference's
 LARGEST_STEP = 0.5  # of ln E, before the frames are read anew
 READINGS = 5  # at most; what moves by less than a step is not read anew
 CERTAIN = 0.001  # of a standard deviation: nothing is left of it
@@ -188,7 +237,10 @@ EXPLAINED = 8.0  # times as much: frames of uneven eyes, too, are explained by t
 TISSUE_SCALE, TISSUE_CAUCHY = 0.5, 2.0
 WIDE = 0.6  # of ln(1 + 5 b): an interval at an end in which one more is tried
 NEAR = 0.03  # of the same: what lies so near was tried
-GAIN, ALIKE = 0.02, 1.0  # least gain of loss, by a parabola, that is worth a trial where losses differ by less
+GAIN, ALIKE = (
+    0.02,
+    1.0,
+)  # least gain of loss, by a parabola, that is worth a trial where losses differ by less
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,7 +265,13 @@ class TissueTrial(Generic[Trial]):
     @classmethod
     def diverged(cls, found: Trial, refused: int) -> "TissueTrial[Trial]":
         """Return a trial that explains none of its frames: any trial that explains some is better."""
-        return cls(found=found, refused=DIVERGED + refused, frames=0, of_boundaries=0.0, of_forces=0.0)
+        return cls(
+            found=found,
+            refused=DIVERGED + refused,
+            frames=0,
+            of_boundaries=0.0,
+            of_forces=0.0,
+        )
 
 
 @dataclass(frozen=True)
@@ -229,17 +287,29 @@ class Settled:
         read = [frame for frame in self.again if frame is not None]
         refused += len(self.again) - len(read)
         loss = sum(frame.loss for frame in read)
-        return TissueTrial(found=found, refused=refused, frames=len(read), of_boundaries=loss, of_forces=self.loss)
+        return TissueTrial(
+            found=found,
+            refused=refused,
+            frames=len(read),
+            of_boundaries=loss,
+            of_forces=self.loss,
+        )
 
 
-SeenFrames = Sequence[tuple[Boundaries | PlanesFit, float]]  # with their known forces, N
+SeenFrames = Sequence[
+    tuple[Boundaries | PlanesFit, float]
+]  # with their known forces, N
 Again = tuple[list[KnownForce | None], list[KnownForce], Found]
 
 
 def settled(
-    known: Known, frames: SeenFrames, earlier: Sequence[KnownForce], library: Library, study: Study,
+    known: Known,
+    frames: SeenFrames,
+    earlier: Sequence[KnownForce],
+    library: Library,
+    study: Study,
     rests_pa: Sequence[float] | None = None,
-) -> Settled:  # fmt: skip
+) -> Settled:
     """Return the known eye after its frames are read again, at their own resting pressures if the globe leaks."""
 
     def read_with(now: Known) -> Again:
@@ -257,11 +327,19 @@ def settled(
         if len(of_moved[1]) < len(read) or of_moved[2].loss >= found.loss:
             break
         now, (again, read, found) = moved, of_moved
-    return Settled(_with_discrepancy(now, found, [frame.force_n for frame in read]), tuple(again), found.loss)
+    return Settled(
+        _with_discrepancy(now, found, [frame.force_n for frame in read]),
+        tuple(again),
+        found.loss,
+    )
 
 
 def read_again(
-    frames: SeenFrames, known: Known, library: Library, study: Study, rests_pa: Sequence[float] | None = None
+    frames: SeenFrames,
+    known: Known,
+    library: Library,
+    study: Study,
+    rests_pa: Sequence[float] | None = None,
 ) -> list[KnownForce | None]:
     """Return the readings of an eye's frames without their forces, each None if the frame cannot be read.
 
@@ -273,7 +351,10 @@ def read_again(
     certain = [_certain(known), _certain(known, modulus_step)]
     if globe.can_be_sealed:
         certain.append(_certain(known, 0.0, rigidity_step))
-    found, rests = list[KnownForce | None](), [known.iop_pa] * len(frames) if rests_pa is None else rests_pa
+    found, rests = (
+        list[KnownForce | None](),
+        [known.iop_pa] * len(frames) if rests_pa is None else rests_pa,
+    )
     for (seen, force_n), rest_pa in zip(frames, rests, strict=True):
         eyes = [replace(each, iop_pa=rest_pa) for each in certain]
         fits = (
@@ -290,11 +371,16 @@ def read_again(
         slopes = [log(each.force_n / here.force_n) for each in (stiffer, *rigid)]
         found.append(
             KnownForce(
-                force_n=force_n, library_n=here.force_n, sd_n=0.5 * (high_n - low_n) / NINETY_PERCENT,
-                modulus_pa=modulus.mean_pa, rigidity=globe.mean, by_modulus=slopes[0] / modulus_step,
-                by_rigidity=slopes[1] / rigidity_step if rigid else 0.0, loss=here.loss,
+                force_n=force_n,
+                library_n=here.force_n,
+                sd_n=0.5 * (high_n - low_n) / NINETY_PERCENT,
+                modulus_pa=modulus.mean_pa,
+                rigidity=globe.mean,
+                by_modulus=slopes[0] / modulus_step,
+                by_rigidity=slopes[1] / rigidity_step if rigid else 0.0,
+                loss=here.loss,
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -302,21 +388,32 @@ def _fits(
     near: Library, seen: Boundaries, eyes: Sequence[Known], study: Study, force_n: float
 ) -> list[BoundaryFit | None]:
     """Return the fits of a frame with each of the known eyes; none if the first one cannot be read."""
-    priors, smoothing_m = [prior_of(eye, study.reader) for eye in eyes], study.calibration.surface_smoothing_m
+    priors, smoothing_m = (
+        [prior_of(eye, study.reader) for eye in eyes],
+        study.calibration.surface_smoothing_m,
+    )
     at = near, seen.lateral_m, seen.depth_m
     fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
     if not _read(fit):
         return []
     # A fit of its own for each could end in another valley, and the slope would be that from one to the other.
     moved = (fit.unknown + prior.mean - priors[0].mean for prior in priors)
-    return [fit_boundaries(*at, of, smoothing_m, begun=start) for of, start in zip(priors, moved, strict=True)]
+    return [
+        fit_boundaries(*at, of, smoothing_m, begun=start)
+        for of, start in zip(priors, moved, strict=True)
+    ]
 
 
-def _fits_of_planes(near: Library, seen: PlanesFit, eyes: Sequence[Known], study: Study) -> list[BoundaryFit | None]:
+def _fits_of_planes(
+    near: Library, seen: PlanesFit, eyes: Sequence[Known], study: Study
+) -> list[BoundaryFit | None]:
     """Return the fits of all planes of a moment with each of the known eyes."""
 
     def priors(eye: Known) -> list[Prior]:
-        return [prior_of(eye.turned(plane.direction_rad), study.reader) for plane in seen.planes]
+        return [
+            prior_of(eye.turned(plane.direction_rad), study.reader)
+            for plane in seen.planes
+        ]
 
     smoothing_m = study.calibration.surface_smoothing_m
     first = seen.with_priors(near, priors(eyes[0]), smoothing_m)
@@ -332,7 +429,12 @@ def _steps(known: Known) -> Floats:
     """Return the steps of ln E and k over the reference's (2,) for difference quotients."""
     modulus, globe = own(known)
     share = RIGIDITY_STEP * max(globe.mean / REFERENCE_RIGIDITY, LEAST_RIGIDITY)
-    return np.array([max(modulus.relative_sd, MODULUS_STEP), max(globe.sd / REFERENCE_RIGIDITY, share)])
+    return np.array(
+        [
+            max(modulus.relative_sd, MODULUS_STEP),
+            max(globe.sd / REFERENCE_RIGIDITY, share),
+        ]
+    )
 
 
 def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> Known:
@@ -341,7 +443,14 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
     if globe.can_be_sealed:
         mean = globe.mean + rigidity * REFERENCE_RIGIDITY
         lowest, highest = min(globe.lowest, mean), max(globe.highest, mean)
-        globe = replace(globe, mean=mean, sd=CERTAIN * globe.sd, lowest=lowest, highest=highest, correlation=0.0)
+        globe = replace(
+            globe,
+            mean=mean,
+            sd=CERTAIN * globe.sd,
+            lowest=lowest,
+            highest=highest,
+            correlation=0.0,
+        )
     modulus = replace(modulus, mean_pa=modulus.mean_pa * exp(log_modulus), sd_pa=0.0)
     return replace(known, modulus=modulus, globe=globe, discrepancy=None)
 
@@ -349,12 +458,20 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
 def _moved(known: Known, found: Found) -> Known:
     """Return an eye with the E and k that were found, not too far from the ones that it was read with."""
     (modulus, globe), mean, covariance = own(known), found.mean, found.covariance
-    if globe.can_be_sealed:  # where k would leave its bounds, E is that of a k on the bound
+    if (
+        globe.can_be_sealed
+    ):  # where k would leave its bounds, E is that of a k on the bound
         bounds = (globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY)
         mean = within_bounds(mean, covariance, OF_RIGIDITY, bounds)
         globe = replace(globe, mean=float(mean[OF_RIGIDITY]) * REFERENCE_RIGIDITY)
-    farther = np.clip(mean[OF_MODULUS] - log(modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP)
-    return replace(known, modulus=replace(modulus, mean_pa=modulus.mean_pa * exp(farther)), globe=globe)
+    farther = np.clip(
+        mean[OF_MODULUS] - log(modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP
+    )
+    return replace(
+        known,
+        modulus=replace(modulus, mean_pa=modulus.mean_pa * exp(farther)),
+        globe=globe,
+    )
 
 
 def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> Known:
@@ -364,19 +481,31 @@ def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> 
     modulus = replace(modulus, sd_pa=float(sds[OF_MODULUS]) * modulus.mean_pa)
     if globe.can_be_sealed:
         correlation = correlation_of(covariance, OF_MODULUS, OF_RIGIDITY)
-        globe = replace(globe, sd=float(sds[OF_RIGIDITY]) * REFERENCE_RIGIDITY, correlation=correlation)
+        globe = replace(
+            globe,
+            sd=float(sds[OF_RIGIDITY]) * REFERENCE_RIGIDITY,
+            correlation=correlation,
+        )
     given = covariance[2:, :2] @ np.linalg.inv(covariance[:2, :2])
-    level, growth = (found.mean[2:] + given @ (place_of(known) - found.mean[:2])).tolist()
+    level, growth = (
+        found.mean[2:] + given @ (place_of(known) - found.mean[:2])
+    ).tolist()
     left = covariance[2:, 2:] - given @ covariance[:2, 2:]
     level_sd, growth_sd = np.sqrt(np.diag(left)).tolist()
     rising_n = [0.0, *sorted(forces_n)]
     by = given * np.array([modulus.relative_sd, float(sds[OF_RIGIDITY])])
     discrepancy = ForceDiscrepancy(
-        level=level, growth=growth, level_sd=level_sd, growth_sd=growth_sd, correlation=correlation_of(left, 0, 1),
-        level_by=(float(by[0, 0]), float(by[0, 1])), growth_by=(float(by[1, 0]), float(by[1, 1])),
-        scatter=found.scatter, largest_n=rising_n[-1] if forces_n else None,
+        level=level,
+        growth=growth,
+        level_sd=level_sd,
+        growth_sd=growth_sd,
+        correlation=correlation_of(left, 0, 1),
+        level_by=(float(by[0, 0]), float(by[0, 1])),
+        growth_by=(float(by[1, 0]), float(by[1, 1])),
+        scatter=found.scatter,
+        largest_n=rising_n[-1] if forces_n else None,
         widest_gap=float(np.diff(rising_n).max() / rising_n[-1]) if forces_n else None,
-    )  # fmt: skip
+    )
     return replace(known, modulus=modulus, globe=globe, discrepancy=discrepancy)
 
 
@@ -386,7 +515,9 @@ def most_trials(library: Library) -> int:
     return held + REFINEMENTS if held > 1 else 1
 
 
-def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] | None]) -> tuple[float, Trial] | None:
+def search(
+    library: Library, calibrate: Callable[[Library], TissueTrial[Trial] | None]
+) -> tuple[float, Trial] | None:
     """Return the stiffening that explains an eye's frames best, and the calibration with it; None if there is none.
 
     It begins with the library's, from the lowest, until one explains the frames and the next much worse, or two in a
@@ -407,7 +538,9 @@ def search(library: Library, calibrate: Callable[[Library], TissueTrial[Trial] |
             best = trials[int(losses.argmin())]
             explained = best.of_boundaries <= EXPLAINED * EVEN_LOSS * best.frames
             worse = (losses.min() + ENOUGH < losses[-2:]) & (losses[-2:] < inf)
-            if worse[-1] and (explained or (len(worse) == 2 and worse[0] and losses[-2] < losses[-1])):
+            if worse[-1] and (
+                explained or (len(worse) == 2 and worse[0] and losses[-2] < losses[-1])
+            ):
                 break
     if not tried:
         return None
@@ -426,9 +559,17 @@ def _losses(tried: Mapping[float, TissueTrial[Trial]]) -> Floats:
     able = [trial for trial in tried.values() if trial.refused == fewest]
     least = min(able, key=lambda trial: trial.loss)
     scale = max(1.0, least.of_boundaries / (EVEN_LOSS * max(least.frames, 1)))
-    by_prior = [TISSUE_CAUCHY**2 * log(1.0 + (log1p(b) / (TISSUE_SCALE * TISSUE_CAUCHY)) ** 2) for b in tried]
+    by_prior = [
+        TISSUE_CAUCHY**2 * log(1.0 + (log1p(b) / (TISSUE_SCALE * TISSUE_CAUCHY)) ** 2)
+        for b in tried
+    ]
     each = zip(tried.values(), by_prior, strict=True)
-    return np.array([trial.loss / scale + prior if trial.refused == fewest else inf for trial, prior in each])
+    return np.array(
+        [
+            trial.loss / scale + prior if trial.refused == fewest else inf
+            for trial, prior in each
+        ]
+    )
 
 
 def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
@@ -439,7 +580,10 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
     that are alike is trusted, also in how little is to gain.
     """
     order = np.argsort(list(tried))
-    places, losses = stiffening_place(np.array(list(tried)))[order], _losses(tried)[order]
+    places, losses = (
+        stiffening_place(np.array(list(tried)))[order],
+        _losses(tried)[order],
+    )
     best, last = int(losses.argmin()), len(places) - 1
     lowest, bounded = float(places[best]), 0 < best < last
     if last >= 2:
@@ -450,15 +594,26 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
             if bent > 0.0:
                 lowest = float(np.clip(-0.5 * straight / bent, places[0], places[-1]))
                 off, at_best = np.array([lowest, places[best]]) + 0.5 * straight / bent
-                gains = bent * (at_best**2 - off**2) >= GAIN or np.ptp(losses[near]) >= ALIKE
+                gains = (
+                    bent * (at_best**2 - off**2) >= GAIN
+                    or np.ptp(losses[near]) >= ALIKE
+                )
                 if not gains and np.diff(places[near]).min() < WIDE:
                     return None
         elif bounded:
             beside = best - 1 if np.isfinite(losses[best - 1]) else best + 1
-            lowest = 0.5 * float(places[best] + places[beside]) if np.isfinite(losses[beside]) else lowest
+            lowest = (
+                0.5 * float(places[best] + places[beside])
+                if np.isfinite(losses[beside])
+                else lowest
+            )
     unsure = last > 0 and (best == last or last == 1) and lowest == places[best]
     beside = best - 1 if best == last else best + 1
-    if unsure and np.isfinite(losses[beside]) and abs(places[best] - places[beside]) > WIDE:
+    if (
+        unsure
+        and np.isfinite(losses[beside])
+        and abs(places[best] - places[beside]) > WIDE
+    ):
         lowest = 0.5 * float(places[best] + places[beside])
     if np.abs(places - lowest).min() < NEAR:
         return None

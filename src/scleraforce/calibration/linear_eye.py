@@ -13,7 +13,14 @@ from math import cos, sin, tan
 import numpy as np
 
 from scleraforce.arrays import Floats
-from scleraforce.calibration.eye_model import SAMPLE_STEP_M, EyeConstants, WallState, lagrange, polar_nodes, smoothed
+from scleraforce.calibration.eye_model import (
+    SAMPLE_STEP_M,
+    EyeConstants,
+    WallState,
+    lagrange,
+    polar_nodes,
+    smoothed,
+)
 from scleraforce.errors import CalibrationError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.graded import study_mesh
@@ -22,7 +29,9 @@ from scleraforce.mechanics.mesh import locate
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
-SAMPLE_REACH = 0.72  # of the radius: how far the section reaches to either side of the contact
+SAMPLE_REACH = (
+    0.72  # of the radius: how far the section reaches to either side of the contact
+)
 LINE_STEP_M = 0.2e-3  # between material points across the plane
 LINE_REACH_M = 0.6e-3  # how far material may move across the plane
 BASE_MARGIN = 0.01  # of the radius: the section ends above the clamped base
@@ -34,19 +43,35 @@ def _cut_lines(points_rblsc: Floats, gap_m: Floats, tilt_rad: float) -> Floats:
     across = across - gap_m
     c, s = cos(tilt_rad), sin(tilt_rad)
     distance, down = c * across - s * depth, s * across + c * depth
-    before = np.clip((distance < 0).sum(axis=-2, keepdims=True) - 1, 0, distance.shape[-2] - 2)
+    before = np.clip(
+        (distance < 0).sum(axis=-2, keepdims=True) - 1, 0, distance.shape[-2] - 2
+    )
     points = np.stack([distance, lateral, down], axis=-1)
-    start, end = (np.take_along_axis(points, before[..., None] + k, axis=-3)[..., 0, :, :] for k in (0, 1))
+    start, end = (
+        np.take_along_axis(points, before[..., None] + k, axis=-3)[..., 0, :, :]
+        for k in (0, 1)
+    )
     share = start[..., :1] / (start[..., :1] - end[..., :1])
     return start[..., 1:] + share * (end[..., 1:] - start[..., 1:])
 
 
-def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeConstants, lateral_m: Floats) -> Floats:
+def _response(
+    wall: LinearWall,
+    contact: Contact,
+    study: Study,
+    constants: EyeConstants,
+    lateral_m: Floats,
+) -> Floats:
     """Return the fields of a factored wall about the plane of one contact, (field, boundary, line, sample, axis)."""
     mesh = wall.mesh
     axes = _plane_axes(contact, constants)
     plane = (mesh.radius_m, lateral_m, constants.gap_m, constants.tilt_rad)
-    points_blsc = np.stack([_line_points(mesh.radius_m - inward, *plane) for inward in (0.0, mesh.thickness_m)])
+    points_blsc = np.stack(
+        [
+            _line_points(mesh.radius_m - inward, *plane)
+            for inward in (0.0, mesh.thickness_m)
+        ]
+    )
     world = points_blsc @ axes - mesh.radius_m * axes[2]
     quads, weights = locate(mesh, world.reshape(-1, 3))
     outer, inner = np.split(quads, 2)
@@ -54,13 +79,19 @@ def _response(wall: LinearWall, contact: Contact, study: Study, constants: EyeCo
     needle = wall.needle_cnc([contact], study.needle.outer_diameter_m / 2)[0]
     solutions = np.stack([wall.pressure_nc, wall.gravity_nc, needle])
     moved = np.einsum("pn,fpnc->fpc", weights, solutions[:, nodes])
-    stood = np.einsum("pn,pnc->pc", weights, mesh.points_nc[nodes]) + mesh.radius_m * axes[2]
+    stood = (
+        np.einsum("pn,pnc->pc", weights, mesh.points_nc[nodes])
+        + mesh.radius_m * axes[2]
+    )
     fields: Floats = np.concatenate([stood[None], moved]) @ axes.T
     return fields.reshape(4, *points_blsc.shape)
 
 
 def _lateral_samples(
-    radius_m: float, thickness_m: float, contacts: Sequence[Contact], constants: EyeConstants
+    radius_m: float,
+    thickness_m: float,
+    contacts: Sequence[Contact],
+    constants: EyeConstants,
 ) -> Floats:
     """Return evenly spaced lateral positions (sample,) at which, for all contacts, the whole wall is above the base."""
     reach = SAMPLE_REACH * radius_m
@@ -68,7 +99,13 @@ def _lateral_samples(
     above = np.ones(len(lateral), dtype=bool)
     for contact in contacts:
         axes = _plane_axes(contact, constants)
-        points = _line_points(radius_m - thickness_m, radius_m, lateral, constants.gap_m, constants.tilt_rad)
+        points = _line_points(
+            radius_m - thickness_m,
+            radius_m,
+            lateral,
+            constants.gap_m,
+            constants.tilt_rad,
+        )
         height = (points @ axes)[..., 2] - radius_m * axes[2, 2]
         above &= (height > BASE_MARGIN * radius_m).all(axis=0)
     return lateral[above]
@@ -77,13 +114,23 @@ def _lateral_samples(
 def _plane_axes(contact: Contact, constants: EyeConstants) -> Floats:
     """Return lateral, across and depth axis of the untilted plane (by default the meridian's), (3, 3), one a row."""
     direction_rad = constants.direction_rad or 0.0
-    lateral = cos(direction_rad) * contact.meridian + sin(direction_rad) * contact.parallel
+    lateral = (
+        cos(direction_rad) * contact.meridian + sin(direction_rad) * contact.parallel
+    )
     return np.stack([lateral, np.cross(contact.normal, lateral), -contact.normal])
 
 
-def _line_points(radius_m: float, outer_radius_m: float, lateral_m: Floats, gap_m: float, tilt_rad: float) -> Floats:
+def _line_points(
+    radius_m: float,
+    outer_radius_m: float,
+    lateral_m: Floats,
+    gap_m: float,
+    tilt_rad: float,
+) -> Floats:
     """Return points on a sphere of given radius in the plane's axes, from the contact: shape (line, sample, 3)."""
-    steps = np.arange(-LINE_REACH_M, LINE_REACH_M + LINE_STEP_M / 2, LINE_STEP_M)[:, None]
+    steps = np.arange(-LINE_REACH_M, LINE_REACH_M + LINE_STEP_M / 2, LINE_STEP_M)[
+        :, None
+    ]
     depth = outer_radius_m - np.sqrt(radius_m**2 - lateral_m**2 - gap_m**2)
     across = gap_m + tan(tilt_rad) * depth + steps
     depth = outer_radius_m - np.sqrt(radius_m**2 - lateral_m**2 - across**2)
@@ -115,7 +162,10 @@ class LinearEye:
         walls = {(state.polar_rad, state.thickness_m) for state in states}
         if len(walls) == 1:
             return self._sections(self._fields_at(*walls.pop()), states)
-        each = (self._sections(self._fields_at(state.polar_rad, state.thickness_m), [state]) for state in states)
+        each = (
+            self._sections(self._fields_at(state.polar_rad, state.thickness_m), [state])
+            for state in states
+        )
         return np.concatenate(list(each))
 
     def outside(self, state: WallState) -> str | None:  # noqa: ARG002
@@ -125,40 +175,69 @@ class LinearEye:
     def _fields_at(self, polar_rad: float, thickness_m: float) -> Floats:
         """Return the fields (field, boundary, line, sample, axis) for a polar angle and a thickness."""
         if polar_rad in self.polar_nodes_rad and thickness_m in self.thickness_nodes_m:
-            return self.fields[self.thickness_nodes_m.index(thickness_m), self.polar_nodes_rad.index(polar_rad)]
-        weights = np.outer(lagrange(self.thickness_nodes_m, thickness_m), lagrange(self.polar_nodes_rad, polar_rad))
+            return self.fields[
+                self.thickness_nodes_m.index(thickness_m),
+                self.polar_nodes_rad.index(polar_rad),
+            ]
+        weights = np.outer(
+            lagrange(self.thickness_nodes_m, thickness_m),
+            lagrange(self.polar_nodes_rad, polar_rad),
+        )
         # A shell bends as 1/t^2 under a point load: t^2 u is smoother in t than u. Positions are linear in t.
         bent = weights * (np.array(self.thickness_nodes_m)[:, None] / thickness_m) ** 2
         by_field = np.stack([weights, bent, bent, bent])
-        return np.asarray(np.einsum("ftp,tpfblsc->fblsc", by_field, self.fields), dtype=np.float64)
+        return np.asarray(
+            np.einsum("ftp,tpfblsc->fblsc", by_field, self.fields), dtype=np.float64
+        )
 
     def _sections(self, fields_fblsc: Floats, states: Sequence[WallState]) -> Floats:
         compliance = np.array([1.0 / state.youngs_modulus_pa for state in states])
         loads = [[state.iop_pa, self.weight_pa_m, state.force_n] for state in states]
-        loads_sf = np.column_stack([np.ones(len(states)), np.array(loads) * compliance[:, None]])
-        points = (loads_sf @ fields_fblsc.reshape(4, -1)).reshape(len(states), *fields_fblsc.shape[1:])
+        loads_sf = np.column_stack(
+            [np.ones(len(states)), np.array(loads) * compliance[:, None]]
+        )
+        points = (loads_sf @ fields_fblsc.reshape(4, -1)).reshape(
+            len(states), *fields_fblsc.shape[1:]
+        )
         gap = np.array([state.gap_m for state in states])[:, None, None, None]
         curves = _cut_lines(points, gap, self.constants.tilt_rad)
         curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
         return curves
 
 
-def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool = False) -> LinearEye:
+def linear_eye(
+    study: Study, constants: EyeConstants, thickness_uncertain: bool = False
+) -> LinearEye:
     """Solve the walls for an eye, three if the thickness is uncertain; raises `CalibrationError`."""
     if not 0.1e-3 <= constants.thickness_m <= 0.4 * study.eye.radius_m:
-        raise CalibrationError(f"thickness: {from_si(constants.thickness_m, 'um'):g} µm cannot be "
-                               "meshed; state the wall's")  # fmt: skip
+        raise CalibrationError(
+            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm cannot be "
+            "meshed; state the wall's"
+        )
     shares = THICKNESS_NODES if thickness_uncertain else (1.0,)
     thicknesses = tuple(share * constants.thickness_m for share in shares)
     polars = polar_nodes(constants)
     contacts = [Contact(polar_rad=polar) for polar in polars]
-    lateral = _lateral_samples(study.eye.radius_m, max(thicknesses), contacts, constants)
+    lateral = _lateral_samples(
+        study.eye.radius_m, max(thicknesses), contacts, constants
+    )
     fields = []
     for thickness in thicknesses:
         mesh = study_mesh(study, thickness, contacts[0] if len(contacts) == 1 else None)
         wall = LinearWall(mesh, study.eye.poisson_ratio)
-        fields.append(np.stack([_response(wall, contact, study, constants, lateral) for contact in contacts]))
+        fields.append(
+            np.stack(
+                [
+                    _response(wall, contact, study, constants, lateral)
+                    for contact in contacts
+                ]
+            )
+        )
     return LinearEye(
-        constants=constants, weight_pa_m=study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2, thickness_nodes_m=thicknesses,
-        polar_nodes_rad=polars, fields=np.stack(fields), smoothing_m=study.calibration.surface_smoothing_m,
-    )  # fmt: skip
+        constants=constants,
+        weight_pa_m=study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2,
+        thickness_nodes_m=thicknesses,
+        polar_nodes_rad=polars,
+        fields=np.stack(fields),
+        smoothing_m=study.calibration.surface_smoothing_m,
+    )

@@ -37,52 +37,97 @@ FORCE_STEP_N = 1e-4
 
 
 def parameter_sections(
-    model: "EyeModel", names: Sequence[str], values_rp: Floats, force_n: float, polar_rad: float
+    model: "EyeModel",
+    names: Sequence[str],
+    values_rp: Floats,
+    force_n: float,
+    polar_rad: float,
 ) -> Floats:
     """Return the sections for rows of uncertain parameters, shape (row, boundary, sample, 2)."""
     stated = stated_wall(model.constants, 1.0, force_n, polar_rad)
-    return model.curves([replace(stated, **dict(zip(names, row, strict=True))) for row in values_rp.tolist()])
+    return model.curves(
+        [
+            replace(stated, **dict(zip(names, row, strict=True)))
+            for row in values_rp.tolist()
+        ]
+    )
 
 
 def place_section(curves: Floats, nuisance: Floats) -> Floats:
     """Return sections (..., sample, 2) in the frame at the pose of `nuisance` (5,)."""
-    return placement.place_curves(curves, nuisance[BY_LATERAL], nuisance[BY_DEPTH], nuisance[BY_ROTATION])
+    return placement.place_curves(
+        curves, nuisance[BY_LATERAL], nuisance[BY_DEPTH], nuisance[BY_ROTATION]
+    )
 
 
-def polar_derivative(model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places) -> Floats:
+def polar_derivative(
+    model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places
+) -> Floats:
     """Return the slope of the depths at places by the contact's polar angle, (place,) m/rad; 0 if that is stated."""
     low, high = model.polar_nodes_rad[0], model.polar_nodes_rad[-1]
     if low == high:
         return np.zeros(len(places.lateral_m))
-    return _growth(model, [replace(state, polar_rad=polar) for polar in (low, high)], nuisance, places) / (high - low)
+    return _growth(
+        model,
+        [replace(state, polar_rad=polar) for polar in (low, high)],
+        nuisance,
+        places,
+    ) / (high - low)
 
 
-def _growth(model: "EyeModel", ends: Sequence[WallState], nuisance: Floats, places: placement.Places) -> Floats:
+def _growth(
+    model: "EyeModel",
+    ends: Sequence[WallState],
+    nuisance: Floats,
+    places: placement.Places,
+) -> Floats:
     """Return the growth of the depths at places from one state to another, (place,) m."""
     curves = place_section(model.curves(ends), nuisance)
     less, more = (placement.curve_depths(curve, places)[0] for curve in curves)
     return more - less
 
 
-def predict_frame(model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places) -> placement.Placed:
+def predict_frame(
+    model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places
+) -> placement.Placed:
     """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7)."""
-    states = [state, replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP))]
+    states = [
+        state,
+        replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP)),
+    ]
     if model.constants.globe.can_be_sealed:
         stiffer_globe = state.rigidity_pa13_per_m3 + RIGIDITY_STEP * REFERENCE_RIGIDITY
         states.append(replace(state, rigidity_pa13_per_m3=stiffer_globe))
     curves = place_section(model.curves(states), nuisance)
-    (depth, slope, seen), stiffer, *sealed = (placement.curve_depths(curve, places) for curve in curves)
-    by_pose = placement.pose_derivatives(places, depth, slope, (nuisance[BY_LATERAL], nuisance[BY_DEPTH]))
-    by_polar = np.zeros_like(depth)  # held while a frame is fitted, see `polar_derivative`
+    (depth, slope, seen), stiffer, *sealed = (
+        placement.curve_depths(curve, places) for curve in curves
+    )
+    by_pose = placement.pose_derivatives(
+        places, depth, slope, (nuisance[BY_LATERAL], nuisance[BY_DEPTH])
+    )
+    by_polar = np.zeros_like(
+        depth
+    )  # held while a frame is fitted, see `polar_derivative`
     by_modulus = (stiffer[0] - depth) / MODULUS_STEP
-    by_rigidity = (sealed[0][0] - depth) / RIGIDITY_STEP if sealed else np.zeros_like(depth)
-    jacobian = np.stack([*by_pose, by_polar, places.is_inner, by_modulus, by_rigidity], axis=1)
-    return placement.Placed(depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen)
+    by_rigidity = (
+        (sealed[0][0] - depth) / RIGIDITY_STEP if sealed else np.zeros_like(depth)
+    )
+    jacobian = np.stack(
+        [*by_pose, by_polar, places.is_inner, by_modulus, by_rigidity], axis=1
+    )
+    return placement.Placed(
+        depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen
+    )
 
 
-def force_derivative(model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places) -> Floats:
+def force_derivative(
+    model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places
+) -> Floats:
     """Return the derivative of the depths at places by the force, (place,) in m/N."""
-    states = [replace(state, force_n=state.force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
+    states = [
+        replace(state, force_n=state.force_n + step)
+        for step in (-FORCE_STEP_N, FORCE_STEP_N)
+    ]
     return _growth(model, states, nuisance, places) / (2 * FORCE_STEP_N)
 
 
@@ -93,10 +138,15 @@ COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
 INNER_FRAMES = 25  # that show the offset of the inner boundary, which is common to all, as well as one would alone
 LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
-STOPPING = placement.Stopping(iterations=25, converged_sd=0.1, settled_cost=0.01, retry_damping=1e-2)
+STOPPING = placement.Stopping(
+    iterations=25, converged_sd=0.1, settled_cost=0.01, retry_damping=1e-2
+)
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
 START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
-START_RIGIDITY = (0.0, 0.2)  # of the range that the globe's rigidity has, beside the rigidity that is given
+START_RIGIDITY = (
+    0.0,
+    0.2,
+)  # of the range that the globe's rigidity has, beside the rigidity that is given
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +176,15 @@ def first_belief(model: "EyeModel") -> PoseBelief:
 def frame_prior(belief: PoseBelief, study: CalibrationStudy) -> PoseBelief:
     """Return the prior of the next frame's nuisances: the recording's belief, and that the eye may have moved."""
     inner_m = INNER_FRAMES**0.5 * study.inner_sd_m
-    moved = np.array([study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad, 0.0, inner_m])
+    moved = np.array(
+        [study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad, 0.0, inner_m]
+    )
     return PoseBelief(belief.mean, belief.covariance + np.diag(moved**2))
 
 
-def updated_belief(belief: PoseBelief, prior: PoseBelief, fit: Registered) -> PoseBelief:
+def updated_belief(
+    belief: PoseBelief, prior: PoseBelief, fit: Registered
+) -> PoseBelief:
     """Return the belief after a frame (Rauch, Tung and Striebel 1965: the frame's fit, smoothed back)."""
     free, gain = np.diag(prior.covariance) > 0, np.zeros((5, 5))
     both = np.ix_(free, free)
@@ -141,10 +195,17 @@ def updated_belief(belief: PoseBelief, prior: PoseBelief, fit: Registered) -> Po
 
 
 def register(
-    model: "EyeModel", boundaries: Boundaries, force_n: float, modulus_pa: float, prior: PoseBelief, rigidity: float
+    model: "EyeModel",
+    boundaries: Boundaries,
+    force_n: float,
+    modulus_pa: float,
+    prior: PoseBelief,
+    rigidity: float,
 ) -> Registered:
     """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss; the rigidity is SI."""
-    sought = stated_wall(model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity)
+    sought = stated_wall(
+        model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity
+    )
     fit = _Fit(model, _thinned(boundaries), sought, prior)
     unknown, placed, _ = placement.gauss_newton(fit, fit.start(), STOPPING)
     return fit.result(unknown, placed)
@@ -155,11 +216,15 @@ def _thinned(boundaries: Boundaries) -> placement.Columns:
     columns = []
     for depth in boundaries.depth_m:
         seen = np.flatnonzero(np.isfinite(depth))
-        columns.append(seen[np.linspace(0, len(seen) - 1, min(COLUMNS, len(seen))).astype(np.intp)])
+        columns.append(
+            seen[np.linspace(0, len(seen) - 1, min(COLUMNS, len(seen))).astype(np.intp)]
+        )
     boundary = np.repeat([0, 1], [len(part) for part in columns]).astype(np.intp)
     column = np.concatenate(columns)
     places = placement.Places(boundaries.lateral_m[column], boundary)
-    return placement.Columns(places, boundaries.depth_m[boundary, column], np.full(len(column), COLUMN_SD_M))
+    return placement.Columns(
+        places, boundaries.depth_m[boundary, column], np.full(len(column), COLUMN_SD_M)
+    )
 
 
 class _Fit:
@@ -168,19 +233,35 @@ class _Fit:
     Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference, which is fixed in an open one.
     """
 
-    def __init__(self, model: "EyeModel", columns: placement.Columns, sought: WallState, prior: PoseBelief) -> None:
+    def __init__(
+        self,
+        model: "EyeModel",
+        columns: placement.Columns,
+        sought: WallState,
+        prior: PoseBelief,
+    ) -> None:
         self.model, self.columns, self.sought = model, columns, sought
         globe = model.constants.globe
-        own = [log(sought.youngs_modulus_pa), sought.rigidity_pa13_per_m3 / REFERENCE_RIGIDITY]
+        own = [
+            log(sought.youngs_modulus_pa),
+            sought.rigidity_pa13_per_m3 / REFERENCE_RIGIDITY,
+        ]
         self.mean = np.append(prior.mean, own)
-        self.free = np.append(np.diag(prior.covariance) > 0, [True, globe.can_be_sealed])
+        self.free = np.append(
+            np.diag(prior.covariance) > 0, [True, globe.can_be_sealed]
+        )
         covariance = np.zeros((7, 7))
         covariance[:5, :5] = prior.covariance
         covariance[LOG_MODULUS, LOG_MODULUS] = LOG_MODULUS_SD**2
-        covariance[RELATIVE_RIGIDITY, RELATIVE_RIGIDITY] = (globe.sd / REFERENCE_RIGIDITY) ** 2
+        covariance[RELATIVE_RIGIDITY, RELATIVE_RIGIDITY] = (
+            globe.sd / REFERENCE_RIGIDITY
+        ) ** 2
         self.precision = self._inverse(covariance)
         self.wide = covariance[BY_LATERAL, BY_LATERAL] > (0.5e-3) ** 2
-        self.rigidity_ends = globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY
+        self.rigidity_ends = (
+            globe.lowest / REFERENCE_RIGIDITY,
+            globe.highest / REFERENCE_RIGIDITY,
+        )
 
     def _inverse(self, matrix: Floats) -> Floats:
         """Return the inverse (7, 7) of the part of free unknowns; 0 elsewhere."""
@@ -192,17 +273,29 @@ class _Fit:
         """Return the start: the prior's mean, or the best of a coarse search if the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
-        moduli, (low, high) = np.log(START_MODULUS) + self.mean[LOG_MODULUS], self.rigidity_ends
+        moduli, (low, high) = (
+            np.log(START_MODULUS) + self.mean[LOG_MODULUS],
+            self.rigidity_ends,
+        )
         # From a stiff globe an open eye is not found.
-        ratios = {float(self.mean[RELATIVE_RIGIDITY]), *(low + share * (high - low) for share in START_RIGIDITY)}
-        begun = [(float(log_modulus), rigidity) for rigidity in sorted(ratios) for log_modulus in moduli]
+        ratios = {
+            float(self.mean[RELATIVE_RIGIDITY]),
+            *(low + share * (high - low) for share in START_RIGIDITY),
+        }
+        begun = [
+            (float(log_modulus), rigidity)
+            for rigidity in sorted(ratios)
+            for log_modulus in moduli
+        ]
         curves = self.model.curves([self._state(*own) for own in begun])
         best, unknown = np.inf, self.mean.copy()
         for own, curve in zip(begun, curves, strict=True):
             for lateral in START_LATERAL_M:
                 nuisance = self.mean[:5].copy()
                 nuisance[BY_LATERAL] = lateral
-                depth = placement.curve_depths(place_section(curve, nuisance), self.columns.places)[0]
+                depth = placement.curve_depths(
+                    place_section(curve, nuisance), self.columns.places
+                )[0]
                 rest = self.columns.depth_m - depth
                 shift = float(np.median(rest))
                 cost = float(np.abs(rest - shift).sum())
@@ -213,15 +306,24 @@ class _Fit:
 
     def _state(self, log_modulus: float, rigidity: float) -> WallState:
         modulus_pa, k = float(np.exp(log_modulus)), REFERENCE_RIGIDITY * float(rigidity)
-        return replace(self.sought, youngs_modulus_pa=modulus_pa, rigidity_pa13_per_m3=k)
+        return replace(
+            self.sought, youngs_modulus_pa=modulus_pa, rigidity_pa13_per_m3=k
+        )
 
     def evaluate(self, unknown: Floats) -> tuple[placement.Placed, float]:
         """Return the prediction and the cost."""
-        placed = predict_frame(self.model, self._state(*unknown[LOG_MODULUS:]), unknown[:5], self.columns.places)
+        placed = predict_frame(
+            self.model,
+            self._state(*unknown[LOG_MODULUS:]),
+            unknown[:5],
+            self.columns.places,
+        )
         away = unknown - self.mean
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 
-    def normal_equations(self, unknown: Floats, placed: placement.Placed) -> tuple[Floats, Floats]:
+    def normal_equations(
+        self, unknown: Floats, placed: placement.Placed
+    ) -> tuple[Floats, Floats]:
         """Return the normal matrix (7, 7) and the gradient (7,); fixed unknowns do not move."""
         normal, gradient = self.columns.normal_equations(self._movable(placed))
         normal += self.precision
@@ -230,7 +332,9 @@ class _Fit:
 
     def inside(self, unknown: Floats) -> Floats:
         """Keep the rigidity within its bounds; a section continues smoothly beyond the mechanics."""
-        unknown[RELATIVE_RIGIDITY] = np.clip(unknown[RELATIVE_RIGIDITY], *self.rigidity_ends)
+        unknown[RELATIVE_RIGIDITY] = np.clip(
+            unknown[RELATIVE_RIGIDITY], *self.rigidity_ends
+        )
         return unknown
 
     def _movable(self, placed: placement.Placed) -> placement.Placed:
@@ -242,5 +346,10 @@ class _Fit:
         size = np.abs(self.columns.residual(placed)[placed.seen])
         scale = max(1.0, placement.robust_spread(size)) if len(size) else 1.0
         data, _ = self.columns.normal_equations(self._movable(placed), scale)
-        covariance, wall = self._inverse(data + self.precision), self._state(*unknown[LOG_MODULUS:])
-        return Registered(nuisance=unknown[:5].copy(), covariance=covariance[:5, :5], wall=wall)
+        covariance, wall = (
+            self._inverse(data + self.precision),
+            self._state(*unknown[LOG_MODULUS:]),
+        )
+        return Registered(
+            nuisance=unknown[:5].copy(), covariance=covariance[:5, :5], wall=wall
+        )

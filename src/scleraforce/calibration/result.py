@@ -10,11 +10,23 @@ import numpy as np
 from msgspec import Meta
 
 from scleraforce import __version__
-from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, EyeFilter, EyeState, FrameStep
+from scleraforce.calibration.assimilation import (
+    PARAMETERS,
+    RIGIDITY,
+    EyeFilter,
+    EyeState,
+    FrameStep,
+)
 from scleraforce.calibration.eye_model import spread
 from scleraforce.calibration.known_forces import Finite, KnownForce, NotNegative
 from scleraforce.errors import CalibrationError
-from scleraforce.known import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy, KnownGlobe, calibration_file
+from scleraforce.known import (
+    NO_DISCREPANCY,
+    REFERENCE_N,
+    ForceDiscrepancy,
+    KnownGlobe,
+    calibration_file,
+)
 from scleraforce.known.calibration_file import WRITER, CalibrationFile, Line, converted
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.pictures import html_card
@@ -116,7 +128,9 @@ class EyeCalibration:
     @property
     def thickness_m(self) -> float:
         """The wall's thickness: estimated if it was uncertain, otherwise as stated."""
-        return dict(zip(self.names, self.means, strict=True)).get("thickness_m", self.stated_thickness_m)
+        return dict(zip(self.names, self.means, strict=True)).get(
+            "thickness_m", self.stated_thickness_m
+        )
 
     def by_class(self, bounds_n: tuple[float, ...]) -> tuple[float | None, ...]:
         """Return the median modulus, Pa, from the single frames of each force class; None without frames.
@@ -126,7 +140,9 @@ class EyeCalibration:
         classes: list[list[float]] = [[] for _ in range(len(bounds_n) + 1)]
         for frame in self.used:
             if frame.own_modulus_pa is not None:
-                classes[int(np.searchsorted(bounds_n, frame.force_n))].append(frame.own_modulus_pa)
+                classes[int(np.searchsorted(bounds_n, frame.force_n))].append(
+                    frame.own_modulus_pa
+                )
         return tuple(float(np.median(values)) if values else None for values in classes)
 
     @property
@@ -137,7 +153,10 @@ class EyeCalibration:
     @property
     def status(self) -> str:
         """'ok', or the last sentence of a filter that diverged."""
-        return next((frame.status for frame in reversed(self.used) if frame.status != "ok"), "ok")
+        return next(
+            (frame.status for frame in reversed(self.used) if frame.status != "ok"),
+            "ok",
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,27 +172,40 @@ class Calibration:
     mechanics: str
 
     def __repr__(self) -> str:
-        found = ", ".join(f"{eye.id} {from_si(eye.mean_pa, 'mpa'):.3f}" for eye in self.eyes.values())
+        found = ", ".join(
+            f"{eye.id} {from_si(eye.mean_pa, 'mpa'):.3f}" for eye in self.eyes.values()
+        )
         return f"<Calibration, {self.mechanics}: E of {found} MPa>"
 
     def _repr_html_(self) -> str:
         """The moduli of the eyes, for Jupyter."""
         rows = [(eye.id, eye.mean_pa, eye.sd_pa) for eye in self.eyes.values()]
-        facts = {eye: f"E {from_si(mean, 'mpa'):.3f} ± {from_si(sd, 'mpa'):.3f} MPa" for eye, mean, sd in rows}
+        facts = {
+            eye: f"E {from_si(mean, 'mpa'):.3f} ± {from_si(sd, 'mpa'):.3f} MPa"
+            for eye, mean, sd in rows
+        }
         return html_card(f"Calibration, {self.mechanics}", facts)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON of a calibration's file and of `calibrate --json`."""
         mean_pa, sd_pa = self.population
         population = {
-            "mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(sd_pa, "mpa"),
-            "stiffening": self.population_stiffening, "eyes": len(self.eyes),
-        }  # fmt: skip
+            "mean_mpa": from_si(mean_pa, "mpa"),
+            "sd_mpa": from_si(sd_pa, "mpa"),
+            "stiffening": self.population_stiffening,
+            "eyes": len(self.eyes),
+        }
         return {
-            "format": calibration_file.CALIBRATION_FORMAT, "scleraforce": __version__, "mechanics": self.mechanics,
-            "study_sha256": self.study_sha256, "population": population, "class_bounds_n": list(self.bounds_n),
-            "eyes": {name: _eye_entry(eye, self.bounds_n) for name, eye in self.eyes.items()},
-        }  # fmt: skip
+            "format": calibration_file.CALIBRATION_FORMAT,
+            "scleraforce": __version__,
+            "mechanics": self.mechanics,
+            "study_sha256": self.study_sha256,
+            "population": population,
+            "class_bounds_n": list(self.bounds_n),
+            "eyes": {
+                name: _eye_entry(eye, self.bounds_n) for name, eye in self.eyes.items()
+            },
+        }
 
     def to_dataframe(self) -> Any:
         """Return a table of pandas with a row for each eye: its modulus, parameters and globe, units in the names."""
@@ -181,7 +213,10 @@ class Calibration:
 
         left_out = ("frames", "recordings", "steps", "state")
         return data_frame(
-            {"eye": name, **{key: value for key, value in entry.items() if key not in left_out}}
+            {
+                "eye": name,
+                **{key: value for key, value in entry.items() if key not in left_out},
+            }
             for name, entry in self.to_dict()["eyes"].items()
         )
 
@@ -193,7 +228,9 @@ class Calibration:
     @property
     def population_stiffening(self) -> float:
         """Return b of the eyes' tissue: 1 + b is the geometric mean."""
-        return float(np.expm1(np.mean(np.log1p([eye.stiffening for eye in self._sound]))))
+        return float(
+            np.expm1(np.mean(np.log1p([eye.stiffening for eye in self._sound])))
+        )
 
     @property
     def _sound(self) -> tuple[EyeCalibration, ...]:
@@ -203,9 +240,11 @@ class Calibration:
 
 # Parameter -> its name for people, its unit, and how that is printed.
 PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
-    "iop_pa": ("IOP", "mmhg", "mmHg"), "thickness_m": ("thickness", "um", "µm"), "gap_m": ("gap", "mm", "mm"),
+    "iop_pa": ("IOP", "mmhg", "mmHg"),
+    "thickness_m": ("thickness", "um", "µm"),
+    "gap_m": ("gap", "mm", "mm"),
     RIGIDITY: ("k", "mmhg13_per_ul", "mmHg^(1/3)/µl"),
-}  # fmt: skip
+}
 SURE = 2.0  # standard deviations, from which a discrepancy is worth a remark
 MUCH = 2.0  # times what is expected
 
@@ -218,21 +257,34 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
     words = ["E from shape"] if eye.without_force else []
-    words += [_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]]
+    words += [
+        _words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]
+    ]
     if eye.stiffening > 0.0:
         words.append(f"tissue stiffens, b {eye.stiffening:.2g}")
-    lost = 0.0 if eye.relaxation is None else float(np.dot(eye.relaxation.shares, eye.relaxation.held))
+    lost = (
+        0.0
+        if eye.relaxation is None
+        else float(np.dot(eye.relaxation.shares, eye.relaxation.held))
+    )
     if lost > 0.0:
-        words.append(f"tissue relaxes, {from_si(lost, 'percent'):.0f} % of a force lost at its frames")
+        words.append(
+            f"tissue relaxes, {from_si(lost, 'percent'):.0f} % of a force lost at its frames"
+        )
     discrepancy = eye.discrepancy or NO_DISCREPANCY
     mean, sd = discrepancy.at_reference()
     if abs(mean) > SURE * sd:
         percent = from_si(exp(mean) - 1.0, "percent")
-        side, reference = "above" if percent > 0.0 else "below", f"{from_si(REFERENCE_N, 'mn'):g} mN"
+        side, reference = (
+            "above" if percent > 0.0 else "below",
+            f"{from_si(REFERENCE_N, 'mn'):g} mN",
+        )
         size = f"{abs(percent):.0f} ± {from_si(sd, 'percent'):.0f} %"
         words.append(f"forces {size} {side} the library's at {reference}")
     if discrepancy.scatter > MUCH:
-        words.append(f"forces scatter {discrepancy.scatter:.1f} times as far as expected")
+        words.append(
+            f"forces scatter {discrepancy.scatter:.1f} times as far as expected"
+        )
     return tuple(words)
 
 
@@ -252,44 +304,67 @@ def _words(name: str, mean: float, sd: float) -> str:
 
 # Each uncertain parameter, and the values (SI) that it may have in a file.
 _RANGES = {
-    "youngs_modulus_pa": (1e3, 100e6), "iop_pa": (-1e5, 1e5), "thickness_m": (1e-6, 10e-3), "gap_m": (-0.1, 0.1),
+    "youngs_modulus_pa": (1e3, 100e6),
+    "iop_pa": (-1e5, 1e5),
+    "thickness_m": (1e-6, 10e-3),
+    "gap_m": (-0.1, 0.1),
     RIGIDITY: (-1e10, 1e10),
-}  # fmt: skip
+}
 
 
 def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
     moments = zip(eye.names, eye.means, eye.sds, strict=True)
     return {
-        "mean_mpa": from_si(eye.mean_pa, "mpa"), "sd_mpa": from_si(eye.sd_pa, "mpa"),
-        "thickness_um": from_si(eye.thickness_m, "um"), "globe": calibration_file.globe_entry(eye.globe),
-        "stiffening": eye.stiffening, "relaxation": eye.relaxation and vars(eye.relaxation),
-        "lean_deg": from_si(eye.lean_rad, "deg"), "discrepancy": eye.discrepancy and vars(eye.discrepancy),
-        "updates": eye.updates, "without_force": eye.without_force, "status": eye.status,
+        "mean_mpa": from_si(eye.mean_pa, "mpa"),
+        "sd_mpa": from_si(eye.sd_pa, "mpa"),
+        "thickness_um": from_si(eye.thickness_m, "um"),
+        "globe": calibration_file.globe_entry(eye.globe),
+        "stiffening": eye.stiffening,
+        "relaxation": eye.relaxation and vars(eye.relaxation),
+        "lean_deg": from_si(eye.lean_rad, "deg"),
+        "discrepancy": eye.discrepancy and vars(eye.discrepancy),
+        "updates": eye.updates,
+        "without_force": eye.without_force,
+        "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
         "recording": eye.recordings[0].path,
         "frames": [
             {"file": file, "sha256": sha256}
-            for frame in eye.used if frame.force_n or not eye.without_force for file, sha256 in frame.seen
+            for frame in eye.used
+            if frame.force_n or not eye.without_force
+            for file, sha256 in frame.seen
         ],
         "parameters": {name: {"mean": mean, "sd": sd} for name, mean, sd in moments},
-        "recordings": [vars(entry) for entry in eye.recordings], "steps": [_frame_entry(frame) for frame in eye.frames],
-    }  # fmt: skip
+        "recordings": [vars(entry) for entry in eye.recordings],
+        "steps": [_frame_entry(frame) for frame in eye.frames],
+    }
 
 
 def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
     again = frame.again
-    read = {"read_n": again and again.library_n, "read_sd_n": again and again.sd_n, "again": again and vars(again)}
+    read = {
+        "read_n": again and again.library_n,
+        "read_sd_n": again and again.sd_n,
+        "again": again and vars(again),
+    }
     return {**vars(frame), **read}
 
 
 def parse_calibration(file: CalibrationFile) -> Calibration:
     """Return the calibration of a file, to continue it or to report it; raises `CalibrationError`."""
     name, content = file.path, file.content
-    eyes = {eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()}
+    eyes = {
+        eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}")
+        for eye, entry in content["eyes"].items()
+    }
     study_sha256 = converted(content.get("study_sha256"), str, f"{name}: study_sha256")
-    bounds_n = converted(content.get("class_bounds_n"), tuple[Finite, ...], f"{name}: class_bounds_n")
+    bounds_n = converted(
+        content.get("class_bounds_n"), tuple[Finite, ...], f"{name}: class_bounds_n"
+    )
     if not bounds_n or not (np.diff(bounds_n) > 0.0).all():
-        raise CalibrationError(f"{name}: class_bounds_n: expected bounds that increase; {WRITER}")
+        raise CalibrationError(
+            f"{name}: class_bounds_n: expected bounds that increase; {WRITER}"
+        )
     return Calibration(eyes, study_sha256, bounds_n, content["mechanics"])
 
 
@@ -307,27 +382,48 @@ class _Saved(msgspec.Struct):
 
 
 def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
-    summary, saved = calibration_file.summary_of_eye(entry, place), converted(entry, _Saved, place)
+    summary, saved = (
+        calibration_file.summary_of_eye(entry, place),
+        converted(entry, _Saved, place),
+    )
     if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
-        raise CalibrationError(f"{place}.parameters: expected youngs_modulus_pa, and others of {known}; {WRITER}")
+        raise CalibrationError(
+            f"{place}.parameters: expected youngs_modulus_pa, and others of {known}; {WRITER}"
+        )
     moments = {}
     for name, values in saved.parameters.items():
         moments[name] = one = converted(values, _Moments, f"{place}.parameters.{name}")
         low, high = _RANGES[name]
         if not (low <= one.mean <= high and one.sd <= high):
-            raise CalibrationError(f"{place}.parameters.{name}: not within {low:g} to {high:g}; {WRITER}")
+            raise CalibrationError(
+                f"{place}.parameters.{name}: not within {low:g} to {high:g}; {WRITER}"
+            )
     found = EyeCalibration(
-        id=eye_id, names=tuple(moments), means=tuple(each.mean for each in moments.values()),
-        sds=tuple(each.sd for each in moments.values()), stated_thickness_m=summary.thickness_m, globe=summary.globe,
-        without_force=summary.without_force, recordings=saved.recordings,
-        frames=saved.steps, discrepancy=summary.discrepancy, stiffening=summary.stiffening,
-        relaxation=summary.relaxation, lean_rad=summary.lean_rad,
-    )  # fmt: skip
+        id=eye_id,
+        names=tuple(moments),
+        means=tuple(each.mean for each in moments.values()),
+        sds=tuple(each.sd for each in moments.values()),
+        stated_thickness_m=summary.thickness_m,
+        globe=summary.globe,
+        without_force=summary.without_force,
+        recordings=saved.recordings,
+        frames=saved.steps,
+        discrepancy=summary.discrepancy,
+        stiffening=summary.stiffening,
+        relaxation=summary.relaxation,
+        lean_rad=summary.lean_rad,
+    )
     if not found.used or not found.recordings:
-        raise CalibrationError(f"{place}.steps: no frame, or no recording, that was used; {WRITER}")
-    if not np.allclose((found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6):
-        raise CalibrationError(f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}")
+        raise CalibrationError(
+            f"{place}.steps: no frame, or no recording, that was used; {WRITER}"
+        )
+    if not np.allclose(
+        (found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6
+    ):
+        raise CalibrationError(
+            f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}"
+        )
     return found
 
 
@@ -337,13 +433,21 @@ BENDS_OTHERWISE = 0.1  # relative difference between the moduli of low and high 
 def calibration_lines(calibration: Calibration) -> list[str]:
     """Return a table of the eyes, the population below, and a note for each doubt about a recording."""
     lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
-    lines += [_line(name, eye, calibration.bounds_n) for name, eye in calibration.eyes.items()]
-    notes = [wrapped(f"{entry.path}: {doubt}", "note: ") for eye in calibration.eyes.values()
-             for entry in eye.recordings for doubt in entry.doubts]  # fmt: skip
+    lines += [
+        _line(name, eye, calibration.bounds_n) for name, eye in calibration.eyes.items()
+    ]
+    notes = [
+        wrapped(f"{entry.path}: {doubt}", "note: ")
+        for eye in calibration.eyes.values()
+        for entry in eye.recordings
+        for doubt in entry.doubts
+    ]
     mean_pa, sd_pa = calibration.population
     population = f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}"
     if sd_pa is None:
-        population = wrapped("the spread needs at least two eyes", f"{population}{'-':>9}{'':>9}  ")
+        population = wrapped(
+            "the spread needs at least two eyes", f"{population}{'-':>9}{'':>9}  "
+        )
     else:
         population += f"{from_si(sd_pa, 'mpa'):>9.4f}"
     return [*lines, population, *notes]
@@ -365,7 +469,12 @@ def _line(name: str, eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
 def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
     """Return a remark where low and high forces do not agree on E; a frame alone cannot tell E from a rigidity."""
     _, low, high = eye.by_class(bounds_n)
-    if eye.globe.can_be_sealed or low is None or high is None or abs(high / low - 1) < BENDS_OTHERWISE:
+    if (
+        eye.globe.can_be_sealed
+        or low is None
+        or high is None
+        or abs(high / low - 1) < BENDS_OTHERWISE
+    ):
         return ""
     force = f"{from_si(bounds_n[-1], 'mn'):g} mN"
     moduli = f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f} above"

@@ -50,7 +50,9 @@ def simplex(dimension: int) -> SigmaPoints:
 def canonical(dimension: int) -> SigmaPoints:
     """Return the 2p points at +- sqrt(p) on the axes, equal weights (Julier and Uhlmann's symmetric set)."""
     axes = sqrt(dimension) * np.eye(dimension)
-    return SigmaPoints(np.concatenate([axes, -axes]), np.full(2 * dimension, 1 / (2 * dimension)))
+    return SigmaPoints(
+        np.concatenate([axes, -axes]), np.full(2 * dimension, 1 / (2 * dimension))
+    )
 
 
 def star(dimension: int) -> SigmaPoints:
@@ -66,7 +68,9 @@ RULES = {"simplex": simplex, "canonical": canonical, "star": star}
 def sigma_points(rule: str, dimension: int) -> SigmaPoints:
     """Return the points of a rule by its name in the study; raises `ValueError`."""
     if rule not in RULES or dimension < 1:
-        raise ValueError(f"sigma points {rule!r} in {dimension} dimensions: one of {', '.join(RULES)}, from 1 up")
+        raise ValueError(
+            f"sigma points {rule!r} in {dimension} dimensions: one of {', '.join(RULES)}, from 1 up"
+        )
     return RULES[rule](dimension)
 
 
@@ -74,8 +78,12 @@ Operator = Callable[[Floats], Floats]  # sigma points (r, n) -> observations (r,
 
 WINDOW = 5  # updates over which the innovations are watched for divergence
 DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
-DIVERGED_SD = 3.0  # misses below are a noise that was underestimated; `inflate` sees to them
-NEAR_START = 0.1  # of the prior's standard deviations: the sampling about a state that is given
+DIVERGED_SD = (
+    3.0  # misses below are a noise that was underestimated; `inflate` sees to them
+)
+NEAR_START = (
+    0.1  # of the prior's standard deviations: the sampling about a state that is given
+)
 LARGEST_GATED_SHARE = 0.3  # of outliers; with more, the model does not fit the frame
 
 
@@ -85,7 +93,9 @@ class FilterParams(NamedTuple):
     sigma: SigmaPoints
     iterations: int = 1  # at most; 1 is the plain filter
     tolerance: float = 0.01  # of an iteration, in posterior standard deviations
-    gate: float = np.inf  # normalised innovation from which an observation is an outlier
+    gate: float = (
+        np.inf
+    )  # normalised innovation from which an observation is an outlier
     inflate: bool = False  # scale the noise of a frame that does not fit by its innovation (Birge's ratio)
 
 
@@ -96,7 +106,9 @@ class Posterior(NamedTuple):
     factor: Floats  # L, shape (n, p)
     precision: Floats  # U, shape (p, p)
     updates: int = 0
-    recent: tuple[tuple[float, int], ...] = ()  # (normalised innovation squared, observations) of the last updates
+    recent: tuple[
+        tuple[float, int], ...
+    ] = ()  # (normalised innovation squared, observations) of the last updates
 
     @property
     def covariance(self) -> Floats:
@@ -129,13 +141,21 @@ class _Linear(NamedTuple):
 def initial_posterior(mean: Floats, covariance: Floats) -> Posterior:
     """Return the prior N(mean (n,), covariance (n, n)) with L its Cholesky factor and U = 1."""
     mean = np.asarray(mean, dtype=np.float64)
-    return Posterior(mean, np.linalg.cholesky(np.asarray(covariance, dtype=np.float64)), np.eye(len(mean)))
+    return Posterior(
+        mean,
+        np.linalg.cholesky(np.asarray(covariance, dtype=np.float64)),
+        np.eye(len(mean)),
+    )
 
 
 def filter_step(
-    params: FilterParams, posterior: Posterior, observe: Operator, observation: Floats, noise_covariance: Floats,
+    params: FilterParams,
+    posterior: Posterior,
+    observe: Operator,
+    observation: Floats,
+    noise_covariance: Floats,
     start: Floats | None = None,
-) -> StepResult:  # fmt: skip
+) -> StepResult:
     """Assimilate an observation y (m,) with the noise covariance W (m, m); a step that fails keeps the posterior.
 
     `observe` is H: it takes sigma points (r, n) and returns predicted observations (r, m). `start` is a state (n,) from
@@ -147,15 +167,24 @@ def filter_step(
     p = factor.shape[1]
     prior = posterior._replace(factor=factor, precision=np.eye(p))
     first_rm = observe(prior.mean + params.sigma.points_rp @ factor.T)
-    none, same = np.zeros((len(posterior.mean), len(observed))), np.eye(len(posterior.mean))
+    none, same = (
+        np.zeros((len(posterior.mean), len(observed))),
+        np.eye(len(posterior.mean)),
+    )
     failed = StepResult(posterior, np.inf, 0, (), 1.0, 0, "", none, same)
     if not np.isfinite(first_rm).all() or len(observed) == 0:
-        return failed._replace(status="diverged: the model cannot be evaluated at the sigma points")
-    frame = _Frame(prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p))
+        return failed._replace(
+            status="diverged: the model cannot be evaluated at the sigma points"
+        )
+    frame = _Frame(
+        prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p)
+    )
     try:
         return _step(params, frame if start is None else _from(params, frame, start))
     except np.linalg.LinAlgError:
-        return failed._replace(status="diverged: the iteration left the region in which the model can be evaluated")
+        return failed._replace(
+            status="diverged: the iteration left the region in which the model can be evaluated"
+        )
 
 
 class _Frame(NamedTuple):
@@ -166,7 +195,9 @@ class _Frame(NamedTuple):
     first_rm: Floats  # observations predicted at the sigma points
     observed: Floats
     noise: Floats
-    centre: Floats  # where the linearisation begins, in the coordinates v of x = mean + L v
+    centre: (
+        Floats  # where the linearisation begins, in the coordinates v of x = mean + L v
+    )
     root: Floats  # of the covariance of v there
 
 
@@ -179,7 +210,9 @@ def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
     if not np.isfinite(misfit).all() or misfit[1] + centre @ centre >= misfit[0]:
         return frame
     root = NEAR_START * np.eye(len(centre))
-    predicted_rm = frame.observe(prior.mean + (centre + points @ root.T) @ prior.factor.T)
+    predicted_rm = frame.observe(
+        prior.mean + (centre + points @ root.T) @ prior.factor.T
+    )
     if not np.isfinite(predicted_rm).all():
         return frame
     return frame._replace(first_rm=predicted_rm, centre=centre, root=root)
@@ -188,17 +221,27 @@ def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
 def _step(params: FilterParams, frame: _Frame) -> StepResult:
     """Return the step; raises `LinAlgError` if only rounding is left, or the model cannot be evaluated."""
     fit, prior, observed = _fit(params, frame), frame.prior, frame.observed
-    whitened = _whitening(fit.linear, fit.kept).T @ (observed - fit.linear.offset)[fit.kept]
+    whitened = (
+        _whitening(fit.linear, fit.kept).T @ (observed - fit.linear.offset)[fit.kept]
+    )
     nis, count = float(whitened @ whitened), int(fit.kept.sum())
     inflation = max(1.0, nis / count) if params.inflate else 1.0
     inflated = fit.linear._replace(noise=fit.linear.noise * inflation)
     shift, precision = _correct(inflated, observed, fit.kept)
     np.linalg.cholesky(np.linalg.inv(precision))  # raises unless it is a covariance
     recent = (*prior.recent, (nis, count))[-WINDOW:]
-    corrected = Posterior(prior.mean + prior.factor @ shift, prior.factor, precision, prior.updates + 1, recent)
+    corrected = Posterior(
+        prior.mean + prior.factor @ shift,
+        prior.factor,
+        precision,
+        prior.updates + 1,
+        recent,
+    )
     gated = tuple(int(index) for index in np.flatnonzero(~fit.kept))
     gain = _gain(prior.factor, inflated, precision, fit.kept)
-    return StepResult(corrected, nis, count, gated, inflation, fit.iterations, _status(recent), *gain)
+    return StepResult(
+        corrected, nis, count, gated, inflation, fit.iterations, _status(recent), *gain
+    )
 
 
 class _Fit(NamedTuple):
@@ -230,7 +273,9 @@ def _linearise(params: FilterParams, frame: _Frame, kept: Flags) -> _Fit:
     for iteration in range(1, params.iterations):
         new_centre, precision = _correct(linear, frame.observed, kept)
         new_root = np.linalg.cholesky(np.linalg.inv(precision))
-        predicted_rm = frame.observe(prior.mean + (new_centre + points @ new_root.T) @ prior.factor.T)
+        predicted_rm = frame.observe(
+            prior.mean + (new_centre + points @ new_root.T) @ prior.factor.T
+        )
         if not np.isfinite(predicted_rm).all():
             raise np.linalg.LinAlgError("the model cannot be evaluated here")
         linear = _regress(params.sigma, predicted_rm, new_centre, new_root, frame.noise)
@@ -241,15 +286,25 @@ def _linearise(params: FilterParams, frame: _Frame, kept: Flags) -> _Fit:
     return _Fit(linear, kept, params.iterations)
 
 
-def _regress(sigma: SigmaPoints, predicted_rm: Floats, centre: Floats, root: Floats, noise: Floats) -> _Linear:
+def _regress(
+    sigma: SigmaPoints,
+    predicted_rm: Floats,
+    centre: Floats,
+    root: Floats,
+    noise: Floats,
+) -> _Linear:
     """Regress predicted observations on the sampled coordinates centre + root I_i; HL where centre = 0, root = 1."""
     points, weights = sigma
     mean = weights @ predicted_rm
     spread = predicted_rm - mean
     along_points = spread.T @ (weights[:, None] * points)
     slope = _solve(root.T, along_points.T).T
-    bent = spread - points @ along_points.T  # squared, not taken from the spread's square: that may round below zero
-    return _Linear(mean - slope @ centre, slope, noise + bent.T @ (weights[:, None] * bent))
+    bent = (
+        spread - points @ along_points.T
+    )  # squared, not taken from the spread's square: that may round below zero
+    return _Linear(
+        mean - slope @ centre, slope, noise + bent.T @ (weights[:, None] * bent)
+    )
 
 
 def _correct(linear: _Linear, observed: Floats, kept: Flags) -> tuple[Floats, Floats]:
@@ -261,7 +316,9 @@ def _correct(linear: _Linear, observed: Floats, kept: Flags) -> tuple[Floats, Fl
     return _solve(precision, weighted.T @ (observed - linear.offset)[kept]), precision
 
 
-def _gain(factor: Floats, linear: _Linear, precision: Floats, kept: Flags) -> tuple[Floats, Floats]:
+def _gain(
+    factor: Floats, linear: _Linear, precision: Floats, kept: Flags
+) -> tuple[Floats, Floats]:
     """Return G = L U^-1 HL^T (W + Omega)^-1 (n, m) and 1 - G H = L U^-1 L^+ on the span of L (n, n)."""
     gain = np.zeros((len(factor), len(kept)))
     weighted = _solve(linear.noise[np.ix_(kept, kept)], linear.slope[kept]).T
@@ -281,7 +338,9 @@ def _worst(linear: _Linear, observed: Floats, kept: Flags) -> tuple[int, float]:
     (Baarda 1968): w_j = (S^-1 nu)_j / sqrt((S^-1)_jj), which for a single observation is nu / sqrt(S).
     """
     root = _whitening(linear, kept)
-    sizes = np.abs(root @ (root.T @ (observed - linear.offset)[kept])) / np.sqrt((root**2).sum(axis=1))
+    sizes = np.abs(root @ (root.T @ (observed - linear.offset)[kept])) / np.sqrt(
+        (root**2).sum(axis=1)
+    )
     return int(np.flatnonzero(kept)[sizes.argmax()]), float(sizes.max())
 
 
@@ -291,7 +350,9 @@ def _whitening(linear: _Linear, kept: Flags) -> Floats:
     S itself is not formed: beside what a wide prior adds to it, the noise would be lost in the rounding.
     """
     noise_root = np.linalg.cholesky(linear.noise[np.ix_(kept, kept)])
-    return np.linalg.inv(np.linalg.qr(np.vstack([noise_root.T, linear.slope[kept].T]), mode="r"))
+    return np.linalg.inv(
+        np.linalg.qr(np.vstack([noise_root.T, linear.slope[kept].T]), mode="r")
+    )
 
 
 def _status(recent: tuple[tuple[float, int], ...]) -> str:
@@ -302,7 +363,9 @@ def _status(recent: tuple[tuple[float, int], ...]) -> str:
     ratio = np.sqrt(nis / count)
     if not ratio > DIVERGED_SD:
         return "ok"
-    from scipy.special import chdtri  # a tenth of a second, which a filter that keeps to its frames does not wait for
+    from scipy.special import (
+        chdtri,
+    )  # a tenth of a second, which a filter that keeps to its frames does not wait for
 
     if not nis > chdtri(count, DIVERGENCE_PROBABILITY):
         return "ok"

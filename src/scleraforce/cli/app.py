@@ -14,8 +14,18 @@ from scleraforce.errors import InputError
 
 @click.command(cls=Command)
 @click.argument("folder", type=PATH, default=Path(), metavar="[FOLDER]")
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to listen on; default: a free one.")
-@click.option("--open/--no-open", "opens", default=True, help="Open the page in the browser; default: yes.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    help="Port to listen on; default: a free one.",
+)
+@click.option(
+    "--open/--no-open",
+    "opens",
+    default=True,
+    help="Open the page in the browser; default: yes.",
+)
 def app(folder: Path, port: int, opens: bool) -> None:
     """Import, look, correct, calibrate and read in a browser.
 
@@ -28,10 +38,16 @@ def app(folder: Path, port: int, opens: bool) -> None:
     if find_spec("termios") is None:
         raise InputError("app: does not run on Windows; use the commands, or WSL")
     if missing := [name for name in ("fastapi", "uvicorn") if find_spec(name) is None]:
-        raise InputError(f"app: {missing[0]} is not installed; run pip install 'scleraforce[web]'")
+        raise InputError(
+            f"app: {missing[0]} is not installed; run pip install 'scleraforce[web]'"
+        )
     from scleraforce.app.server import HOST, listen, server_of
 
-    listener, token, once = listen(port), secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+    listener, token, once = (
+        listen(port),
+        secrets.token_urlsafe(24),
+        secrets.token_urlsafe(24),
+    )
     address = f"http://{HOST}:{listener.getsockname()[1]}/?token="
     say(f"open {address}{token}\nCtrl-C ends it")
     if opens:  # other users see the arguments of a browser: its token is valid once

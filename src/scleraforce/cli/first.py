@@ -14,7 +14,14 @@ import click
 
 from scleraforce import __version__
 from scleraforce.cli.options import PATH, STUDY_FILE, options
-from scleraforce.cli.output import Command, Report, count_bar, progress_bar, say, share_bar
+from scleraforce.cli.output import (
+    Command,
+    Report,
+    count_bar,
+    progress_bar,
+    say,
+    share_bar,
+)
 from scleraforce.errors import StudyError
 from scleraforce.plain_text import wrapped
 from scleraforce.study import PRESETS, Study, preset_toml
@@ -45,8 +52,13 @@ BIBTEX = f"""\
 
 
 @click.command(cls=Command)
-@click.option("--out", type=PATH, default=Path("scleraforce-demo"), show_default=True,
-              help="Folder to make; must not exist.")  # fmt: skip
+@click.option(
+    "--out",
+    type=PATH,
+    default=Path("scleraforce-demo"),
+    show_default=True,
+    help="Folder to make; must not exist.",
+)
 @click.option("--open", "open_page", is_flag=True, help="Open the page in the browser.")
 def demo(out: Path, open_page: bool) -> Report:
     """Simulate a small session, read it with the bundled reader, write a page.
@@ -62,14 +74,23 @@ def demo(out: Path, open_page: bool) -> Report:
     with share_bar("demo") as reach:
         done = run_demo(out, datetime.now(UTC), reach)
     evaluation = done.evaluation
-    true_mpa, found_mpa = from_si(EYE.youngs_modulus_pa, "mpa"), from_si(done.modulus_pa, "mpa")
+    true_mpa, found_mpa = (
+        from_si(EYE.youngs_modulus_pa, "mpa"),
+        from_si(done.modulus_pa, "mpa"),
+    )
     frames, read = len(evaluation.frames), evaluation.accuracy.total
     result = {
-        "page": str(done.page), "recording": str(done.recording), "calibration": str(done.calibration),
-        "youngs_modulus_mpa": {"true": true_mpa, "found": found_mpa}, "frames": frames, "read": read,
-        "right": evaluation.accuracy.hits, "mae_mn": from_si(mean_absolute_error(evaluation.true_forces), "mn"),
-        "intervals_hold": evaluation.true_coverage.hits, "seconds": time.perf_counter() - start,
-    }  # fmt: skip
+        "page": str(done.page),
+        "recording": str(done.recording),
+        "calibration": str(done.calibration),
+        "youngs_modulus_mpa": {"true": true_mpa, "found": found_mpa},
+        "frames": frames,
+        "read": read,
+        "right": evaluation.accuracy.hits,
+        "mae_mn": from_si(mean_absolute_error(evaluation.true_forces), "mn"),
+        "intervals_hold": evaluation.true_coverage.hits,
+        "seconds": time.perf_counter() - start,
+    }
     if open_page:
         click.launch(str(done.page))
     lines = [
@@ -94,11 +115,21 @@ def doctor() -> Report:
     start = time.perf_counter()
     from scleraforce.installation import TRIALS, machine, packages, tried
 
-    found = [*packages(), *machine(), *(tried(name) for name in progress_bar(TRIALS, "trials", total=len(TRIALS)))]
-    python, system = platform.python_version(), f"{platform.system()} {platform.machine()}"
+    found = [
+        *packages(),
+        *machine(),
+        *(tried(name) for name in progress_bar(TRIALS, "trials", total=len(TRIALS))),
+    ]
+    python, system = (
+        platform.python_version(),
+        f"{platform.system()} {platform.machine()}",
+    )
     ok = all(finding.state != "failed" for finding in found)
     result = {"scleraforce": __version__, "python": python, "system": system, "ok": ok}
-    result |= {"findings": [asdict(finding) for finding in found], "seconds": time.perf_counter() - start}
+    result |= {
+        "findings": [asdict(finding) for finding in found],
+        "seconds": time.perf_counter() - start,
+    }
     lines = [f"scleraforce {__version__}, Python {python}, {system}"]
     for one in found:
         lines.append(wrapped(one.found, f"{one.state:<8} {one.name:<15} "))
@@ -114,8 +145,13 @@ def cite() -> Report:
 
 @click.command(cls=Command)
 @click.argument("directory", type=PATH)
-@click.option("--preset", type=click.Choice(PRESETS), default=PRESETS[0], show_default=True,
-              help="Study to start from: the paper's, or living pressure and stiffness.")  # fmt: skip
+@click.option(
+    "--preset",
+    type=click.Choice(PRESETS),
+    default=PRESETS[0],
+    show_default=True,
+    help="Study to start from: the paper's, or living pressure and stiffness.",
+)
 def init(directory: Path, preset: str) -> Report:
     """Write DIRECTORY/study.toml, the paper's study or another preset, with comments."""
     path = directory / "study.toml"
@@ -124,19 +160,30 @@ def init(directory: Path, preset: str) -> Report:
         with path.open("x", encoding="utf-8") as file:
             file.write(preset_toml(preset))
     except FileExistsError as fault:
-        raise StudyError(f"{path}: exists already; remove it or choose another directory") from fault
+        raise StudyError(
+            f"{path}: exists already; remove it or choose another directory"
+        ) from fault
     return Report({"path": str(path), "preset": preset}, [f"wrote {path}"])
 
 
 @click.command(cls=Command)
 @click.option(
-    "--out", type=PATH, required=True, help="Folder of all results: a new one, or that of an interrupted run."
+    "--out",
+    type=PATH,
+    required=True,
+    help="Folder of all results: a new one, or that of an interrupted run.",
 )
 @options("study", study="Study file; default: the paper's study, with framing ranges.")
-@click.option("--train", is_flag=True, help="Train the force reader (10 to 30 minutes more); default: the bundled one.")
+@click.option(
+    "--train",
+    is_flag=True,
+    help="Train the force reader (10 to 30 minutes more); default: the bundled one.",
+)
 @options("workers")
 @click.pass_context
-def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, workers: int | None) -> Report:
+def reproduce(
+    ctx: click.Context, /, out: Path, study: Study, train: bool, workers: int | None
+) -> Report:
     """Run the whole pipeline and write OUT/report.html.
 
     It simulates five virtual eyes in the paper's design (45 trials) and slices,
@@ -181,16 +228,28 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
     seconds = sum(found.seconds.values())
     result = {
         "report": str(run.report),
-        **_metrics(evaluation, "accuracy", "confusion", "recall", "precision", "intervals", "scored"),
+        **_metrics(
+            evaluation,
+            "accuracy",
+            "confusion",
+            "recall",
+            "precision",
+            "intervals",
+            "scored",
+        ),
         "to_the_bounds": _metrics(others, "accuracy", "confusion", "scored"),
-        "youngs_modulus_mpa": {"mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(spread_pa, "mpa")},
+        "youngs_modulus_mpa": {
+            "mean_mpa": from_si(mean_pa, "mpa"),
+            "sd_mpa": from_si(spread_pa, "mpa"),
+        },
         "finite_strain": {
             "paper": _metrics(found.bent_paper, *FORCES),
-            "reader": _metrics(bent, *FORCES, *TRUE) | {"true_coverage_interval": band_of(bent.true_forces)},
+            "reader": _metrics(bent, *FORCES, *TRUE)
+            | {"true_coverage_interval": band_of(bent.true_forces)},
         },
         "reader": {"model": model_name(run.reader), "trained": train},
         "seconds": found.seconds | {"total": round(seconds, 2)},
-    }  # fmt: skip
+    }
     accuracy, logged, true = evaluation.accuracy, bent.coverage, bent.true_coverage
     counted = {
         "with forces up to the bounds of the classes": others,
@@ -203,7 +262,10 @@ def reproduce(ctx: click.Context, /, out: Path, study: Study, train: bool, worke
             f"Young's modulus {from_si(mean_pa, 'mpa'):.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes",
             f"{accuracy.hits} of {accuracy.total} simulated trials read right "
             f"({from_si(accuracy.value, 'percent'):.0f} %)",
-            *(f"{words} {one.accuracy.hits} of {one.accuracy.total}" for words, one in counted.items()),
+            *(
+                f"{words} {one.accuracy.hits} of {one.accuracy.total}"
+                for words, one in counted.items()
+            ),
             f"its 90 % intervals hold {true.hits} of {true.total} true forces: {held_by_eye(bent.true_forces)}; they "
             f"agree with {logged.hits} of {logged.total} labels of the force log, the labels' own error counted. "
             f"{SHARED_ERROR}",

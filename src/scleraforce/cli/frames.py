@@ -14,7 +14,16 @@ import cv2
 import numpy as np
 
 import scleraforce as sf
-from scleraforce.cli.options import EYE, FRAME_SIZE, LEAN_DEFAULT, PATH, PLANE, PlacedPlane, options, planes_of
+from scleraforce.cli.options import (
+    EYE,
+    FRAME_SIZE,
+    LEAN_DEFAULT,
+    PATH,
+    PLANE,
+    PlacedPlane,
+    options,
+    planes_of,
+)
 from scleraforce.cli.output import Command, Report, each_of, is_json, progress_bar, say
 from scleraforce.errors import InputError
 from scleraforce.known import NOTHING_KNOWN, Known, completed
@@ -40,36 +49,85 @@ Value = float | str | None
 PLACES = {"contact_mm": " mm", "dent_mm": " mm", "gap_mm": " mm", "lean_deg": "°"}
 # The known inputs that `read` prints: their names and units for people, and the value of an eye in the unit of the key.
 KNOWN: Mapping[str, tuple[str, str, Callable[[Known], Value]]] = {
-    "youngs_modulus_mpa": ("modulus", " MPa", lambda eye: from_si(eye.modulus.mean_pa if eye.modulus else None, "mpa")),
+    "youngs_modulus_mpa": (
+        "modulus",
+        " MPa",
+        lambda eye: from_si(eye.modulus.mean_pa if eye.modulus else None, "mpa"),
+    ),
     "iop_mmhg": ("IOP", " mmHg", lambda eye: from_si(eye.iop_pa, "mmhg")),
     "thickness_um": ("thickness", " µm", lambda eye: from_si(eye.thickness_m, "um")),
     "gap_mm": ("gap", " mm", lambda eye: from_si(eye.gap_m, "mm")),
     "polar_angle_deg": ("polar angle", "°", lambda eye: from_si(eye.polar_rad, "deg")),
-    "plane_direction_deg": ("plane's direction", "°", lambda eye: from_si(eye.direction_rad, "deg")),
-    "lean_deg": ("lean", "°", lambda eye: from_si(
-        eye.calibrated_lean_rad if eye.lean_rad is None else sum(eye.lean_rad) / 2, "deg")),
+    "plane_direction_deg": (
+        "plane's direction",
+        "°",
+        lambda eye: from_si(eye.direction_rad, "deg"),
+    ),
+    "lean_deg": (
+        "lean",
+        "°",
+        lambda eye: from_si(
+            eye.calibrated_lean_rad if eye.lean_rad is None else sum(eye.lean_rad) / 2,
+            "deg",
+        ),
+    ),
     "stiffening": ("stiffening", "", lambda eye: eye.stiffening),
     "globe": ("globe", "", lambda eye: None if eye.globe is None else eye.globe.kind),
-    "rigidity_mmhg13_per_ul": ("k", " mmHg^(1/3)/µl", lambda eye: from_si(
-        eye.globe.mean if eye.globe and eye.globe.rigidity_told else None, "mmhg13_per_ul")),
-}  # fmt: skip
+    "rigidity_mmhg13_per_ul": (
+        "k",
+        " mmHg^(1/3)/µl",
+        lambda eye: from_si(
+            eye.globe.mean if eye.globe and eye.globe.rigidity_told else None,
+            "mmhg13_per_ul",
+        ),
+    ),
+}
 ONLY_IF_KNOWN = ("lean_deg", "stiffening", "rigidity_mmhg13_per_ul")
-IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".dcm")  # of a folder that is not a recording
+IMAGES = (
+    ".png",
+    ".tif",
+    ".tiff",
+    ".jpg",
+    ".jpeg",
+    ".dcm",
+)  # of a folder that is not a recording
 GUESS, OVERLAY = ".guess.png", ".overlay.png"
-ENDINGS = (".png", GUESS, OVERLAY, ".guess.overlay.png")  # of the pictures that `segment` may write for a frame
+ENDINGS = (
+    ".png",
+    GUESS,
+    OVERLAY,
+    ".guess.overlay.png",
+)  # of the pictures that `segment` may write for a frame
 
 
 @click.command(cls=Command)
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the masks.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the masks.",
+)
 @options(*FRAME_SIZE)
-@click.option("--overlay", is_flag=True, help="Write NAME.overlay.png too: the boundaries drawn on the frame.")
+@click.option(
+    "--overlay",
+    is_flag=True,
+    help="Write NAME.overlay.png too: the boundaries drawn on the frame.",
+)
 @options("sheet", "wall_finder", "force", force="Replace masks that exist.")
-@click.option("--strict", is_flag=True, help="Exit with code 3 if a frame is not usable.")
+@click.option(
+    "--strict", is_flag=True, help="Exit with code 3 if a frame is not usable."
+)
 def segment(
-    frames: tuple[Path, ...], out: Path | None, transpose: bool, overlay: bool, sheet: Path | None,
-    wall_finder: Path | None, force: bool, strict: bool, **size: float | None,
-) -> Report:  # fmt: skip
+    frames: tuple[Path, ...],
+    out: Path | None,
+    transpose: bool,
+    overlay: bool,
+    sheet: Path | None,
+    wall_finder: Path | None,
+    force: bool,
+    strict: bool,
+    **size: float | None,
+) -> Report:
     """Find the wall in raw frames (PNG, TIFF, JPEG, DICOM) or recordings.
 
     Writes a mask for each frame, of the same size and name (.png): 255 is
@@ -92,15 +150,42 @@ def segment(
     import scleraforce.notebook.frames as notebook
 
     if out is None and (overlay or sheet is None):
-        raise click.UsageError("--out is missing: the folder for masks and overlays; only a --sheet needs none")
+        raise click.UsageError(
+            "--out is missing: the folder for masks and overlays; only a --sheet needs none"
+        )
     if sheet is not None and wall_finder is None:
-        raise click.UsageError("--sheet shows how two methods differ; with --wall-finder none there is only one")
-    usual, finder, masks = OctStudy(), notebook.finder_of(wall_finder), _masks(frames, out, sheet)
-    assumed = Scanner(width_m=usual.width_m, depth_m=usual.depth_m, refractive_index=usual.refractive_index)
-    look = partial(notebook.segmented, given=Scanner(**size), assumed=assumed, finder=finder, transpose=transpose)
-    found = list(each_of(masks, lambda frame: _segment_frame(frame, masks[frame], look, transpose, overlay, force)))
+        raise click.UsageError(
+            "--sheet shows how two methods differ; with --wall-finder none there is only one"
+        )
+    usual, finder, masks = (
+        OctStudy(),
+        notebook.finder_of(wall_finder),
+        _masks(frames, out, sheet),
+    )
+    assumed = Scanner(
+        width_m=usual.width_m,
+        depth_m=usual.depth_m,
+        refractive_index=usual.refractive_index,
+    )
+    look = partial(
+        notebook.segmented,
+        given=Scanner(**size),
+        assumed=assumed,
+        finder=finder,
+        transpose=transpose,
+    )
+    found = list(
+        each_of(
+            masks,
+            lambda frame: _segment_frame(
+                frame, masks[frame], look, transpose, overlay, force
+            ),
+        )
+    )
     entries: list[dict[str, Any]] = [
-        {"file": str(frame), "mask": None, "usable": False, "error": str(one)} if isinstance(one, InputError) else one
+        {"file": str(frame), "mask": None, "usable": False, "error": str(one)}
+        if isinstance(one, InputError)
+        else one
         for frame, one in found
     ]
     segmented = [one for one in entries if "error" not in one]
@@ -120,24 +205,36 @@ def segment(
     return Report(result, lines, faults, code=3 if strict and unusable else 0)
 
 
-def _masks(given: Sequence[Path], out: Path | None, sheet: Path | None) -> dict[Path, Path | None]:
+def _masks(
+    given: Sequence[Path], out: Path | None, sheet: Path | None
+) -> dict[Path, Path | None]:
     """Return the frames and their masks; raises `InputError` if two pictures could have the same name."""
     found = [pair for path in given for pair in _frames_of(path)]
-    recordings = {recording.resolve() for _, recording in found if recording is not None}
+    recordings = {
+        recording.resolve() for _, recording in found if recording is not None
+    }
     frames = {frame.resolve() for frame, _ in found}
     taken = {} if sheet is None else {sheet.resolve(): "the sheet"}
     if out is None:
         return {frame: None for frame, _ in found}
     masks: dict[Path, Path | None] = {}
     for frame, recording in found:
-        folder = out / recording.resolve().name if recording is not None and len(recordings) > 1 else out
+        folder = (
+            out / recording.resolve().name
+            if recording is not None and len(recordings) > 1
+            else out
+        )
         mask = masks[frame] = folder / f"{frame.stem}.png"
         for picture in map(mask.with_suffix, ENDINGS):
             place = picture.resolve()
             if place in taken:
-                raise InputError(f"{frame}: its mask would be {picture}, which is {taken[place]}; use two folders")
+                raise InputError(
+                    f"{frame}: its mask would be {picture}, which is {taken[place]}; use two folders"
+                )
             if place in frames:
-                raise InputError(f"--out: the mask {picture} would replace a frame; choose another folder")
+                raise InputError(
+                    f"--out: the mask {picture} would replace a frame; choose another folder"
+                )
             taken[place] = f"that of {frame}"
     return masks
 
@@ -151,27 +248,54 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
         return [(recording.frame_path(entry), path) for entry in recording.frames]
     images = [file for file in files_of([path]) if file.suffix.lower() in IMAGES]
     if not images:
-        raise InputError(f"{path}: neither a recording.toml nor images ({', '.join(IMAGES)}) in this folder")
+        raise InputError(
+            f"{path}: neither a recording.toml nor images ({', '.join(IMAGES)}) in this folder"
+        )
     return [(file, folder.recording_of(file)) for file in images]
 
 
 def _segment_frame(
-    path: Path, mask: Path | None, look: Look, transpose: bool, overlay: bool, force: bool
+    path: Path,
+    mask: Path | None,
+    look: Look,
+    transpose: bool,
+    overlay: bool,
+    force: bool,
 ) -> dict[str, Any]:
     frame, found = look(path)
     if mask is not None:
-        mask, other = (mask, mask.with_suffix(GUESS)) if found.usable else (mask.with_suffix(GUESS), mask)
-        pictures = {".png": found.mask, **({OVERLAY: draw_overlay(frame.pixels, found)} if overlay else {})}
+        mask, other = (
+            (mask, mask.with_suffix(GUESS))
+            if found.usable
+            else (mask.with_suffix(GUESS), mask)
+        )
+        pictures = {
+            ".png": found.mask,
+            **({OVERLAY: draw_overlay(frame.pixels, found)} if overlay else {}),
+        }
         for ending, picture in pictures.items():
             upright = picture.swapaxes(0, 1) if transpose else picture
-            _write(mask.with_suffix(ending), (other, other.with_suffix(OVERLAY)), upright, force)
+            _write(
+                mask.with_suffix(ending),
+                (other, other.with_suffix(OVERLAY)),
+                upright,
+                force,
+            )
     return {
-        "file": str(path), "mask": mask and str(mask), "usable": found.usable, "reason": found.reason,
-        "disagreement": None if found.methods is None else found.methods.disagreement, "inner_found": found.inner_found,
-        "thickness_um": None if isnan(found.thickness_m) else from_si(found.thickness_m, "um"),
-        "needle": needle_entry(found.needle), "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
-        "scale": _scale_entry(frame), "notes": list(frame.notes),
-    }  # fmt: skip
+        "file": str(path),
+        "mask": mask and str(mask),
+        "usable": found.usable,
+        "reason": found.reason,
+        "disagreement": None if found.methods is None else found.methods.disagreement,
+        "inner_found": found.inner_found,
+        "thickness_um": None
+        if isnan(found.thickness_m)
+        else from_si(found.thickness_m, "um"),
+        "needle": needle_entry(found.needle),
+        "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
+        "scale": _scale_entry(frame),
+        "notes": list(frame.notes),
+    }
 
 
 def _write(path: Path, others: Sequence[Path], picture: Pixels, force: bool) -> None:
@@ -179,7 +303,9 @@ def _write(path: Path, others: Sequence[Path], picture: Pixels, force: bool) -> 
     data = cv2.imencode(".png", np.ascontiguousarray(picture))[1].tobytes()
     for one in (path, *others):
         if not force and one.exists() and read_bytes(one, KINDS["frame"]) != data:
-            raise InputError(f"{one}: exists already and differs; choose another --out, or --force to replace it")
+            raise InputError(
+                f"{one}: exists already and differs; choose another --out, or --force to replace it"
+            )
     path.parent.mkdir(parents=True, exist_ok=True)
     with renamed_when_whole(path) as part:
         part.write_bytes(data)
@@ -190,13 +316,27 @@ def _write(path: Path, others: Sequence[Path], picture: Pixels, force: bool) -> 
 def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: Look) -> None:
     """Draw frames with the walls of both methods, which are found again: all pictures need not be kept."""
     from scleraforce.report.files import write_figure
-    from scleraforce.report.frame_figures import MOST, WORST, draw_sheet, sheet_frame, shown_on_sheet
+    from scleraforce.report.frame_figures import (
+        MOST,
+        WORST,
+        draw_sheet,
+        sheet_frame,
+        shown_on_sheet,
+    )
 
-    numbers = shown_on_sheet([(not one["usable"], one["disagreement"] or 0.0) for one in entries])
+    numbers = shown_on_sheet(
+        [(not one["usable"], one["disagreement"] or 0.0) for one in entries]
+    )
     paths = [Path(entries[number]["file"]) for number in numbers]
     base = os.path.commonpath([path.absolute().parent for path in paths])
-    frames = [sheet_frame(os.path.relpath(path, base), *look(path)) for path in progress_bar(paths, "sheet")]
-    title, note = f"{len(entries)} frames, {sum(one['usable'] for one in entries)} usable", ""
+    frames = [
+        sheet_frame(os.path.relpath(path, base), *look(path))
+        for path in progress_bar(paths, "sheet")
+    ]
+    title, note = (
+        f"{len(entries)} frames, {sum(one['usable'] for one in entries)} usable",
+        "",
+    )
     if len(frames) < len(entries):
         note = f"Shown: the {WORST} worst and {MOST - WORST} of the others."
         say(f"{sheet}: {note}", err=True)
@@ -208,7 +348,11 @@ def _wall_line(entry: Mapping[str, Any]) -> str:
         return f"{entry['file']}: not usable: {entry['reason']}"
     if entry["thickness_um"] is None:
         return f"{entry['file']}: inner boundary not seen; the mask ends 1 mm below the surface"
-    guess = "" if entry["inner_found"] else "; the network estimated the inner boundary, which is not visible"
+    guess = (
+        ""
+        if entry["inner_found"]
+        else "; the network estimated the inner boundary, which is not visible"
+    )
     return f"{entry['file']}: wall of {entry['thickness_um']:.0f} µm{guess}"
 
 
@@ -220,7 +364,12 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         "refractive_index": f"refractive index (taken as {scanner.refractive_index:g}; give --refractive-index)",
     }
     missing = Counter(
-        tuple(words for key, words in taken.items() if entry["scale"][key]["source"] == "assumed") for entry in entries
+        tuple(
+            words
+            for key, words in taken.items()
+            if entry["scale"][key]["source"] == "assumed"
+        )
+        for entry in entries
     )
     for words, count in missing.items():
         if words:
@@ -231,26 +380,62 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 @click.argument("model", type=PATH)
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
 @options(*FRAME_SIZE)
-@options(*EYE, default="unknown", stiffening="the calibration's, else 0 (no stiffening)",
-         globe="unknown, which widens intervals", lean_rad=LEAN_DEFAULT)  # fmt: skip
-@options("calibration", calibration="File of `calibrate`: gives the modulus of the eye, or of the population.")
-@click.option("--eye", help="Name of the eye in the calibration; default: the recording's.")
-@click.option("--held-s", type=click.FloatRange(0.0), help="Time since the needle's push, in tissue that relaxes; "
-              "default: as in the frames of the calibration.")  # fmt: skip
-@click.option("--plane", "planes", cls=PlacedPlane, metavar=PLANE, multiple=True,
-              help="Plane of the frames that follow: its distance from the scanner's axis, and the direction of its "
-              "columns. The n-th frames of all planes are read together.")  # fmt: skip
-@click.option("--mask", "masks", multiple=True, type=PATH,
-              help="Picture of the wall in place of the one that is found: 255 wall, 0 none, 128 column not judged. "
-              "Give one for each frame, in their order.")  # fmt: skip
-@click.option("--mask-sd-rows", type=click.FloatRange(0.0, min_open=True),
-              help="Standard deviation of the mask's boundaries, rows; default: 2.")  # fmt: skip
+@options(
+    *EYE,
+    default="unknown",
+    stiffening="the calibration's, else 0 (no stiffening)",
+    globe="unknown, which widens intervals",
+    lean_rad=LEAN_DEFAULT,
+)
+@options(
+    "calibration",
+    calibration="File of `calibrate`: gives the modulus of the eye, or of the population.",
+)
+@click.option(
+    "--eye", help="Name of the eye in the calibration; default: the recording's."
+)
+@click.option(
+    "--held-s",
+    type=click.FloatRange(0.0),
+    help="Time since the needle's push, in tissue that relaxes; "
+    "default: as in the frames of the calibration.",
+)
+@click.option(
+    "--plane",
+    "planes",
+    cls=PlacedPlane,
+    metavar=PLANE,
+    multiple=True,
+    help="Plane of the frames that follow: its distance from the scanner's axis, and the direction of its "
+    "columns. The n-th frames of all planes are read together.",
+)
+@click.option(
+    "--mask",
+    "masks",
+    multiple=True,
+    type=PATH,
+    help="Picture of the wall in place of the one that is found: 255 wall, 0 none, 128 column not judged. "
+    "Give one for each frame, in their order.",
+)
+@click.option(
+    "--mask-sd-rows",
+    type=click.FloatRange(0.0, min_open=True),
+    help="Standard deviation of the mask's boundaries, rows; default: 2.",
+)
 @options("wall_finder")
 def read(
-    model: Path, frames: tuple[Path, ...], planes: tuple[tuple[int, str], ...], transpose: bool,
-    calibration: Path | None, eye: str | None, held_s: float | None, masks: tuple[Path, ...],
-    mask_sd_rows: float | None, wall_finder: Path | None, **given: Any,
-) -> Report:  # fmt: skip
+    model: Path,
+    frames: tuple[Path, ...],
+    planes: tuple[tuple[int, str], ...],
+    transpose: bool,
+    calibration: Path | None,
+    eye: str | None,
+    held_s: float | None,
+    masks: tuple[Path, ...],
+    mask_sd_rows: float | None,
+    wall_finder: Path | None,
+    **given: Any,
+) -> Report:
     """Read the force, or its class, from raw frames (PNG, TIFF, JPEG, DICOM).
 
     MODEL is a folder that `train` wrote, or `default`, the bundled reader.
@@ -272,14 +457,23 @@ def read(
     --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
     --globe open
     """
-    from scleraforce.notebook.frames import check_calibrated, given_eye, readings, summary_of_calibration
+    from scleraforce.notebook.frames import (
+        check_calibrated,
+        given_eye,
+        readings,
+        summary_of_calibration,
+    )
     from scleraforce.reader.answer import unusable
     from scleraforce.segmentation.observations import GIVEN_SD_ROWS
 
     for path in filter(os.path.isdir, frames):
-        raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")
+        raise InputError(
+            f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames"
+        )
     if masks and len(masks) != len(frames):
-        raise InputError(f"--mask: {len(masks)} for {len(frames)} frames; give one for each, in their order")
+        raise InputError(
+            f"--mask: {len(masks)} for {len(frames)} frames; give one for each, in their order"
+        )
     mask_of = dict(zip(frames, masks, strict=bool(masks)))
     known = given_eye({name: given.pop(name) for name in EYE})
     size = Scanner(**given)
@@ -290,10 +484,23 @@ def read(
     def answer(moment: Moment) -> "list[Reading]":
         for path, _ in moment:
             os.stat(path)  # a missing frame is reported before the model is loaded
-        paths, placed = [path for path, _ in moment], [plane for _, plane in moment if plane]
+        paths, placed = (
+            [path for path, _ in moment],
+            [plane for _, plane in moment if plane],
+        )
         walls = [mask_of.get(path) for path in paths]
         return readings(
-            loaded(), paths, known, size, summary, eye, transpose, held_s, placed, walls, mask_sd_rows or GIVEN_SD_ROWS
+            loaded(),
+            paths,
+            known,
+            size,
+            summary,
+            eye,
+            transpose,
+            held_s,
+            placed,
+            walls,
+            mask_sd_rows or GIVEN_SD_ROWS,
         )
 
     found = [
@@ -307,21 +514,35 @@ def read(
         return Report({}, (), faults)
     reader = loaded()
     notes = list(dict.fromkeys(note for _, one in answered for note in one.notes))
-    if reader.fixed_modulus_pa is not None and (known != NOTHING_KNOWN or calibration is not None):
+    if reader.fixed_modulus_pa is not None and (
+        known != NOTHING_KNOWN or calibration is not None
+    ):
         modulus_mpa = from_si(reader.fixed_modulus_pa, "mpa")
-        notes.insert(0, "a classifier ignores the known inputs of an eye; it reads each as one of "
-                     f"{modulus_mpa:g} MPa")  # fmt: skip
+        notes.insert(
+            0,
+            "a classifier ignores the known inputs of an eye; it reads each as one of "
+            f"{modulus_mpa:g} MPa",
+        )
     entries = [  # a frame that could not be read means withdrawal, and has an `error`
-        {"file": str(path), **unusable(reader.classes, str(one)).to_dict(), "error": str(one)}
-        if isinstance(one, InputError) else _entry(path, one)
+        {
+            "file": str(path),
+            **unusable(reader.classes, str(one)).to_dict(),
+            "error": str(one),
+        }
+        if isinstance(one, InputError)
+        else _entry(path, one)
         for path, one in found
-    ]  # fmt: skip
+    ]
     lines = [
         *(_answer_line(path, one.answer) for path, one in answered),
         *_read_with([one for one in entries if "error" not in one]),
         *(wrapped(note, "note: ") for note in notes),
     ]
-    return Report({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries}, lines, faults)
+    return Report(
+        {"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries},
+        lines,
+        faults,
+    )
 
 
 def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[Moment]:
@@ -329,14 +550,20 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[M
 
     def stated(path: Path) -> "tuple[Path, float, Plane] | None":
         try:
-            return None if os.path.isdir(path) or not path.exists() else folder.stated_plane(path)
+            return (
+                None
+                if os.path.isdir(path) or not path.exists()
+                else folder.stated_plane(path)
+            )
         except (InputError, OSError):  # reported with the frame
             return None
 
     if not given:
         found = dict[Any, list[tuple[Path, Plane | None]]]()
         for path, one in ((path, stated(path)) for path in frames):
-            found.setdefault(path if one is None else one[:2], []).append((path, one[2] if one else None))
+            found.setdefault(path if one is None else one[:2], []).append(
+                (path, one[2] if one else None)
+            )
         return [tuple(moment) for moment in found.values()]
     if given[0][0] > 1:
         raise InputError(f"--plane: after {frames[0]}, whose plane is not given")
@@ -344,18 +571,31 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[M
     after_model = [(max(count - 1, 0), words) for count, words in given]
     for path, plane in zip(frames, planes_of(frames, after_model), strict=True):
         of_plane.setdefault(plane, []).append(path)
-    folder.check_counts({plane.name: len(paths) for plane, paths in of_plane.items() if plane})
-    return [tuple(zip(paths, of_plane, strict=True)) for paths in zip(*of_plane.values(), strict=True)]
+    folder.check_counts(
+        {plane.name: len(paths) for plane, paths in of_plane.items() if plane}
+    )
+    return [
+        tuple(zip(paths, of_plane, strict=True))
+        for paths in zip(*of_plane.values(), strict=True)
+    ]
 
 
 def _entry(path: Path, one: "Reading") -> dict[str, Any]:
     plane = {} if one.plane is None else {"plane": one.plane.name}
-    return {"file": str(path), **plane, **one.answer.to_dict(), "scale": _scale_entry(one.frame), "known": _known(one)}
+    return {
+        "file": str(path),
+        **plane,
+        **one.answer.to_dict(),
+        "scale": _scale_entry(one.frame),
+        "known": _known(one),
+    }
 
 
 def _answer_line(path: Path, answer: "Answer") -> str:
     if answer.probabilities is None:
-        return f"{path}: class {answer.predicted} (withdraw): not usable: {answer.reason}"
+        return (
+            f"{path}: class {answer.predicted} (withdraw): not usable: {answer.reason}"
+        )
     probabilities = ", ".join(f"{one:.3f}" for one in answer.probabilities)
     words = f"{path}: class {answer.predicted} (probabilities {probabilities})"
     if answer.force_n is not None and answer.interval_n is not None:
@@ -364,22 +604,30 @@ def _answer_line(path: Path, answer: "Answer") -> str:
     if answer.iop_at_dent_pa is not None:
         words += f", {from_si(answer.iop_at_dent_pa, 'mmhg'):.1f} mmHg at the dent"
     places = answer.to_dict()
-    words += f"; wall: {places['wall']}" if places["wall"] in ("mask", "corrected") else ""
+    words += (
+        f"; wall: {places['wall']}" if places["wall"] in ("mask", "corrected") else ""
+    )
     found = [
         f"{key.partition('_')[0]} {places[key]:.2f}{unit} ({ends[0]:.2f} to {ends[1]:.2f})"
         for key, unit in PLACES.items()
         if (ends := places[f"{key}_interval"]) is not None
     ]
     words += "\n" + wrapped(", ".join(found), "  ") if found else ""
-    return "\n".join([words, *(wrapped(warning, "  warning: ") for warning in answer.warnings)])
+    return "\n".join(
+        [words, *(wrapped(warning, "  warning: ") for warning in answer.warnings)]
+    )
 
 
 def _read_with(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the inputs of frames, equal ones together: "15 x 4 mm (file); modulus 0.3 MPa (option), IOP unknown"."""
     equal: dict[str, list[str]] = {}
     for entry in entries:
-        known = ", ".join(_input_words(key, **given) for key, given in entry["known"].items())
-        equal.setdefault(f"{_size_words(entry['scale'])}; {known}", []).append(entry["file"])
+        known = ", ".join(
+            _input_words(key, **given) for key, given in entry["known"].items()
+        )
+        equal.setdefault(f"{_size_words(entry['scale'])}; {known}", []).append(
+            entry["file"]
+        )
     for words, files in equal.items():
         names = f"{files[0]} and {len(files) - 1} more" if files[1:] else files[0]
         yield wrapped(f"{names}: {words}", "read with: ")
@@ -389,31 +637,49 @@ def _input_words(key: str, value: Value, source: str) -> str:
     name, unit, _ = KNOWN[key]
     if value is None:
         return f"{name} unknown"
-    return f"{name} {value if isinstance(value, str) else f'{value:.4g}{unit}'} ({source})"
+    return (
+        f"{name} {value if isinstance(value, str) else f'{value:.4g}{unit}'} ({source})"
+    )
 
 
 def _scale_entry(frame: ScaledFrame) -> dict[str, Any]:
     given = {"width_mm": frame.width_m, "depth_mm": frame.depth_m}
-    found = {key: {"value": from_si(one.value, "mm"), "source": one.source} for key, one in given.items()}
+    found = {
+        key: {"value": from_si(one.value, "mm"), "source": one.source}
+        for key, one in given.items()
+    }
     return found | {"refractive_index": asdict(frame.refractive_index)}
 
 
 def _size_words(scale: Mapping[str, Any]) -> str:
     """Return the scale for people, equal sources once: "15 x 4 mm (recording.toml), refractive index 1 (option)"."""
-    (width, of_width), (depth, of_depth), (index, of_index) = (one.values() for one in scale.values())
+    (width, of_width), (depth, of_depth), (index, of_index) = (
+        one.values() for one in scale.values()
+    )
     between = "" if of_width == of_depth else f" mm ({of_width})"
     return f"{width:.4g}{between} x {depth:.4g} mm ({of_depth}), refractive index {index:g} ({of_index})"
 
 
 def _known(one: "Reading") -> dict[str, dict[str, Any]]:
     """Return value and source of each known input; of stiffening, k and lean only if they are known."""
-    sources = {"option": one.given, "recording.toml": completed(one.given, one.stated), "calibration": one.known}
+    sources = {
+        "option": one.given,
+        "recording.toml": completed(one.given, one.stated),
+        "calibration": one.known,
+    }
     found = {}
     for key, (_, _, value_of) in KNOWN.items():
         found_by = {source: value_of(eye) for source, eye in sources.items()}
-        values = {source: float(f"{one:.12g}") if isinstance(one, float) else one for source, one in found_by.items()}
+        values = {
+            source: float(f"{one:.12g}") if isinstance(one, float) else one
+            for source, one in found_by.items()
+        }
         value = values["calibration"]
-        source = "unknown" if value is None else next(name for name, other in values.items() if other == value)
+        source = (
+            "unknown"
+            if value is None
+            else next(name for name, other in values.items() if other == value)
+        )
         if value is not None or key not in ONLY_IF_KNOWN:
             found[key] = {"value": value, "source": source}
     return found

@@ -16,7 +16,12 @@ from scleraforce.errors import InputError, ScleraforceError
 
 INTERRUPTED = 130
 interrupted = Event()  # by a signal that reached a callback of a library only
-FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
+FULL_DISK = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EFBIG,
+    errno.EIO,
+}  # comes without the file's name
 
 # Group of the help -> command -> its module in `cli`, and one line of help.
 GROUPS = {
@@ -28,7 +33,10 @@ GROUPS = {
     },
     "Data": {
         "import": ("import_", "Import frames and forces of other programs."),
-        "phantom": ("virtual", "Make a virtual acquisition: raw B-scans and a force log."),
+        "phantom": (
+            "virtual",
+            "Make a virtual acquisition: raw B-scans and a force log.",
+        ),
         "show": ("show", "Describe or draw a study, recording, model, ..."),
         "export": ("show", "Write a recording or answers for other programs."),
     },
@@ -55,7 +63,9 @@ GROUPS = {
     },
     "App": {"app": ("app", "Import, look, correct and read in a browser.")},
 }
-COMMANDS = {name: entry for commands in GROUPS.values() for name, entry in commands.items()}
+COMMANDS = {
+    name: entry for commands in GROUPS.values() for name, entry in commands.items()
+}
 ALIASES = {"classify": "read"}
 
 
@@ -71,18 +81,31 @@ class _LazyGroup(click.Group):
             return None
         module, name = COMMANDS[cmd_name][0], cmd_name.replace("-", "_")
         command: click.Command = getattr(
-            import_module(f"scleraforce.cli.{module}"), f"{name}_" if iskeyword(name) else name
+            import_module(f"scleraforce.cli.{module}"),
+            f"{name}_" if iskeyword(name) else name,
         )
         return command
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - as above
+    def format_commands(
+        self,
+        ctx: click.Context,  # noqa: ARG002 - click's signature
+        formatter: click.HelpFormatter,
+    ) -> None:
         width = max(map(len, COMMANDS))
         for title, commands in GROUPS.items():
             with formatter.section(title):
-                formatter.write_dl([(f"{name:<{width}}", words) for name, (_, words) in commands.items()])
+                formatter.write_dl(
+                    [
+                        (f"{name:<{width}}", words)
+                        for name, (_, words) in commands.items()
+                    ]
+                )
 
 
-@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
+@click.group(
+    cls=_LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80},
+)
 @click.version_option(__version__, prog_name="scleraforce")
 def cli() -> None:
     """Read the force of a needle on the eye from a single OCT slice.
@@ -93,7 +116,9 @@ def cli() -> None:
     """
 
 
-cli.commands.update({name: click.Command(name) for name in COMMANDS})  # the names that click suggests for a typo
+cli.commands.update(
+    {name: click.Command(name) for name in COMMANDS}
+)  # the names that click suggests for a typo
 
 
 def main() -> None:
@@ -147,8 +172,16 @@ def run(arguments: list[str]) -> int:
         if os.environ.get("SCLERAFORCE_TRACEBACK"):
             raise
         if isinstance(fault, OSError) and (fault.filename or fault.errno in FULL_DISK):
-            return fail(": ".join(str(part) for part in (fault.filename, fault.strerror) if part), 2)
-        return fail(f"internal fault: {type(fault).__name__}: {fault} (SCLERAFORCE_TRACEBACK=1 shows where)", 1)
+            return fail(
+                ": ".join(
+                    str(part) for part in (fault.filename, fault.strerror) if part
+                ),
+                2,
+            )
+        return fail(
+            f"internal fault: {type(fault).__name__}: {fault} (SCLERAFORCE_TRACEBACK=1 shows where)",
+            1,
+        )
     return done if isinstance(done, int) else 0
 
 

@@ -29,59 +29,180 @@ if TYPE_CHECKING:
 
 PORT, POSITIVE = click.IntRange(0, 65535), click.FloatRange(0.0, min_open=True)
 STUDYS = "default: that of the model's study"
-LIMITS = ("unusable_frames", "unusable_opinions", "loss_in_window_s", "reaction_s", "retraction_m_s")
-DEVICE_NAME = re.compile(r"[\w.+-]{1,20}", re.ASCII)  # that OpenIGTLink can send, and a table needs no quotes for
+LIMITS = (
+    "unusable_frames",
+    "unusable_opinions",
+    "loss_in_window_s",
+    "reaction_s",
+    "retraction_m_s",
+)
+DEVICE_NAME = re.compile(
+    r"[\w.+-]{1,20}", re.ASCII
+)  # that OpenIGTLink can send, and a table needs no quotes for
 MOST_BITS = 16  # a scanner may use more bits than the model's study states, and its recording must stay readable
-UNKNOWN_GLOBE = "unknown: give --globe; intervals are wider and withdrawals come earlier"
+UNKNOWN_GLOBE = (
+    "unknown: give --globe; intervals are wider and withdrawals come earlier"
+)
 
 
 @click.command(cls=Command, can_be_quiet=False)  # the operator has to see its lines
 @click.argument("model", type=PATH)
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--port", type=PORT, default=18944, show_default=True, help="OpenIGTLink port; 0: any free port.")
-@click.option("--web-port", type=PORT, help="Port of the web console, which needs the extra [web].")
-@click.option("--web-host", default="127.0.0.1", show_default=True, help="Address of the web console.")
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Address to listen on."
+)
+@click.option(
+    "--port",
+    type=PORT,
+    default=18944,
+    show_default=True,
+    help="OpenIGTLink port; 0: any free port.",
+)
+@click.option(
+    "--web-port",
+    type=PORT,
+    help="Port of the web console, which needs the extra [web].",
+)
+@click.option(
+    "--web-host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address of the web console.",
+)
 @options("calibration")
 @click.option("--eye", help="Name of the eye in the calibration, and in recordings.")
-@options(*EYE, default="unknown", stiffening="the calibration's, else 0 (no stiffening)",
-         globe="unknown, which widens intervals", lean_rad=LEAN_DEFAULT)  # fmt: skip
-@click.option("--columns", type=click.IntRange(16, 16384), help=f"Columns of a frame; {STUDYS}.")
-@click.option("--rows", type=click.IntRange(16, 16384), help=f"Rows of a frame; {STUDYS}.")
-@options("width_m", "depth_m", "refractive_index",
-         width_m=f"Width of the frames, black bands included; {STUDYS}.",
-         depth_m=f"Depth of the frames as stored; {STUDYS}.",
-         refractive_index=f"Refractive index of the depth axis (1: already corrected); {STUDYS}.")  # fmt: skip
-@click.option("--withdraw-class", type=click.IntRange(1), help="Withdraw at this class or a higher one; default: the "
-              "highest.")  # fmt: skip
-@click.option("--bound-mn", "bound_n", type=POSITIVE, callback=in_si("mn"), help="Withdraw if the force's interval "
-              "reaches this; default: the lower bound of the highest class.")  # fmt: skip
-@click.option("--unusable-frames", type=click.IntRange(1), default=1, show_default=True,
-              help="After contact, withdraw after this number of unusable frames in a row.")  # fmt: skip
-@click.option("--unusable-opinions", type=click.IntRange(1), default=3, show_default=True,
-              help="Withdraw after this number of unusable second opinions in a row.")  # fmt: skip
-@click.option("--unread-ms", "loss_in_window_s", type=click.FloatRange(0.0, 1000.0, min_open=True), default=80.0,
-              show_default=True, callback=in_si("ms"), help="Withdraw if frames that cover more than this time of a "
-              "second were not read, in gaps of more than 4 ms.")  # fmt: skip
-@click.option("--reaction-ms", "reaction_s", type=POSITIVE, default=50.0, show_default=True, callback=in_si("ms"),
-              help="The robot's delay, from the order to withdraw to its motion.")  # fmt: skip
-@click.option("--retraction-mm-s", "retraction_m_s", type=POSITIVE, default=5.0, show_default=True,
-              callback=in_si("mm"), help="The robot's largest speed of withdrawal: a dent that falls faster is "
-              "a puncture.")  # fmt: skip
-@click.option("--on-pierced", type=click.Choice(["withdraw", "report"]), default="withdraw", show_default=True,
-              help="After a puncture, order to withdraw or only report it: code 14, not OK.")  # fmt: skip
-@click.option("--plane", "planes", metavar=PLANE, multiple=True, help="One of several planes that the scanner takes at "
-              "once, in place of --gap-mm: its frames are IMAGE messages of the device NAME.")  # fmt: skip
-@click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
-              help="Read the frames with the fit as well, in another process.")  # fmt: skip
-@click.option("--learn-eye", is_flag=True, help="Learn E from the shape of dents during the session; needs --iop-mmhg.")
-@click.option("--resume", type=PATH, help="With --learn-eye: begin with the E of this eye from an earlier session.")
-@click.option("--record", type=PATH, help="Recording folder to write the session to; must not exist.")
-@click.option("--black-box", type=PATH, help="Folder of the log; default: in the user's state folder.")
+@options(
+    *EYE,
+    default="unknown",
+    stiffening="the calibration's, else 0 (no stiffening)",
+    globe="unknown, which widens intervals",
+    lean_rad=LEAN_DEFAULT,
+)
+@click.option(
+    "--columns", type=click.IntRange(16, 16384), help=f"Columns of a frame; {STUDYS}."
+)
+@click.option(
+    "--rows", type=click.IntRange(16, 16384), help=f"Rows of a frame; {STUDYS}."
+)
+@options(
+    "width_m",
+    "depth_m",
+    "refractive_index",
+    width_m=f"Width of the frames, black bands included; {STUDYS}.",
+    depth_m=f"Depth of the frames as stored; {STUDYS}.",
+    refractive_index=f"Refractive index of the depth axis (1: already corrected); {STUDYS}.",
+)
+@click.option(
+    "--withdraw-class",
+    type=click.IntRange(1),
+    help="Withdraw at this class or a higher one; default: the highest.",
+)
+@click.option(
+    "--bound-mn",
+    "bound_n",
+    type=POSITIVE,
+    callback=in_si("mn"),
+    help="Withdraw if the force's interval "
+    "reaches this; default: the lower bound of the highest class.",
+)
+@click.option(
+    "--unusable-frames",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="After contact, withdraw after this number of unusable frames in a row.",
+)
+@click.option(
+    "--unusable-opinions",
+    type=click.IntRange(1),
+    default=3,
+    show_default=True,
+    help="Withdraw after this number of unusable second opinions in a row.",
+)
+@click.option(
+    "--unread-ms",
+    "loss_in_window_s",
+    type=click.FloatRange(0.0, 1000.0, min_open=True),
+    default=80.0,
+    show_default=True,
+    callback=in_si("ms"),
+    help="Withdraw if frames that cover more than this time of a "
+    "second were not read, in gaps of more than 4 ms.",
+)
+@click.option(
+    "--reaction-ms",
+    "reaction_s",
+    type=POSITIVE,
+    default=50.0,
+    show_default=True,
+    callback=in_si("ms"),
+    help="The robot's delay, from the order to withdraw to its motion.",
+)
+@click.option(
+    "--retraction-mm-s",
+    "retraction_m_s",
+    type=POSITIVE,
+    default=5.0,
+    show_default=True,
+    callback=in_si("mm"),
+    help="The robot's largest speed of withdrawal: a dent that falls faster is "
+    "a puncture.",
+)
+@click.option(
+    "--on-pierced",
+    type=click.Choice(["withdraw", "report"]),
+    default="withdraw",
+    show_default=True,
+    help="After a puncture, order to withdraw or only report it: code 14, not OK.",
+)
+@click.option(
+    "--plane",
+    "planes",
+    metavar=PLANE,
+    multiple=True,
+    help="One of several planes that the scanner takes at "
+    "once, in place of --gap-mm: its frames are IMAGE messages of the device NAME.",
+)
+@click.option(
+    "--second-opinion/--no-second-opinion",
+    default=True,
+    show_default=True,
+    help="Read the frames with the fit as well, in another process.",
+)
+@click.option(
+    "--learn-eye",
+    is_flag=True,
+    help="Learn E from the shape of dents during the session; needs --iop-mmhg.",
+)
+@click.option(
+    "--resume",
+    type=PATH,
+    help="With --learn-eye: begin with the E of this eye from an earlier session.",
+)
+@click.option(
+    "--record",
+    type=PATH,
+    help="Recording folder to write the session to; must not exist.",
+)
+@click.option(
+    "--black-box",
+    type=PATH,
+    help="Folder of the log; default: in the user's state folder.",
+)
 def monitor(
-    model: Path, host: str, port: int, web_port: int | None, web_host: str, calibration: Path | None, eye: str | None,
-    learn_eye: bool, resume: Path | None, record: Path | None, black_box: Path | None, planes: tuple[str, ...],
+    model: Path,
+    host: str,
+    port: int,
+    web_port: int | None,
+    web_host: str,
+    calibration: Path | None,
+    eye: str | None,
+    learn_eye: bool,
+    resume: Path | None,
+    record: Path | None,
+    black_box: Path | None,
+    planes: tuple[str, ...],
     **given: Any,
-) -> Report:  # fmt: skip
+) -> Report:
     """Receive B-scans and tell the robot when to withdraw. Research use only.
 
     MODEL is a folder that `train` wrote, or `default`, the bundled reader.
@@ -96,8 +217,12 @@ def monitor(
     --iop-mmhg 2 --gap-mm 0.5 --globe open --web-port 8080
     """
     if not sys.platform.startswith("linux"):
-        raise InputError(f"monitor: runs on Linux only, for its real-time priorities; this is {sys.platform}")
-    for number in range(3):  # a closed one of the three standard files is opened, or a socket would become one of them
+        raise InputError(
+            f"monitor: runs on Linux only, for its real-time priorities; this is {sys.platform}"
+        )
+    for number in range(
+        3
+    ):  # a closed one of the three standard files is opened, or a socket would become one of them
         try:
             os.fstat(number)
         except OSError:
@@ -107,12 +232,21 @@ def monitor(
 
         from scleraforce.reader.model import load_model, suited
         from scleraforce.recording.folder import name_fault
-        from scleraforce.service.monitor_service import Address, MonitorSettings, Notes, monitor_service
+        from scleraforce.service.monitor_service import (
+            Address,
+            MonitorSettings,
+            Notes,
+            monitor_service,
+        )
 
-    reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
+    reader = load_model(
+        model, finder=None
+    )  # the loop has no time for one; the second opinion loads its own
     if not reader.serves_loop:  # it would be its own second opinion
-        raise InputError(f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model "
-                         "could check what its network reads in the loop")  # fmt: skip
+        raise InputError(
+            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model "
+            "could check what its network reads in the loop"
+        )
     known, doubt = _known(calibration, eye, {name: given[name] for name in EYE})
     if resume is not None and not learn_eye:
         raise InputError("--resume: needs --learn-eye")
@@ -126,25 +260,42 @@ def monitor(
         raise InputError(f"--eye: {fault}")
     begun = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     settings = MonitorSettings(
-        eye=eye or "eye-1", known=known, limits=_limits(reader, known, scan, given), scan=scan,
-        address=Address(host, port), console=None if web_port is None else Address(web_host, web_port),
-        black_box=black_box or user_state_path("scleraforce") / "monitor" / begun, record=record, learns=learn_eye,
+        eye=eye or "eye-1",
+        known=known,
+        limits=_limits(reader, known, scan, given),
+        scan=scan,
+        address=Address(host, port),
+        console=None if web_port is None else Address(web_host, web_port),
+        black_box=black_box or user_state_path("scleraforce") / "monitor" / begun,
+        record=record,
+        learns=learn_eye,
         token=token_hex(16),  # it cannot be guessed
-    )  # fmt: skip
+    )
     with closing(Notes(_write_line)) as notes:
-        with ExitStack() as until_ended, monitor_service(reader.path, reader, settings, notes) as (server, address):
+        with (
+            ExitStack() as until_ended,
+            monitor_service(reader.path, reader, settings, notes) as (server, address),
+        ):
             until_ended.enter_context(_ended_by_signals(server.stop))
             for line in _greeting(reader, settings, address, doubt, server.code.line):
                 notes(line)
             server.run()
             summary = server.session.summary()
             notes("ends; the black box writes its last entries")
-        notes(f"ended after {summary['frames']} frames and {len(summary['withdrawals'])} withdrawals")
+        notes(
+            f"ended after {summary['frames']} frames and {len(summary['withdrawals'])} withdrawals"
+        )
     return Report({"model": str(model), **summary})
 
 
-def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> "tuple[Known, str | None]":
-    from scleraforce.known.calibration_file import foreign_modulus, known_of_eye, read_calibration
+def _known(
+    calibration: Path | None, eye: str | None, given: dict[str, Any]
+) -> "tuple[Known, str | None]":
+    from scleraforce.known.calibration_file import (
+        foreign_modulus,
+        known_of_eye,
+        read_calibration,
+    )
     from scleraforce.notebook.frames import check_calibrated, given_eye
 
     known = given_eye(given)
@@ -153,24 +304,33 @@ def _known(calibration: Path | None, eye: str | None, given: dict[str, Any]) -> 
     check_calibrated(known, True, eye)
     if eye is None:
         others = "another gets the population's modulus"
-        raise InputError(f"--eye: missing; say which eye of {calibration} it is ({others})")
+        raise InputError(
+            f"--eye: missing; say which eye of {calibration} it is ({others})"
+        )
     summary = read_calibration(calibration)
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 
 
-def _planes(given: tuple[str, ...], reader: "Reader", known: "Known", learn_eye: bool) -> "tuple[Plane, ...]":
+def _planes(
+    given: tuple[str, ...], reader: "Reader", known: "Known", learn_eye: bool
+) -> "tuple[Plane, ...]":
     """Return the planes of a scanner that takes several; () of one that takes a single one."""
     from scleraforce.reader.limits import READER
     from scleraforce.recording.folder import check_planes, parse_plane
 
     planes = tuple(parse_plane(words) for words in given)
     check_planes(planes, "--plane")
-    named = next((plane.name for plane in planes if not DEVICE_NAME.fullmatch(plane.name)), None)
+    named = next(
+        (plane.name for plane in planes if not DEVICE_NAME.fullmatch(plane.name)), None
+    )
     refused = {
         f"--plane: {named!r} cannot name a device; use 1 to 20 of the characters A-Z a-z 0-9 . _ + -": named,
-        f"--plane: {reader.path} is a {reader.kind}, which reads single planes": planes and reader.kind != READER,
-        "--gap-mm: several planes show their gaps; leave it out": planes and known.gap_m is not None,
-        "--learn-eye: it learns from a single plane; leave it or --plane out": planes and learn_eye,
+        f"--plane: {reader.path} is a {reader.kind}, which reads single planes": planes
+        and reader.kind != READER,
+        "--gap-mm: several planes show their gaps; leave it out": planes
+        and known.gap_m is not None,
+        "--learn-eye: it learns from a single plane; leave it or --plane out": planes
+        and learn_eye,
     }
     for reason, holds in refused.items():
         if holds:
@@ -178,17 +338,26 @@ def _planes(given: tuple[str, ...], reader: "Reader", known: "Known", learn_eye:
     return planes
 
 
-def _to_learn(reader: "Reader", known: "Known", resume: Path | None, eye: str | None, given: dict[str, Any]) -> "Known":
+def _to_learn(
+    reader: "Reader",
+    known: "Known",
+    resume: Path | None,
+    eye: str | None,
+    given: dict[str, Any],
+) -> "Known":
     """Return the eye with the prior of an E that is to be learned."""
     from scleraforce.known import Modulus
     from scleraforce.service.learning import resumed
 
     refused = {
         f"{reader.path} is a {reader.kind}, which reads no force": not reader.reads_force,
-        "needs the second opinion; leave out --no-second-opinion": not given["second_opinion"],
+        "needs the second opinion; leave out --no-second-opinion": not given[
+            "second_opinion"
+        ],
         "E is given with --youngs-modulus-mpa": given["youngs_modulus_pa"] is not None,
         "the calibration has this eye's own E": known.has_own_modulus,
-        "--iop-mmhg is missing: E is found beside the known pressure": known.iop_pa is None,
+        "--iop-mmhg is missing: E is found beside the known pressure": known.iop_pa
+        is None,
         "--eye is missing: --resume needs its name": resume is not None and eye is None,
     }
     for reason, holds in refused.items():
@@ -197,20 +366,28 @@ def _to_learn(reader: "Reader", known: "Known", resume: Path | None, eye: str | 
     if resume is not None and eye is not None:
         return resumed(known, resume, eye)
     prior = reader.study.calibration
-    population = Modulus(mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population")
+    population = Modulus(
+        mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population"
+    )
     return replace(known, modulus=known.modulus or population)
 
 
-def _scan(reader: "Reader", known: "Known", planes: "tuple[Plane, ...]", given: dict[str, Any]) -> "OctInfo":
+def _scan(
+    reader: "Reader", known: "Known", planes: "tuple[Plane, ...]", given: dict[str, Any]
+) -> "OctInfo":
     """Return what is known of the frames of a session."""
     from scleraforce.recording.folder import OctInfo
 
     names = ("columns", "rows", "width_m", "depth_m", "refractive_index")
     stated = {name: given[name] or getattr(reader.study.oct, name) for name in names}
-    return OctInfo(bits=MOST_BITS, plane_direction_rad=known.direction_rad, plane=planes, **stated)
+    return OctInfo(
+        bits=MOST_BITS, plane_direction_rad=known.direction_rad, plane=planes, **stated
+    )
 
 
-def _limits(reader: "Reader", known: "Known", scan: "OctInfo", given: dict[str, Any]) -> "MonitorLimits":
+def _limits(
+    reader: "Reader", known: "Known", scan: "OctInfo", given: dict[str, Any]
+) -> "MonitorLimits":
     from scleraforce.decision.limits import MonitorLimits
 
     return MonitorLimits(
@@ -221,32 +398,53 @@ def _limits(reader: "Reader", known: "Known", scan: "OctInfo", given: dict[str, 
         size=(scan.rows, scan.columns),
         scale_m=(scan.width_m / scan.columns, scan.depth_m / scan.rows),
         reads_force=reader.reads_force,
-        expects_opinion=given["second_opinion"] and reader.reads_force,  # a class is read in one way only
+        expects_opinion=given["second_opinion"]
+        and reader.reads_force,  # a class is read in one way only
         **{name: given[name] for name in LIMITS},
     )
 
 
 def _greeting(
-    reader: "Reader", settings: "MonitorSettings", address: "Address", doubt: str | None, code: str
+    reader: "Reader",
+    settings: "MonitorSettings",
+    address: "Address",
+    doubt: str | None,
+    code: str,
 ) -> Iterator[str]:
     limits, scan = settings.limits, settings.scan
-    lateral_um, depth_um = from_si(scan.width_m / scan.columns, "um"), from_si(scan.depth_m / scan.rows, "um")
+    lateral_um, depth_um = (
+        from_si(scan.width_m / scan.columns, "um"),
+        from_si(scan.depth_m / scan.rows, "um"),
+    )
     bound_mn = from_si(limits.bound_n, "mn")
-    forces = f", or where the force's interval reaches {bound_mn:.1f} mN" if limits.reads_force else ""
+    forces = (
+        f", or where the force's interval reaches {bound_mn:.1f} mN"
+        if limits.reads_force
+        else ""
+    )
     yield "research use only: not a medical device"
     yield f"model      {reader.path} ({reader.kind})"
     yield f"eye        {settings.eye}: {_eye_words(settings.known)}"
     if scan.plane:
-        places = [(one.name, from_si(one.offset_m, "mm"), from_si(one.direction_rad, "deg")) for one in scan.plane]
-        yield "planes     " + ", ".join(f"{name} ({mm:g} mm, {deg:.0f}°)" for name, mm, deg in places)
+        places = [
+            (one.name, from_si(one.offset_m, "mm"), from_si(one.direction_rad, "deg"))
+            for one in scan.plane
+        ]
+        yield "planes     " + ", ".join(
+            f"{name} ({mm:g} mm, {deg:.0f}°)" for name, mm, deg in places
+        )
     yield f"globe      {globe_words(settings.known, reader.reads_force)}"
     relaxation = settings.known.relaxation
     if relaxation is not None and any(relaxation.shares):
         lost = from_si(sum(relaxation.shares), "percent")
         yield f"tissue     a held needle loses up to {lost:.0f} % of its force; intervals are wide at the start"
-    any_lean = settings.known.lean_rad is None and not settings.known.has_calibrated_modulus
+    any_lean = (
+        settings.known.lean_rad is None and not settings.known.has_calibrated_modulus
+    )
     lean = "the needle's lean is not given: forces are their parts along the wall's normal (docs/limits.md)"
-    for warning in filter(None, (doubt, lean if any_lean else None, *reader.limits(settings.known, scan))):
+    for warning in filter(
+        None, (doubt, lean if any_lean else None, *reader.limits(settings.known, scan))
+    ):
         yield f"warning    {warning}"
     yield f"frames     {scan.columns} x {scan.rows} px of {lateral_um:.2f} x {depth_um:.2f} µm"
     yield f"withdraws  at class {limits.withdraw_class}{forces}"
@@ -262,9 +460,21 @@ def _eye_words(known: "Known") -> str:
     words = "modulus unknown"
     if known.modulus is not None:
         words = f"{from_si(known.modulus.mean_pa, 'mpa'):.3f} MPa ({MODULUS_SOURCES[known.modulus.source]})"
-    iop = "IOP unknown" if known.iop_pa is None else f"IOP {from_si(known.iop_pa, 'mmhg'):.1f} mmHg"
-    wall = "thickness unknown" if known.thickness_m is None else f"{from_si(known.thickness_m, 'um'):.0f} µm thick"
-    gap = "gap unknown" if known.gap_m is None else f"gap {from_si(known.gap_m, 'mm'):.2f} mm"
+    iop = (
+        "IOP unknown"
+        if known.iop_pa is None
+        else f"IOP {from_si(known.iop_pa, 'mmhg'):.1f} mmHg"
+    )
+    wall = (
+        "thickness unknown"
+        if known.thickness_m is None
+        else f"{from_si(known.thickness_m, 'um'):.0f} µm thick"
+    )
+    gap = (
+        "gap unknown"
+        if known.gap_m is None
+        else f"gap {from_si(known.gap_m, 'mm'):.2f} mm"
+    )
     return ", ".join((words, iop, wall, gap))
 
 
@@ -282,7 +492,11 @@ def globe_words(known: "Known", reads_force: bool) -> str:
         return "taken for open: a classifier knows no other, and in a sealed eye forces are read too low"
     if not globe.can_be_sealed:
         return "open"
-    ends = globe.band if globe.calibrated or globe.rigidity_told else (globe.lowest, globe.highest)
+    ends = (
+        globe.band
+        if globe.calibrated or globe.rigidity_told
+        else (globe.lowest, globe.highest)
+    )
     low, high = (f"{from_si(end, 'mmhg13_per_ul'):.2g}" for end in ends)
     k = f"k between {low} and {high} mmHg^(1/3)/µl"
     if globe.calibrated:
@@ -298,7 +512,9 @@ def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
     must never stop the process.
     """
     ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-    heard = [number for number in ends if signal.getsignal(number) is not signal.SIG_IGN]
+    heard = [
+        number for number in ends if signal.getsignal(number) is not signal.SIG_IGN
+    ]
     before = {number: signal.signal(number, lambda *_: stop()) for number in heard}
     before[signal.SIGTTOU] = signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     try:
@@ -310,12 +526,18 @@ def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 def _write_line(text: str) -> None:
     """Write a line to standard error, past Python's buffer: a terminal that is stopped must not hold its lock."""
-    plain = "".join(letter if letter.isprintable() else "?" for letter in text)  # it may quote a peer
+    plain = "".join(
+        letter if letter.isprintable() else "?" for letter in text
+    )  # it may quote a peer
     os.write(2, f"{plain}\n".encode())
 
 
 @click.command(cls=Command)
-@click.option("--token", required=True, help="The token that the monitor printed when it started, or its code.")
+@click.option(
+    "--token",
+    required=True,
+    help="The token that the monitor printed when it started, or its code.",
+)
 @options("host", "port")
 def monitor_reset(token: str, host: str, port: int) -> Report:
     """Ask the monitor to leave a withdrawal.
@@ -329,4 +551,8 @@ def monitor_reset(token: str, host: str, port: int) -> Report:
 
     granted, message = ask_reset(host, port, token)
     faults = [] if granted else [InputError(f"{host}:{port}: {message}")]
-    return Report({"granted": granted, "message": message}, [f"reset: {message}"] if granted else [], faults)
+    return Report(
+        {"granted": granted, "message": message},
+        [f"reset: {message}"] if granted else [],
+        faults,
+    )

@@ -39,7 +39,14 @@ class Command(click.Command):
         super().__init__(*args, **settings)
         self.params.append(_flag(JSON, "--json", help="Print one JSON object."))
         if can_be_quiet:
-            self.params.append(_flag(QUIET, "-q", "--quiet", help="Print errors only, and with --json its object."))
+            self.params.append(
+                _flag(
+                    QUIET,
+                    "-q",
+                    "--quiet",
+                    help="Print errors only, and with --json its object.",
+                )
+            )
 
     def invoke(self, ctx: click.Context) -> None:
         """Run the function and print its report."""
@@ -63,8 +70,13 @@ class Command(click.Command):
 
 
 def _flag(key: str, *names: str, help: str) -> click.Option:  # noqa: A002 - click's name
-    return click.Option(names, is_flag=True, expose_value=False, help=help,
-                        callback=lambda context, _, given: context.meta.update({key: given}))  # fmt: skip
+    return click.Option(
+        names,
+        is_flag=True,
+        expose_value=False,
+        help=help,
+        callback=lambda context, _, given: context.meta.update({key: given}),
+    )
 
 
 def _by_options(text: str, ctx: click.Context) -> str:
@@ -72,8 +84,14 @@ def _by_options(text: str, ctx: click.Context) -> str:
     name, colon, rest = text.partition(":")
     if name == "study" and STUDY_FILE in ctx.meta:
         return f"{ctx.meta[STUDY_FILE]}:{rest}"
-    flags = {param.name: param.opts[0] for param in ctx.command.params if isinstance(param, click.Option)}
-    return f"{flags[name]}:{rest}" if colon and name in flags and name != "study" else text
+    flags = {
+        param.name: param.opts[0]
+        for param in ctx.command.params
+        if isinstance(param, click.Option)
+    }
+    return (
+        f"{flags[name]}:{rest}" if colon and name in flags and name != "study" else text
+    )
 
 
 def is_quiet() -> bool:
@@ -98,7 +116,9 @@ def print_json(result: Mapping[str, Any]) -> None:
     click.echo(json.dumps(finite(result), indent=2, allow_nan=False))
 
 
-def each_of(items: Iterable[Item], read: Callable[[Item], Result]) -> Iterator[tuple[Item, Result | InputError]]:
+def each_of(
+    items: Iterable[Item], read: Callable[[Item], Result]
+) -> Iterator[tuple[Item, Result | InputError]]:
     """Yield each frame with its result, or with the error that it raises."""
     for item in progress_bar(items, "frames"):
         try:
@@ -109,10 +129,20 @@ def each_of(items: Iterable[Item], read: Callable[[Item], Result]) -> Iterator[t
             yield item, InputError(f"{fault.filename}: {fault.strerror}")
 
 
-def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":
+def progress_bar(
+    items: Iterable[Item], title: str, total: int | None = None
+) -> "tqdm[Item]":
     """Show a bar on standard error while `items` are used up, if it is a terminal and --quiet is not given."""
     disable = True if is_quiet() else None  # None: unless it is a terminal
-    return tqdm(items, desc=title, total=total, file=sys.stderr, disable=disable, leave=False, dynamic_ncols=True)
+    return tqdm(
+        items,
+        desc=title,
+        total=total,
+        file=sys.stderr,
+        disable=disable,
+        leave=False,
+        dynamic_ncols=True,
+    )
 
 
 @contextmanager
@@ -128,7 +158,9 @@ def count_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
 
 
 @contextmanager
-def resumable_bar(out: Path, things: str, title: str, total: int) -> Iterator[Callable[[int], None]]:
+def resumable_bar(
+    out: Path, things: str, title: str, total: int
+) -> Iterator[Callable[[int], None]]:
     """Show a bar as `count_bar` does, for work that can be resumed: Ctrl-C prints the number of things in `out`."""
     done: list[int] = []
     try:
@@ -140,7 +172,10 @@ def resumable_bar(out: Path, things: str, title: str, total: int) -> Iterator[Ca
 
             yield count
     except KeyboardInterrupt:
-        say(f"{out}: {sum(done)} of {total} {things} are kept; the same command completes them", err=True)
+        say(
+            f"{out}: {sum(done)} of {total} {things} are kept; the same command completes them",
+            err=True,
+        )
         raise
 
 

@@ -11,7 +11,14 @@ import click
 
 import scleraforce as sf
 from scleraforce.cli.options import PATH, options
-from scleraforce.cli.output import Command, Report, count_bar, is_json, resumable_bar, say
+from scleraforce.cli.output import (
+    Command,
+    Report,
+    count_bar,
+    is_json,
+    resumable_bar,
+    say,
+)
 from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
 
@@ -19,12 +26,25 @@ if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation, FrameAnswer
     from scleraforce.reader.intervals import Stretch
 
-COLUMNS = (("accuracy", 9), ("mae_mn", 9), ("coverage", 6), ("youngs_modulus_mpa", 7))  # of a summary by eye
-CALIBRATED = 3  # frames of each recording for the eye's modulus, where the others are read
+COLUMNS = (
+    ("accuracy", 9),
+    ("mae_mn", 9),
+    ("coverage", 6),
+    ("youngs_modulus_mpa", 7),
+)  # of a summary by eye
+CALIBRATED = (
+    3  # frames of each recording for the eye's modulus, where the others are read
+)
 
 
-def _names(_: click.Context, __: click.Parameter, value: str | None) -> tuple[str, ...] | None:
-    return None if value is None else tuple(part.strip().lower() for part in value.split(","))
+def _names(
+    _: click.Context, __: click.Parameter, value: str | None
+) -> tuple[str, ...] | None:
+    return (
+        None
+        if value is None
+        else tuple(part.strip().lower() for part in value.split(","))
+    )
 
 
 class _Notes(list[str]):
@@ -35,30 +55,64 @@ class _Notes(list[str]):
 
 
 @click.command(cls=Command)
-@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+@click.argument(
+    "recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH
+)
 @options("study")
 @click.option("--out", type=PATH, required=True, help="File to write; must not exist.")
-@click.option("--frames", type=click.IntRange(1), help="Number of frames (of several planes: moments) to use of each "
-              "recording, all above 5 mN: the one with the highest force, and others at even fractions of it; default: "
-              "all.")  # fmt: skip
-@click.option("--mechanics", type=click.Choice(["finite-strain", "linear"]), default="finite-strain",
-              show_default=True, help="Mechanics of the wall; linear is the paper's.")  # fmt: skip
-@click.option("--parameters", metavar="NAME,NAME,...", callback=_names, show_default="e,stiffening; linear: e",
-              help="Parameters to estimate: e, and any of stiffening, iop, thickness, gap.")  # fmt: skip
-@options("thickness_m", "wall_finder", default="the recordings'")
-@click.option("--without-force", is_flag=True, help="Find E by the shape of the dents beside the stated IOP, without a "
-              "force log; with --frames, that many known forces count as well.")  # fmt: skip
-@options(
-    "calibration", calibration="With --without-force: other eyes' calibration; their population is the prior of E."
+@click.option(
+    "--frames",
+    type=click.IntRange(1),
+    help="Number of frames (of several planes: moments) to use of each "
+    "recording, all above 5 mN: the one with the highest force, and others at even fractions of it; default: "
+    "all.",
 )
-@click.option("--intervals", "model", type=PATH, metavar="MODEL", help="Adapt the intervals of this reader (a folder, "
-              "or `default`) to these recordings; --out is the adapted copy.")  # fmt: skip
+@click.option(
+    "--mechanics",
+    type=click.Choice(["finite-strain", "linear"]),
+    default="finite-strain",
+    show_default=True,
+    help="Mechanics of the wall; linear is the paper's.",
+)
+@click.option(
+    "--parameters",
+    metavar="NAME,NAME,...",
+    callback=_names,
+    show_default="e,stiffening; linear: e",
+    help="Parameters to estimate: e, and any of stiffening, iop, thickness, gap.",
+)
+@options("thickness_m", "wall_finder", default="the recordings'")
+@click.option(
+    "--without-force",
+    is_flag=True,
+    help="Find E by the shape of the dents beside the stated IOP, without a "
+    "force log; with --frames, that many known forces count as well.",
+)
+@options(
+    "calibration",
+    calibration="With --without-force: other eyes' calibration; their population is the prior of E.",
+)
+@click.option(
+    "--intervals",
+    "model",
+    type=PATH,
+    metavar="MODEL",
+    help="Adapt the intervals of this reader (a folder, "
+    "or `default`) to these recordings; --out is the adapted copy.",
+)
 @options("plot")
 @click.pass_context
 def calibrate(
-    ctx: click.Context, /, recordings: tuple[Path, ...], out: Path, frames: int | None, wall_finder: Path | None,
-    model: Path | None, plot: Path | None, **given: Any,
-) -> Report:  # fmt: skip
+    ctx: click.Context,
+    /,
+    recordings: tuple[Path, ...],
+    out: Path,
+    frames: int | None,
+    wall_finder: Path | None,
+    model: Path | None,
+    plot: Path | None,
+    **given: Any,
+) -> Report:
     """Estimate Young's modulus of each eye from its RECORDINGs.
 
     A reduced-order unscented Kalman filter compares points on the wall's
@@ -78,20 +132,42 @@ def calibrate(
     """
     notes = _Notes()
     if model is not None:
-        default, others = click.core.ParameterSource.DEFAULT, "only --frames, --wall-finder and --json"
+        default, others = (
+            click.core.ParameterSource.DEFAULT,
+            "only --frames, --wall-finder and --json",
+        )
         if any(ctx.get_parameter_source(name) != default for name in (*given, "plot")):
-            raise click.UsageError(f"--intervals: takes the model's own study; of the options, {others}")
+            raise click.UsageError(
+                f"--intervals: takes the model's own study; of the options, {others}"
+            )
         from scleraforce.notebook.calibrating import recalibrate_intervals
 
         found = recalibrate_intervals(
-            model, recordings, out, count_bar, frames=frames or CALIBRATED, wall_finder=wall_finder, note=notes
+            model,
+            recordings,
+            out,
+            count_bar,
+            frames=frames or CALIBRATED,
+            wall_finder=wall_finder,
+            note=notes,
         )
-        result = {"model": str(out), "from": str(model), "stretches": list(map(asdict, found)), "notes": notes}
+        result = {
+            "model": str(out),
+            "from": str(model),
+            "stretches": list(map(asdict, found)),
+            "notes": notes,
+        }
         return Report(result, [*_stretches(found), f"wrote {out}"])
     from scleraforce.calibration.result import calibration_lines
 
     calibration = sf.calibrate(
-        recordings, out=out, frames=frames, wall_finder=wall_finder, note=notes, counting=count_bar, **given
+        recordings,
+        out=out,
+        frames=frames,
+        wall_finder=wall_finder,
+        note=notes,
+        counting=count_bar,
+        **given,
     )
     if plot is not None:
         from scleraforce.report.files import write_figure
@@ -115,15 +191,30 @@ def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
 
 @click.command(cls=Command)
 @click.argument("model", type=PATH)
-@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
-@options("calibration", "wall_finder", "html",
-         calibration="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.")  # fmt: skip
-@click.option("--table", type=PATH, metavar="FILE", help="File to write with a row for each frame, .csv or .parquet, "
-              "in place of the printed table; after Ctrl-C the same command completes it.")  # fmt: skip
+@click.argument(
+    "recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH
+)
+@options(
+    "calibration",
+    "wall_finder",
+    "html",
+    calibration="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.",
+)
+@click.option(
+    "--table",
+    type=PATH,
+    metavar="FILE",
+    help="File to write with a row for each frame, .csv or .parquet, "
+    "in place of the printed table; after Ctrl-C the same command completes it.",
+)
 def evaluate(
-    model: Path, recordings: tuple[Path, ...], calibration: Path | None, wall_finder: Path | None, html: Path | None,
+    model: Path,
+    recordings: tuple[Path, ...],
+    calibration: Path | None,
+    wall_finder: Path | None,
+    html: Path | None,
     table: Path | None,
-) -> Report:  # fmt: skip
+) -> Report:
     """Read every frame of RECORDINGs with MODEL and compare with the force log.
 
     MODEL is a folder that `train` wrote, or `default`, the bundled reader.
@@ -143,7 +234,9 @@ def evaluate(
     """
     if table is not None:
         if html is not None:
-            raise click.UsageError("--html: not together with --table; run evaluate once for each")
+            raise click.UsageError(
+                "--html: not together with --table; run evaluate once for each"
+            )
         return _table(model, recordings, table, calibration, wall_finder)
     reader = sf.load_model(model, wall_finder=wall_finder)
     evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
@@ -154,26 +247,52 @@ def evaluate(
         looks = look_at_all(shown_frames(evaluation.frames))
         write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
     notes = (wrapped(note, "note: ") for note in evaluation.notes)
-    parts = ("\n".join(part) for part in (_frames(evaluation), _confusion(evaluation), _forces(evaluation), notes))
+    parts = (
+        "\n".join(part)
+        for part in (
+            _frames(evaluation),
+            _confusion(evaluation),
+            _forces(evaluation),
+            notes,
+        )
+    )
     return Report(evaluation.to_dict(), ["\n\n".join(filter(None, parts))])
 
 
 def _table(
-    model: Path, recordings: tuple[Path, ...], table: Path, calibration: Path | None, wall_finder: Path | None
+    model: Path,
+    recordings: tuple[Path, ...],
+    table: Path,
+    calibration: Path | None,
+    wall_finder: Path | None,
 ) -> Report:
     from scleraforce.notebook.batch import by_eye, evaluate_to_table
 
     bar = partial(resumable_bar, table, "recordings")
     batch = evaluate_to_table(model, recordings, table, calibration, wall_finder, bar)
     eyes = by_eye(batch.rows)
-    lines = [f"{'eye':<20}{'frames':>7}{'scored':>7}{'accuracy':>9}{'error/mN':>9}{'held':>6}{'E/MPa':>7}  from"]
+    lines = [
+        f"{'eye':<20}{'frames':>7}{'scored':>7}{'accuracy':>9}{'error/mN':>9}{'held':>6}{'E/MPa':>7}  from"
+    ]
     for eye in eyes:
-        figures = (f"{'-' if eye[name] is None else f'{eye[name]:.2f}':>{width}}" for name, width in COLUMNS)
-        lines.append(f"{eye['eye']:<20}{eye['frames']:>7}{eye['scored']:>7}{''.join(figures)}  {eye['modulus_source']}")
+        figures = (
+            f"{'-' if eye[name] is None else f'{eye[name]:.2f}':>{width}}"
+            for name, width in COLUMNS
+        )
+        lines.append(
+            f"{eye['eye']:<20}{eye['frames']:>7}{eye['scored']:>7}{''.join(figures)}  {eye['modulus_source']}"
+        )
     wrote = f"wrote {table}: {len(batch.rows)} frames; recordings read now: {batch.read} of {batch.recordings}"
     notes = [wrapped(note, "note: ") for note in batch.notes]
-    result = {"table": str(table), "recordings": batch.recordings, "read": batch.read, "frames": len(batch.rows)}
-    return Report({**result, "eyes": eyes, "notes": batch.notes}, [*lines, *notes, wrote])
+    result = {
+        "table": str(table),
+        "recordings": batch.recordings,
+        "read": batch.read,
+        "frames": len(batch.rows),
+    }
+    return Report(
+        {**result, "eyes": eyes, "notes": batch.notes}, [*lines, *notes, wrote]
+    )
 
 
 def _frames(evaluation: "Evaluation") -> Iterator[str]:
@@ -187,8 +306,16 @@ def _frames(evaluation: "Evaluation") -> Iterator[str]:
 
 
 def _frame(frame: "FrameAnswer", with_force: bool) -> Iterator[str]:
-    force = "-" if frame.measured_force_n is None else f"{from_si(frame.measured_force_n, 'mn'):.1f}"
-    force += "" if frame.measured_force_sd_n is None else f" ± {from_si(frame.measured_force_sd_n, 'mn'):.1f}"
+    force = (
+        "-"
+        if frame.measured_force_n is None
+        else f"{from_si(frame.measured_force_n, 'mn'):.1f}"
+    )
+    force += (
+        ""
+        if frame.measured_force_sd_n is None
+        else f" ± {from_si(frame.measured_force_sd_n, 'mn'):.1f}"
+    )
     target = "-" if frame.target is None else str(frame.target)
     answer = frame.answer
     share = "-" if answer.probabilities is None else f"{max(answer.probabilities):.3f}"
@@ -219,10 +346,22 @@ def _confusion(evaluation: "Evaluation") -> Iterator[str]:
         yield "no frame has a label that counts: no metrics"
         return
     classes = range(len(evaluation.confusion))
-    yield "target \\ read" + "".join(f"{label:>8}" for label in classes) + "   recall (95 % interval)"
-    for label, row, share in zip(classes, evaluation.confusion, evaluation.recall, strict=True):
-        yield f"class {label:<7}" + "".join(f"{count:>8}" for count in row) + f"   {share.words()}"
-    precisions = (f"{share.value:.2f}" if share.total else "-" for share in evaluation.precision)
+    yield (
+        "target \\ read"
+        + "".join(f"{label:>8}" for label in classes)
+        + "   recall (95 % interval)"
+    )
+    for label, row, share in zip(
+        classes, evaluation.confusion, evaluation.recall, strict=True
+    ):
+        yield (
+            f"class {label:<7}"
+            + "".join(f"{count:>8}" for count in row)
+            + f"   {share.words()}"
+        )
+    precisions = (
+        f"{share.value:.2f}" if share.total else "-" for share in evaluation.precision
+    )
     yield "precision    " + "".join(f"{share:>8}" for share in precisions)
     total, usable = evaluation.accuracy, evaluation.usable.accuracy
     yield f"accuracy      {total.words()}: {total.hits} of {total.total}"
@@ -232,11 +371,19 @@ def _confusion(evaluation: "Evaluation") -> Iterator[str]:
 
 def _forces(evaluation: "Evaluation") -> Iterator[str]:
     """Yield the error of the forces and the coverage of their intervals (`ForceTrial.covered`)."""
-    from scleraforce.reader.metrics import SHARED_ERROR, held_by_eye, mean_absolute_error
+    from scleraforce.reader.metrics import (
+        SHARED_ERROR,
+        held_by_eye,
+        mean_absolute_error,
+    )
 
     if not evaluation.forces:
         return
-    logged, true, sd_mn = evaluation.coverage, evaluation.true_coverage, from_si(evaluation.label_sd_n, "mn")
+    logged, true, sd_mn = (
+        evaluation.coverage,
+        evaluation.true_coverage,
+        from_si(evaluation.label_sd_n, "mn"),
+    )
     yield f"force error   {from_si(evaluation.mae_n, 'mn'):.2f} mN in the mean, {logged.total} usable frames"
     yield f"              against labels that are sure to {sd_mn:.2f} mN (standard deviation)"
     if true.total:

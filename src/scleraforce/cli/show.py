@@ -18,8 +18,12 @@ if TYPE_CHECKING:
 @click.command(cls=Command)
 @click.argument("thing", type=PATH)
 @options("plot")
-@click.option("--model", type=PATH, help="For a recording: model whose training limits are noted; default: the bundled "
-              "reader.")  # fmt: skip
+@click.option(
+    "--model",
+    type=PATH,
+    help="For a recording: model whose training limits are noted; default: the bundled "
+    "reader.",
+)
 def show(thing: Path, plot: Path | None, model: Path | None) -> Report:
     """Describe THING: its kind and its content.
 
@@ -46,16 +50,29 @@ def _lines(path: Path, found: "Thing") -> list[str]:
     said = [row for row in found.rows if row[1]]
     width = max(len(name) for name, _ in said) + 2
     rows = [wrapped(words, f"{name:<{width}}") for name, words in said]
-    return [f"{path}: {found.kind}", "", *rows, *([""] if found.lines else []),
-            *(fill(line, 80, subsequent_indent="    ") for line in found.lines)]  # fmt: skip
+    return [
+        f"{path}: {found.kind}",
+        "",
+        *rows,
+        *([""] if found.lines else []),
+        *(fill(line, 80, subsequent_indent="    ") for line in found.lines),
+    ]
 
 
 @click.command(cls=Command)
 @click.argument("thing", type=PATH)
-@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True,
-              help="File to write; its ending decides: .csv, .json, .mcap or .nrrd.")  # fmt: skip
-@click.option("--answers", type=PATH, help="Output of evaluate, read or segment with --json on the recording, to "
-              "add to the rows of its frames.")  # fmt: skip
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    required=True,
+    help="File to write; its ending decides: .csv, .json, .mcap or .nrrd.",
+)
+@click.option(
+    "--answers",
+    type=PATH,
+    help="Output of evaluate, read or segment with --json on the recording, to "
+    "add to the rows of its frames.",
+)
 @options("force", force="Replace a file that exists.")
 def export(thing: Path, out: Path, answers: Path | None, force: bool) -> Report:
     """Write a recording, or a file of answers, for other programs.

@@ -19,8 +19,12 @@ from scleraforce.study import Study, refuse_unused
 @click.command(cls=Command)
 @options("study")
 @click.option("--out", type=PATH, required=True, help="Library to write (Zarr).")
-@options("scheduler", "workers", scheduler="Dask scheduler whose workers solve the paths.")
-def library(study: Study, out: Path, scheduler: str | None, workers: int | None) -> Report:
+@options(
+    "scheduler", "workers", scheduler="Dask scheduler whose workers solve the paths."
+)
+def library(
+    study: Study, out: Path, scheduler: str | None, workers: int | None
+) -> Report:
     """Compute a response library: load paths of walls at finite strain.
 
     Other commands use the bundled reader's library for the paper's study. For
@@ -33,21 +37,36 @@ def library(study: Study, out: Path, scheduler: str | None, workers: int | None)
     from scleraforce.library.store import build_library
 
     refuse_unused(study, "library")
-    with resumable_bar(out, "load paths", "library", plan_library(study).units) as advance:
-        made = build_library(study, out, workers=chosen_workers(scheduler, workers), progress=advance)
+    with resumable_bar(
+        out, "load paths", "library", plan_library(study).units
+    ) as advance:
+        made = build_library(
+            study, out, workers=chosen_workers(scheduler, workers), progress=advance
+        )
     return Report(
-        {"paths": made.paths, "seconds": made.seconds}, [f"{out}: {made.paths} load paths, {made.seconds:.1f} s"]
+        {"paths": made.paths, "seconds": made.seconds},
+        [f"{out}: {made.paths} load paths, {made.seconds:.1f} s"],
     )
 
 
 @click.command(cls=Command)
 @options("study", required=("study",), study="Study file (TOML).")
 @click.option("--out", type=PATH, required=True, help="Data set to write (Zarr).")
-@options("calibration", "mechanics", "scheduler", "workers",
-         calibration="File of `calibrate`; its population's Young's modulus replaces the study's.",
-         scheduler="Dask scheduler whose workers make the slices.")  # fmt: skip
+@options(
+    "calibration",
+    "mechanics",
+    "scheduler",
+    "workers",
+    calibration="File of `calibrate`; its population's Young's modulus replaces the study's.",
+    scheduler="Dask scheduler whose workers make the slices.",
+)
 def generate(
-    study: Study, out: Path, calibration: Path | None, mechanics: str | None, scheduler: str | None, workers: int | None
+    study: Study,
+    out: Path,
+    calibration: Path | None,
+    mechanics: str | None,
+    scheduler: str | None,
+    workers: int | None,
 ) -> Report:
     """Simulate slices of the deformed sclera with their forces.
 
@@ -62,36 +81,79 @@ def generate(
     refuse_unused(study, "generate", kind)
     modulus = read_calibration(calibration) if calibration else None
     if modulus and modulus.mechanics != kind:
-        say(f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}", err=True)
+        say(
+            f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}",
+            err=True,
+        )
     workers = chosen_workers(scheduler, workers)
     library = library_for(study, kind, count_bar, workers)
-    with resumable_bar(out, "images", "generate", sum(group.images for group in study.dataset.group)) as advance:
-        made = generate_dataset(study, out, calibration=modulus, library=library, workers=workers, progress=advance)
+    with resumable_bar(
+        out, "images", "generate", sum(group.images for group in study.dataset.group)
+    ) as advance:
+        made = generate_dataset(
+            study,
+            out,
+            calibration=modulus,
+            library=library,
+            workers=workers,
+            progress=advance,
+        )
     return Report(
-        {"images": made.images, "seconds": made.seconds, "images_per_second": made.images_per_second},
-        [f"{out}: {made.images} images, {made.seconds:.1f} s, {made.images_per_second:.0f} images/s"],
+        {
+            "images": made.images,
+            "seconds": made.seconds,
+            "images_per_second": made.images_per_second,
+        },
+        [
+            f"{out}: {made.images} images, {made.seconds:.1f} s, {made.images_per_second:.0f} images/s"
+        ],
     )
 
 
 @click.command(cls=Command)
 @click.argument("dataset_path", metavar="[DATASET]", required=False, type=PATH)
-@click.option("--out", type=PATH, required=True, help="Model folder to write; must not exist.")
-@click.option("--kind", type=click.Choice(["classifier", "reader", "raw-reader", "wall-finder"]),
-              default="classifier", show_default=True, help="Kind of network: its answer and its input.")  # fmt: skip
-@click.option("--search", is_flag=True,
-              help="Try every size of the grid (search_widths x search_depths), keep the best.")  # fmt: skip
-@click.option("--device", type=click.Choice(["auto", "cpu", "cuda"]), default="auto", show_default=True,
-              help="Where the network learns: cuda is a GPU, auto the GPU if PyTorch finds one.")  # fmt: skip
-@options("study", "scheduler",
-         study="Study file: settings of the network, and of the samples that it learns from; default: the data set's "
-         "(classifier) or the paper's.",
-         scheduler="Dask scheduler whose workers train the sizes of --search, or draw the scenes of a wall "
-         "finder.")  # fmt: skip
+@click.option(
+    "--out", type=PATH, required=True, help="Model folder to write; must not exist."
+)
+@click.option(
+    "--kind",
+    type=click.Choice(["classifier", "reader", "raw-reader", "wall-finder"]),
+    default="classifier",
+    show_default=True,
+    help="Kind of network: its answer and its input.",
+)
+@click.option(
+    "--search",
+    is_flag=True,
+    help="Try every size of the grid (search_widths x search_depths), keep the best.",
+)
+@click.option(
+    "--device",
+    type=click.Choice(["auto", "cpu", "cuda"]),
+    default="auto",
+    show_default=True,
+    help="Where the network learns: cuda is a GPU, auto the GPU if PyTorch finds one.",
+)
+@options(
+    "study",
+    "scheduler",
+    study="Study file: settings of the network, and of the samples that it learns from; default: the data set's "
+    "(classifier) or the paper's.",
+    scheduler="Dask scheduler whose workers train the sizes of --search, or draw the scenes of a wall "
+    "finder.",
+)
 @click.pass_context
 def train(
-    ctx: click.Context, /, dataset_path: Path | None, out: Path, kind: str, search: bool, device: str, study: Study,
+    ctx: click.Context,
+    /,
+    dataset_path: Path | None,
+    out: Path,
+    kind: str,
+    search: bool,
+    device: str,
+    study: Study,
     scheduler: str | None,
-) -> Report:  # fmt: skip
+) -> Report:
     """Train a network on DATASET, or on drawings alone.
 
     DATASET depends on --kind. A classifier learns from a data set of
@@ -115,14 +177,22 @@ def train(
     """
     section = kind.replace("-", "_")
     if scheduler is not None and not (search or kind == "wall-finder"):
-        raise click.UsageError("--scheduler: for --search and --kind wall-finder; this training is one process's work")
+        raise click.UsageError(
+            "--scheduler: for --search and --kind wall-finder; this training is one process's work"
+        )
     workers = chosen_workers(scheduler, None)
     if kind == "wall-finder" and dataset_path is not None:
-        raise click.UsageError(f"{dataset_path}: --kind wall-finder draws its scenes; leave DATASET out")
+        raise click.UsageError(
+            f"{dataset_path}: --kind wall-finder draws its scenes; leave DATASET out"
+        )
     if kind != "wall-finder" and dataset_path is None:
-        raise click.UsageError(f"--kind {kind}: DATASET is missing; only --kind wall-finder needs none")
+        raise click.UsageError(
+            f"--kind {kind}: DATASET is missing; only --kind wall-finder needs none"
+        )
     if search and kind != "classifier":
-        raise click.UsageError(f"--search is for --kind classifier: a {kind} has the sizes of [{section}]")
+        raise click.UsageError(
+            f"--search is for --kind classifier: a {kind} has the sizes of [{section}]"
+        )
     start = time.perf_counter()
 
     if dataset_path is None:
@@ -131,25 +201,51 @@ def train(
         with count_bar("batches", study.wall_finder.batches) as advance:
             train_wall_finder(study, out, workers, advance, device)
         record = read_folder(out).record
-        result = {"batches": record["batches"], "scenes": record["scenes"]["training"], **record["metrics"]}
+        result = {
+            "batches": record["batches"],
+            "scenes": record["scenes"]["training"],
+            **record["metrics"],
+        }
     elif kind == "classifier":
         given = ctx.get_parameter_source("study") != ParameterSource.DEFAULT
         dataset = sf.open_dataset(dataset_path)
-        model = sf.train(dataset, out, study if given else None, search=search, workers=workers, device=device,
-                         counting=count_bar)  # fmt: skip
-        reached = {key: model.record["metrics"][key] for key in (*ACCURACY, "validation_loss")}
-        result = {"hidden": model.study.network.hidden, **reached,
-                  "epochs": model.record["epochs"], "search": model.record["search"]}  # fmt: skip
+        model = sf.train(
+            dataset,
+            out,
+            study if given else None,
+            search=search,
+            workers=workers,
+            device=device,
+            counting=count_bar,
+        )
+        reached = {
+            key: model.record["metrics"][key] for key in (*ACCURACY, "validation_loss")
+        }
+        result = {
+            "hidden": model.study.network.hidden,
+            **reached,
+            "epochs": model.record["epochs"],
+            "search": model.record["search"],
+        }
     else:
         refuse_unused(study, f"train --kind {kind}")  # before the library is opened
         library = sf.open_library(dataset_path)
-        record = sf.train(library, out, study, kind=kind, device=device, counting=count_bar).record
-        steps, samples = ("batches", "frames") if "batches" in record else ("epochs", "samples")
-        result = {key: record["metrics"][key] for key in (*ACCURACY, "mae_mn", "coverage", "lateral_mae_mm")}
+        record = sf.train(
+            library, out, study, kind=kind, device=device, counting=count_bar
+        ).record
+        steps, samples = (
+            ("batches", "frames") if "batches" in record else ("epochs", "samples")
+        )
+        result = {
+            key: record["metrics"][key]
+            for key in (*ACCURACY, "mae_mn", "coverage", "lateral_mae_mm")
+        }
         result |= {steps: record[steps], samples: record["samples"]["training"]}
     seconds = time.perf_counter() - start
     lines = _LINES[kind](out, result, f"{seconds:.1f} s")
-    return Report({"model": str(out), "kind": kind, **result, "seconds": seconds}, lines)
+    return Report(
+        {"model": str(out), "kind": kind, **result, "seconds": seconds}, lines
+    )
 
 
 ACCURACY = ("validation_accuracy", "validation_interval")
@@ -157,14 +253,22 @@ ACCURACY = ("validation_accuracy", "validation_interval")
 
 def _finder_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
     yield f"wrote {out}: {result['scenes']} scenes in {result['batches']} batches, {took}"
-    yield (f"scenes that it never saw: Dice {result['dice_mean']:.3f} in the mean, {result['dice_median']:.3f} in the "
-           f"median; {result['coverage']:.1%} of the boundaries within 1.645 standard deviations")  # fmt: skip
+    yield (
+        f"scenes that it never saw: Dice {result['dice_mean']:.3f} in the mean, {result['dice_median']:.3f} in the "
+        f"median; {result['coverage']:.1%} of the boundaries within 1.645 standard deviations"
+    )
 
 
 def _reader_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
-    counts = [f"{result[name]} {name}" for name in ("epochs", "batches", "samples", "frames") if name in result]
+    counts = [
+        f"{result[name]} {name}"
+        for name in ("epochs", "batches", "samples", "frames")
+        if name in result
+    ]
     yield f"wrote {out}: {', '.join(counts)}, {took}"
-    yield (f"validation: force {result['mae_mn']:.2f} mN off, {result['coverage']:.1%} within the 90 % interval")
+    yield (
+        f"validation: force {result['mae_mn']:.2f} mN off, {result['coverage']:.1%} within the 90 % interval"
+    )
     yield _accuracy(result)
 
 
@@ -183,8 +287,11 @@ def _classifier_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterat
 
 
 _LINES = {
-    "classifier": _classifier_lines, "reader": _reader_lines, "raw-reader": _reader_lines, "wall-finder": _finder_lines,
-}  # fmt: skip
+    "classifier": _classifier_lines,
+    "reader": _reader_lines,
+    "raw-reader": _reader_lines,
+    "wall-finder": _finder_lines,
+}
 
 
 def _accuracy(result: Mapping[str, Any]) -> str:

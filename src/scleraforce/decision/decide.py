@@ -7,9 +7,25 @@ from typing import assert_never
 
 from scleraforce.decision import events
 from scleraforce.decision.events import Cause, FrameRead, MonitorEvent, Signal, State
-from scleraforce.decision.limits import MonitorLimits, harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
+from scleraforce.decision.limits import (
+    MonitorLimits,
+    harm,
+    lag_of,
+    of_scale,
+    sound_pixels,
+    touches,
+    unsound,
+    upper_end,
+)
 from scleraforce.decision.state import MonitorState, remember
-from scleraforce.decision.trend import OUTSIDE, TimeToBound, rise_of, risen_force, time_to_bound, unexplained_fall
+from scleraforce.decision.trend import (
+    OUTSIDE,
+    TimeToBound,
+    rise_of,
+    risen_force,
+    time_to_bound,
+    unexplained_fall,
+)
 from scleraforce.units import from_si
 
 
@@ -45,7 +61,9 @@ class _Finding:
 QUIET = _Finding(Signal.QUIET, "")
 
 
-def decide(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> tuple[MonitorState, Decision]:
+def decide(
+    state: MonitorState, event: MonitorEvent, limits: MonitorLimits
+) -> tuple[MonitorState, Decision]:
     """Return the next state and the message to the robot.
 
     It never raises: an exception in here is a cause of a withdrawal like any other. At the start, the state is
@@ -69,7 +87,10 @@ class PlanesState:
     @classmethod
     def of(cls, names: Sequence[str]) -> "PlanesState":
         """Return the state at the start."""
-        states = {name: MonitorState(reason=f"plane {name}: no good frame yet") for name in names}
+        states = {
+            name: MonitorState(reason=f"plane {name}: no good frame yet")
+            for name in names
+        }
         return cls(states, names[0])
 
     @property
@@ -78,37 +99,67 @@ class PlanesState:
         return sum(state.lost for state in self.states.values())
 
 
-def decide_planes(planes: PlanesState, event: MonitorEvent, limits: MonitorLimits) -> tuple[PlanesState, Decision]:
+def decide_planes(
+    planes: PlanesState, event: MonitorEvent, limits: MonitorLimits
+) -> tuple[PlanesState, Decision]:
     """Return the next state of several planes and the message to the robot: `decide`, on each plane.
 
     What is of one plane, such as a frame, is a tick for the others. A contact is that of all planes. A reset is granted
     if every plane grants it.
     """
     own = getattr(getattr(event, "read", event), "plane", None)
-    if own not in planes.states and not isinstance(event, (events.Tick, events.Fault, events.Reset)):
-        event, own = events.Fault(getattr(event, "at_s", nan), Cause.EXCEPTION, f"a frame of plane {own}"), None
+    if own not in planes.states and not isinstance(
+        event, (events.Tick, events.Fault, events.Reset)
+    ):
+        event, own = (
+            events.Fault(
+                getattr(event, "at_s", nan), Cause.EXCEPTION, f"a frame of plane {own}"
+            ),
+            None,
+        )
     findings, remembered = dict[str, _Finding](), dict[str, MonitorState]()
     for name, state in planes.states.items():
         of_plane = event if own in (None, name) else events.Tick(event.at_s)
         remembered[name], finding = _judged(state, of_plane, limits)
         is_named = finding.reason and not isinstance(of_plane, events.Fault)
-        findings[name] = replace(finding, reason=f"plane {name}: {finding.reason}") if is_named else finding
-    if isinstance(event, FrameRead) and own and event.verdict.usable and _in_contact(remembered[own]):
+        findings[name] = (
+            replace(finding, reason=f"plane {name}: {finding.reason}")
+            if is_named
+            else finding
+        )
+    if (
+        isinstance(event, FrameRead)
+        and own
+        and event.verdict.usable
+        and _in_contact(remembered[own])
+    ):
         for name, other in remembered.items():
             if not _in_contact(other):
                 remembered[name] = replace(other, touched=True, clear_s=None)
-    refusal = next((one for one in findings.values() if one.signal is not Signal.RESET_GRANTED), None)
+    refusal = next(
+        (one for one in findings.values() if one.signal is not Signal.RESET_GRANTED),
+        None,
+    )
     if isinstance(event, events.Reset) and refusal:
         refused = _Finding(Signal.RESET_REFUSED, refusal.reason)
-        findings = {name: refused if one.signal is Signal.RESET_GRANTED else one for name, one in findings.items()}
-    states = {name: _move(state, findings[name], limits) for name, state in remembered.items()}
+        findings = {
+            name: refused if one.signal is Signal.RESET_GRANTED else one
+            for name, one in findings.items()
+        }
+    states = {
+        name: _move(state, findings[name], limits) for name, state in remembered.items()
+    }
     leading = _leading(states, planes.leading)
     each = states[leading], *states.values()
-    doubted = max(each, key=lambda state: (bool(state.present_cause), bool(state.present_reason)))
+    doubted = max(
+        each, key=lambda state: (bool(state.present_cause), bool(state.present_reason))
+    )
     decision = replace(
-        _decision(states[leading], findings[leading]), to_bound=findings[own].to_bound if own else None,
-        present_cause=doubted.present_cause, present=doubted.present_reason,
-    )  # fmt: skip
+        _decision(states[leading], findings[leading]),
+        to_bound=findings[own].to_bound if own else None,
+        present_cause=doubted.present_cause,
+        present=doubted.present_reason,
+    )
     return PlanesState(states, leading), decision
 
 
@@ -121,7 +172,9 @@ def _leading(states: Mapping[str, MonitorState], before: str) -> str:
 
     def rank(name: str) -> tuple[int, bool, int, float]:
         state = states[name]
-        verdict = state.frame.verdict if state.frame and state.frame.verdict.usable else None
+        verdict = (
+            state.frame.verdict if state.frame and state.frame.verdict.usable else None
+        )
         stays = name == before and state.state in events.LATCHED
         force = (verdict.predicted, upper_end(verdict) or 0.0) if verdict else (-1, 0.0)
         return events.BY_SEVERITY.index(state.state), stays, *force
@@ -129,7 +182,9 @@ def _leading(states: Mapping[str, MonitorState], before: str) -> str:
     return max(states, key=rank)
 
 
-def _judged(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> tuple[MonitorState, _Finding]:
+def _judged(
+    state: MonitorState, event: MonitorEvent, limits: MonitorLimits
+) -> tuple[MonitorState, _Finding]:
     """Return the state that remembers an event, and its meaning."""
     try:
         remembered = remember(state, event, limits)
@@ -138,7 +193,9 @@ def _judged(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> 
             or _waiting(remembered, event, limits)
             or _meaning(state, remembered, event, limits)
         )
-    except Exception as error:  # any doubt ends in a withdrawal, also an object that is not an event
+    except (
+        Exception
+    ) as error:  # any doubt ends in a withdrawal, also an object that is not an event
         return state, _alarm(Cause.EXCEPTION, f"{type(error).__name__}: {error}")
 
 
@@ -146,39 +203,76 @@ def _alarm(cause: Cause, reason: str) -> _Finding:
     return _Finding(Signal.ALARM, reason, cause)
 
 
-def _clock(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _Finding | None:
+def _clock(
+    state: MonitorState, event: MonitorEvent, limits: MonitorLimits
+) -> _Finding | None:
     """Check the time of an event: is it finite, does it not go back, was there silence before it?"""
     if not isfinite(event.at_s):
         return _alarm(Cause.NO_NUMBER, f"the time of an event is {event.at_s}")
     if state.at_s is not None and event.at_s < state.at_s:
-        return _alarm(Cause.OUT_OF_ORDER, f"time went back by {from_si(state.at_s - event.at_s, 'ms'):.1f} ms")
+        return _alarm(
+            Cause.OUT_OF_ORDER,
+            f"time went back by {from_si(state.at_s - event.at_s, 'ms'):.1f} ms",
+        )
     silent_s = event.at_s - state.frame.at_s if state.frame else 0.0
     if state.state is not State.NOT_READY and not silent_s < limits.silence_s:
         if state.state is State.WITHDRAW and isinstance(event, events.Reset):
             return None  # refused, with its reason
-        return _alarm(Cause.SILENCE, f"no frame for {from_si(limits.silence_s, 'ms'):.0f} ms")
+        return _alarm(
+            Cause.SILENCE, f"no frame for {from_si(limits.silence_s, 'ms'):.0f} ms"
+        )
     return None
 
 
-def _waiting(now: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _Finding | None:
+def _waiting(
+    now: MonitorState, event: MonitorEvent, limits: MonitorLimits
+) -> _Finding | None:
     """Return the alarm for a second reader that stays away; before the first good frame there is no time limit."""
     waited_s = _waited(now, event.at_s)
-    if now.state is State.NOT_READY or waited_s < limits.opinion_s or isinstance(event, events.Reset):
+    if (
+        now.state is State.NOT_READY
+        or waited_s < limits.opinion_s
+        or isinstance(event, events.Reset)
+    ):
         return None  # a reset is refused, with its reason
-    return _alarm(Cause.NO_OPINION, f"no second opinion for {from_si(limits.opinion_s, 'ms'):.0f} ms")
+    return _alarm(
+        Cause.NO_OPINION,
+        f"no second opinion for {from_si(limits.opinion_s, 'ms'):.0f} ms",
+    )
 
 
-def _meaning(before: MonitorState, now: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _Finding:
+def _meaning(
+    before: MonitorState, now: MonitorState, event: MonitorEvent, limits: MonitorLimits
+) -> _Finding:
     match event:
         case FrameRead():
-            return _transport(before, now, event, limits) or _reading(now, event, limits)
+            return _transport(before, now, event, limits) or _reading(
+                now, event, limits
+            )
         case events.SecondOpinion():
             if now.frame is None or not event.frame_id <= now.frame.frame_id:
-                return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {event.frame_id}, which was not read yet")
-            return _only_doubts(now, event.verdict, "second opinion", now.doubted, limits.unusable_opinions, limits)
+                return _alarm(
+                    Cause.OUT_OF_ORDER,
+                    f"a second opinion on frame {event.frame_id}, which was not read yet",
+                )
+            return _only_doubts(
+                now,
+                event.verdict,
+                "second opinion",
+                now.doubted,
+                limits.unusable_opinions,
+                limits,
+            )
         case events.OvertakenRead(read=read):
             name = f"frame {read.frame_id}, overtaken"
-            return _only_doubts(now, read.verdict, name, now.unusable + 1, limits.unusable_frames, limits)
+            return _only_doubts(
+                now,
+                read.verdict,
+                name,
+                now.unusable + 1,
+                limits.unusable_frames,
+                limits,
+            )
         case events.Tick():
             return QUIET
         case events.Fault():
@@ -191,18 +285,27 @@ def _meaning(before: MonitorState, now: MonitorState, event: MonitorEvent, limit
             assert_never(event)
 
 
-def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding | None:
+def _transport(
+    before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits
+) -> _Finding | None:
     """Return what is wrong with a frame before its reading counts: order, size, pixels, an old picture, delay."""
     if before.frame is not None and not frame.frame_id > before.frame.frame_id:
-        return _alarm(Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}")
+        return _alarm(
+            Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}"
+        )
     size = limits.size or before.size or frame.size
     if frame.size != size:
         return _alarm(Cause.SIZE, f"a frame of {frame.size} pixels, not {size}")
     scale_m = limits.scale_m or before.scale_m or frame.scale_m
-    if not sound_pixels(frame.size, frame.scale_m) or not of_scale(frame.scale_m, scale_m, limits):
+    if not sound_pixels(frame.size, frame.scale_m) or not of_scale(
+        frame.scale_m, scale_m, limits
+    ):
         return _alarm(Cause.SCALE, f"pixels of {frame.scale_m} m, not {scale_m} m")
     if before.frame is not None and frame.pixel_type != before.frame.pixel_type:
-        return _alarm(Cause.PIXEL_TYPE, f"pixels of type {frame.pixel_type}, {before.frame.pixel_type} before")
+        return _alarm(
+            Cause.PIXEL_TYPE,
+            f"pixels of type {frame.pixel_type}, {before.frame.pixel_type} before",
+        )
     if now.repeats >= limits.frozen_frames:
         return _alarm(Cause.FROZEN, f"the same picture {now.repeats} times")
     if now.returns[-1] and sum(now.returns) >= limits.frozen_frames - 1:
@@ -211,7 +314,9 @@ def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits
     if lag_s is None or least is None or lag_s - least[1] < limits.lag_s:
         return None
     late_ms = from_si(lag_s - least[1], "ms")
-    return _alarm(Cause.STALE, f"the frame is {late_ms:.0f} ms late after the time in its header")
+    return _alarm(
+        Cause.STALE, f"the frame is {late_ms:.0f} ms late after the time in its header"
+    )
 
 
 def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding:
@@ -227,29 +332,55 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
         to_bound = time_to_bound(rise, verdict.force_n, upper_n, limits.bound_n)
     harmful, fall = harm(verdict, limits), unexplained_fall(now.dents, limits)
     if fall and not (harmful and limits.reports_pierced):
-        from_mn, to_mn, within_ms = from_si(fall.from_n, "mn"), from_si(fall.to_n, "mn"), from_si(fall.within_s, "ms")
+        from_mn, to_mn, within_ms = (
+            from_si(fall.from_n, "mn"),
+            from_si(fall.to_n, "mn"),
+            from_si(fall.within_s, "ms"),
+        )
         reason = f"pierced: the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within {within_ms:.0f} ms"
-        return _Finding(Signal.PIERCED if limits.reports_pierced else Signal.ALARM, reason, Cause.PIERCED)
+        return _Finding(
+            Signal.PIERCED if limits.reports_pierced else Signal.ALARM,
+            reason,
+            Cause.PIERCED,
+        )
     if harmful:
         return _Finding(Signal.ALARM, harmful[1], harmful[0], to_bound)
     if rise is not None and upper_n is not None and verdict.force_n is not None:
         risen_n = risen_force(rise, limits.reaction_s, limits.rate_deviations)
-        if risen_n is not None and risen_n + upper_n - verdict.force_n >= limits.bound_n:
-            within = f"the bound is reached within {from_si(limits.reaction_s, 'ms'):.0f} ms"
+        if (
+            risen_n is not None
+            and risen_n + upper_n - verdict.force_n >= limits.bound_n
+        ):
+            within = (
+                f"the bound is reached within {from_si(limits.reaction_s, 'ms'):.0f} ms"
+            )
             return _Finding(Signal.ALARM, within, Cause.RISING, to_bound)
     doubt = _doubt(now, frame.at_s, limits)
-    signal = Signal.HARMLESS if not doubt else Signal.TOLERATED if now.touched else Signal.UNJUDGED
+    signal = (
+        Signal.HARMLESS
+        if not doubt
+        else Signal.TOLERATED
+        if now.touched
+        else Signal.UNJUDGED
+    )
     return _Finding(signal, doubt or "", to_bound=to_bound)
 
 
 def _only_doubts(
-    now: MonitorState, verdict: events.Verdict, name: str, in_row: int, most: int, limits: MonitorLimits
+    now: MonitorState,
+    verdict: events.Verdict,
+    name: str,
+    in_row: int,
+    most: int,
+    limits: MonitorLimits,
 ) -> _Finding:
     """Return the meaning of a verdict that can only add a doubt; `in_row` unusable ones in a row end with this one."""
     if wrong := unsound(verdict, limits):
         return _alarm(Cause.NO_NUMBER, f"{name}: {wrong}")
     if not verdict.usable:
-        return _unusable(now, f"{name}: {verdict.reason or 'cannot be judged'}", in_row, most)
+        return _unusable(
+            now, f"{name}: {verdict.reason or 'cannot be judged'}", in_row, most
+        )
     harmful = harm(verdict, limits)
     return _alarm(harmful[0], f"{name}: {harmful[1]}") if harmful else QUIET
 
@@ -257,10 +388,18 @@ def _only_doubts(
 def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:
     """Return the doubt that the second opinions leave; a cause in the last one has led to a withdrawal already."""
     if now.opinion is None:
-        return "the second opinion has not answered yet" if limits.expects_opinion else None
+        return (
+            "the second opinion has not answered yet"
+            if limits.expects_opinion
+            else None
+        )
     if not now.opinion.verdict.usable:
         return f"second opinion: {now.opinion.verdict.reason or 'cannot be judged'}"
-    return "the second opinion is not recent" if _waited(now, at_s) >= limits.opinion_s else None
+    return (
+        "the second opinion is not recent"
+        if _waited(now, at_s) >= limits.opinion_s
+        else None
+    )
 
 
 def _waited(now: MonitorState, at_s: float) -> float:
@@ -268,7 +407,9 @@ def _waited(now: MonitorState, at_s: float) -> float:
     return at_s - now.unanswered[0][1] if now.unanswered else 0.0
 
 
-def _unusable(now: MonitorState, reason: str | None, in_row: int, most: int) -> _Finding:
+def _unusable(
+    now: MonitorState, reason: str | None, in_row: int, most: int
+) -> _Finding:
     reason = reason or "the frame cannot be judged"
     if not now.touched:
         return _Finding(Signal.UNJUDGED, reason)
@@ -277,15 +418,25 @@ def _unusable(now: MonitorState, reason: str | None, in_row: int, most: int) -> 
     return _Finding(Signal.TOLERATED, reason)
 
 
-def _loss(now: MonitorState, event: events.QueueLoss, limits: MonitorLimits) -> _Finding:
+def _loss(
+    now: MonitorState, event: events.QueueLoss, limits: MonitorLimits
+) -> _Finding:
     if not (event.lost >= 1 and event.unread_s > 0.0):
-        return _alarm(Cause.QUEUE_BEHIND, f"a loss of {event.lost} frames, {event.unread_s} s")
+        return _alarm(
+            Cause.QUEUE_BEHIND, f"a loss of {event.lost} frames, {event.unread_s} s"
+        )
     within_s = sum(unread_s for _, unread_s in now.losses)
-    most_in_row_s, most_s = limits.loss_in_row_s + events.SLACK_S, limits.loss_in_window_s + events.SLACK_S
+    most_in_row_s, most_s = (
+        limits.loss_in_row_s + events.SLACK_S,
+        limits.loss_in_window_s + events.SLACK_S,
+    )
     if now.lost_in_row_s <= most_in_row_s and within_s <= most_s:
         return QUIET
     row_ms, within_ms = from_si(now.lost_in_row_s, "ms"), from_si(within_s, "ms")
-    return _alarm(Cause.QUEUE_BEHIND, f"{row_ms:.0f} ms of frames lost in a row, {within_ms:.0f} ms within the window")
+    return _alarm(
+        Cause.QUEUE_BEHIND,
+        f"{row_ms:.0f} ms of frames lost in a row, {within_ms:.0f} ms within the window",
+    )
 
 
 def _reset(now: MonitorState, event: events.Reset, limits: MonitorLimits) -> _Finding:
@@ -294,16 +445,27 @@ def _reset(now: MonitorState, event: events.Reset, limits: MonitorLimits) -> _Fi
         return _Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
     silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
     if now.fresh < limits.fresh_frames or silent:
-        seen = "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"
+        seen = (
+            "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"
+        )
         seen += f"; {now.present_reason}" if now.present_reason and not silent else ""
-        return _Finding(Signal.RESET_REFUSED, f"reset refused: harmless frames in a row are needed, {seen}")
+        return _Finding(
+            Signal.RESET_REFUSED,
+            f"reset refused: harmless frames in a row are needed, {seen}",
+        )
     return _Finding(Signal.RESET_GRANTED, "")
 
 
-def _move(state: MonitorState, finding: _Finding, limits: MonitorLimits) -> MonitorState:
+def _move(
+    state: MonitorState, finding: _Finding, limits: MonitorLimits
+) -> MonitorState:
     """Follow the table; the first cause stays until the reset."""
     after = events.TRANSITIONS[state.state, finding.signal]
-    fresh = {Signal.HARMLESS: state.fresh + 1, Signal.QUIET: state.fresh, Signal.RESET_REFUSED: state.fresh}
+    fresh = {
+        Signal.HARMLESS: state.fresh + 1,
+        Signal.QUIET: state.fresh,
+        Signal.RESET_REFUSED: state.fresh,
+    }
     cause, reason = state.cause, state.reason
     if after not in events.LATCHED:
         reason = "" if after is State.WATCHING else finding.reason or reason
@@ -311,27 +473,49 @@ def _move(state: MonitorState, finding: _Finding, limits: MonitorLimits) -> Moni
         cause, reason = finding.cause, finding.reason
     keeps = finding.signal in (Signal.QUIET, Signal.RESET_REFUSED)
     pierced, dents = state.pierced, state.dents
-    if finding.cause is Cause.PIERCED:  # harmless frames do not mend it; a fall is found once
+    if (
+        finding.cause is Cause.PIERCED
+    ):  # harmless frames do not mend it; a fall is found once
         pierced, dents = finding.reason, dents[-OUTSIDE:]
     moved = replace(
-        state, state=after, fresh=fresh.get(finding.signal, 0), opinion=None if finding.cause else state.opinion,
-        cause=cause, reason=reason, pierced=pierced, dents=dents,
-        present_cause=state.present_cause if keeps else finding.cause or (Cause.PIERCED if pierced else None),
+        state,
+        state=after,
+        fresh=fresh.get(finding.signal, 0),
+        opinion=None if finding.cause else state.opinion,
+        cause=cause,
+        reason=reason,
+        pierced=pierced,
+        dents=dents,
+        present_cause=state.present_cause
+        if keeps
+        else finding.cause or (Cause.PIERCED if pierced else None),
         present_reason=state.present_reason if keeps else finding.reason or pierced,
-    )  # fmt: skip
+    )
     leaves = state.state in events.LATCHED and after is State.WATCHING
     return _released(moved, state, limits) if leaves else moved
 
 
-def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) -> MonitorState:
+def _released(
+    moved: MonitorState, before: MonitorState, limits: MonitorLimits
+) -> MonitorState:
     """End what was latched: nothing from before its fresh frames counts any more."""
     seen = [one.verdict for one in (before.frame, before.opinion) if one]
     return replace(
-        moved, cause=None, reason="", unusable=0, doubted=0, losses=(), lost_in_row_s=0.0, pierced="",
-        touched=before.frame is None or any(touches(verdict, limits) for verdict in seen),
-        history=before.history[-before.fresh :], dents=before.dents[-before.fresh :],
-        present_cause=None, present_reason="",
-    )  # fmt: skip
+        moved,
+        cause=None,
+        reason="",
+        unusable=0,
+        doubted=0,
+        losses=(),
+        lost_in_row_s=0.0,
+        pierced="",
+        touched=before.frame is None
+        or any(touches(verdict, limits) for verdict in seen),
+        history=before.history[-before.fresh :],
+        dents=before.dents[-before.fresh :],
+        present_cause=None,
+        present_reason="",
+    )
 
 
 def _decision(state: MonitorState, finding: _Finding) -> Decision:
@@ -343,5 +527,16 @@ def _decision(state: MonitorState, finding: _Finding) -> Decision:
     if finding.reason and finding.reason not in words:
         words.append(finding.reason)
     message = f"{state.state.name}: {'; '.join(words)}" if words else state.state.name
-    sub_code, present = state.cause.value if state.cause else 0, (state.present_cause, state.present_reason)
-    return Decision(state.state, state.cause, message, state.state.value, sub_code, *present, finding.to_bound)
+    sub_code, present = (
+        state.cause.value if state.cause else 0,
+        (state.present_cause, state.present_reason),
+    )
+    return Decision(
+        state.state,
+        state.cause,
+        message,
+        state.state.value,
+        sub_code,
+        *present,
+        finding.to_bound,
+    )

@@ -45,7 +45,11 @@ MOVES = {
 LATCHED = (State.PIERCED, State.WITHDRAW)  # until the operator's reset
 BY_SEVERITY = (State.WATCHING, State.NOT_READY, *LATCHED)
 TRANSITIONS: Mapping[tuple[State, Signal], State] = MappingProxyType(
-    {(state, signal): MOVES.get((state, signal), state) for state in State for signal in Signal}
+    {
+        (state, signal): MOVES.get((state, signal), state)
+        for state in State
+        for signal in Signal
+    }
 )  # a signal without a move leaves the state unchanged
 
 
@@ -177,4 +181,6 @@ class Reset:
     at_s: float
 
 
-MonitorEvent = FrameRead | SecondOpinion | OvertakenRead | Tick | Fault | QueueLoss | Reset
+MonitorEvent = (
+    FrameRead | SecondOpinion | OvertakenRead | Tick | Fault | QueueLoss | Reset
+)

@@ -61,9 +61,16 @@ class MonitorLimits:
             if field.type is int:
                 _check(field.name, getattr(self, field.name), LEAST.get(field.name, 1))
             elif field.type is float:
-                _check(field.name, getattr(self, field.name), 0, strictly=field.name not in MAY_BE_ZERO)
+                _check(
+                    field.name,
+                    getattr(self, field.name),
+                    0,
+                    strictly=field.name not in MAY_BE_ZERO,
+                )
         if self.contact_n >= self.bound_n:
-            raise InputError(f"monitor: contact_n is {self.contact_n:g}, must be below bound_n, {self.bound_n:g}")
+            raise InputError(
+                f"monitor: contact_n is {self.contact_n:g}, must be below bound_n, {self.bound_n:g}"
+            )
         for value in (*(self.size or ()), *(self.scale_m or ())):
             _check("size, scale_m", value, 0, strictly=True)
 
@@ -75,7 +82,11 @@ class MonitorLimits:
         gaps at most, 4 ms. A scanner of 100 Hz that loses nothing has gaps of 10 ms. So shorter rows never count.
         """
         interval_s = loss.unread_s / loss.lost if loss.lost >= 1 else inf
-        most_s = min(self.reaction_s, self.loss_in_row_s) / self.rate_frames - interval_s + SLACK_S
+        most_s = (
+            min(self.reaction_s, self.loss_in_row_s) / self.rate_frames
+            - interval_s
+            + SLACK_S
+        )
         if before_s + loss.unread_s <= most_s:
             return 0.0
         return loss.unread_s if before_s > most_s else before_s + loss.unread_s
@@ -84,7 +95,9 @@ class MonitorLimits:
 def _check(name: str, value: float, least: float, strictly: bool = False) -> None:
     if isfinite(value) and (value > least if strictly else value >= least):
         return
-    raise InputError(f"monitor: {name} is {value}, must be {'more than' if strictly else 'at least'} {least:g}")
+    raise InputError(
+        f"monitor: {name} is {value}, must be {'more than' if strictly else 'at least'} {least:g}"
+    )
 
 
 PROBABILITY_SLACK = 1e-3  # single precision, summed
@@ -93,18 +106,33 @@ PROBABILITY_SLACK = 1e-3  # single precision, summed
 def unsound(verdict: Verdict, limits: MonitorLimits) -> str | None:
     """Return the fault of a verdict: a number that is missing, not finite or contradicts others; None if sound."""
     interval_n, shares = verdict.interval_n, verdict.probabilities
-    numbers = (verdict.force_n, verdict.elastic_force_n, *(interval_n or ()), *(shares or ()))
+    numbers = (
+        verdict.force_n,
+        verdict.elastic_force_n,
+        *(interval_n or ()),
+        *(shares or ()),
+    )
     if not all(number is None or isfinite(number) for number in numbers):
         return "a reading with NaN or infinity"
     if not verdict.usable:
         return None
-    if shares is None or not 0 <= verdict.predicted < len(shares) or not all(0 <= share <= 1 for share in shares):
+    if (
+        shares is None
+        or not 0 <= verdict.predicted < len(shares)
+        or not all(0 <= share <= 1 for share in shares)
+    ):
         return f"probabilities {shares} of class {verdict.predicted}"
     if not abs(sum(shares) - 1) <= PROBABILITY_SLACK:
         return f"probabilities that sum to {sum(shares):g}"
-    if (verdict.force_n is None) != (interval_n is None) or (limits.reads_force and verdict.force_n is None):
+    if (verdict.force_n is None) != (interval_n is None) or (
+        limits.reads_force and verdict.force_n is None
+    ):
         return "a reading without its force or its interval"
-    return "an interval upside down" if interval_n is not None and not interval_n[0] <= interval_n[1] else None
+    return (
+        "an interval upside down"
+        if interval_n is not None and not interval_n[0] <= interval_n[1]
+        else None
+    )
 
 
 def harm(verdict: Verdict, limits: MonitorLimits) -> tuple[Cause, str] | None:
@@ -127,7 +155,9 @@ def upper_end(verdict: Verdict) -> float | None:
 
 def touches(verdict: Verdict, limits: MonitorLimits) -> bool:
     """Return whether a usable, sound verdict shows contact: a dent does, also where the force on it has relaxed."""
-    force_n = verdict.force_n if verdict.elastic_force_n is None else verdict.elastic_force_n
+    force_n = (
+        verdict.force_n if verdict.elastic_force_n is None else verdict.elastic_force_n
+    )
     return verdict.predicted > 0 if force_n is None else force_n > limits.contact_n
 
 
@@ -136,10 +166,15 @@ def lag_of(frame: FrameRead) -> float | None:
     return None if frame.sent_s is None else frame.at_s - frame.sent_s
 
 
-def of_scale(scale_m: tuple[float, float], stated_m: tuple[float, float], limits: MonitorLimits) -> bool:
+def of_scale(
+    scale_m: tuple[float, float], stated_m: tuple[float, float], limits: MonitorLimits
+) -> bool:
     """Return whether pixels have the stated size; False if a number is NaN."""
     pairs_m = zip(scale_m, stated_m, strict=True)
-    return all(abs(found_m - stated_m) <= limits.scale_tolerance * stated_m for found_m, stated_m in pairs_m)
+    return all(
+        abs(found_m - stated_m) <= limits.scale_tolerance * stated_m
+        for found_m, stated_m in pairs_m
+    )
 
 
 def sound_pixels(size: tuple[int, int], scale_m: tuple[float, float]) -> bool:

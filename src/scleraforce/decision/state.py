@@ -3,15 +3,32 @@
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from scleraforce.decision.events import Cause, FrameRead, MonitorEvent, QueueLoss, SecondOpinion, State
-from scleraforce.decision.limits import MonitorLimits, lag_of, of_scale, sound_pixels, touches, unsound
+from scleraforce.decision.events import (
+    Cause,
+    FrameRead,
+    MonitorEvent,
+    QueueLoss,
+    SecondOpinion,
+    State,
+)
+from scleraforce.decision.limits import (
+    MonitorLimits,
+    lag_of,
+    of_scale,
+    sound_pixels,
+    touches,
+    unsound,
+)
 from scleraforce.decision.trend import Dent
 
 DENTS = 64  # that are kept: 64 ms at 1000 a second
 NOISE_WINDOWS = 5  # times the frames of the slope are kept, to estimate the noise
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
-LAGS, QUICKEST = 20, 3  # of the last frames, the third quickest counts: no frame alone decides what is late
+LAGS, QUICKEST = (
+    20,
+    3,
+)  # of the last frames, the third quickest counts: no frame alone decides what is late
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,17 +80,31 @@ class MonitorState:
     unanswered: tuple[tuple[int, float], ...] = ()
 
 
-def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> MonitorState:
+def remember(
+    state: MonitorState, event: MonitorEvent, limits: MonitorLimits
+) -> MonitorState:
     """Return the state updated by an event, before its meaning is decided; one copy of it, as each takes 10 µs."""
     if isinstance(event, FrameRead):
         return _remember_frame(state, event, limits)
     state = replace(state, at_s=_time_of(state, event))
     if isinstance(event, QueueLoss):
         before_s = state.lost_in_row_s if event.row == state.lost_row else 0.0
-        row_s, counted_s = before_s + event.unread_s, limits.counted_loss(before_s, event)
-        losses, lost = _losses(state.losses, event.at_s, counted_s, limits.loss_window_s), state.lost + event.lost
-        return replace(state, losses=losses, lost=lost, lost_in_row_s=row_s, lost_row=event.row)
-    return _remember_opinion(state, event, limits) if isinstance(event, SecondOpinion) else state
+        row_s, counted_s = (
+            before_s + event.unread_s,
+            limits.counted_loss(before_s, event),
+        )
+        losses, lost = (
+            _losses(state.losses, event.at_s, counted_s, limits.loss_window_s),
+            state.lost + event.lost,
+        )
+        return replace(
+            state, losses=losses, lost=lost, lost_in_row_s=row_s, lost_row=event.row
+        )
+    return (
+        _remember_opinion(state, event, limits)
+        if isinstance(event, SecondOpinion)
+        else state
+    )
 
 
 def _time_of(state: MonitorState, event: MonitorEvent) -> float | None:
@@ -81,7 +112,10 @@ def _time_of(state: MonitorState, event: MonitorEvent) -> float | None:
 
 
 def _losses(
-    losses: tuple[tuple[float, float], ...], at_s: float, unread_s: float, window_s: float
+    losses: tuple[tuple[float, float], ...],
+    at_s: float,
+    unread_s: float,
+    window_s: float,
 ) -> tuple[tuple[float, float], ...]:
     """Return the losses within the window; all losses in one twentieth of it are one, at the time of the last."""
     recent = tuple(loss for loss in losses if at_s - loss[0] < window_s)
@@ -93,28 +127,56 @@ def _losses(
     return (*recent, (at_s, unread_s))
 
 
-def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
-    waiting = (*state.unanswered, (frame.frame_id, frame.at_s)) if limits.expects_opinion else ()
+def _remember_frame(
+    state: MonitorState, frame: FrameRead, limits: MonitorLimits
+) -> MonitorState:
+    waiting = (
+        (*state.unanswered, (frame.frame_id, frame.at_s))
+        if limits.expects_opinion
+        else ()
+    )
     lag_s = lag_of(frame)
-    lags = state.lags if lag_s is None or not isfinite(lag_s) else (*state.lags, lag_s)[-LAGS:]
-    size, scale_m, history = limits.size or state.size, limits.scale_m or state.scale_m, state.history
+    lags = (
+        state.lags
+        if lag_s is None or not isfinite(lag_s)
+        else (*state.lags, lag_s)[-LAGS:]
+    )
+    size, scale_m, history = (
+        limits.size or state.size,
+        limits.scale_m or state.scale_m,
+        state.history,
+    )
     touched, clear_s, dents = state.touched, None, state.dents
     if frame.verdict.usable and not unsound(frame.verdict, limits):
         if sound_pixels(frame.size, frame.scale_m):
             same = scale_m is not None and of_scale(frame.scale_m, scale_m, limits)
-            size, scale_m = limits.size or frame.size, limits.scale_m or (scale_m if same else frame.scale_m)
+            size, scale_m = (
+                limits.size or frame.size,
+                limits.scale_m or (scale_m if same else frame.scale_m),
+            )
         touched, clear_s = _contact(state, frame, limits)
         if frame.verdict.force_n is not None:
-            history = (*history, (frame.at_s, frame.verdict.force_n))[-NOISE_WINDOWS * limits.rate_frames :]
+            history = (*history, (frame.at_s, frame.verdict.force_n))[
+                -NOISE_WINDOWS * limits.rate_frames :
+            ]
             dents = (*dents, _dent(frame, frame.verdict.force_n))[-DENTS:]
     return replace(
-        state, at_s=_time_of(state, frame), frame=frame, size=size, scale_m=scale_m, touched=touched, clear_s=clear_s,
-        history=history, dents=dents, repeats=state.repeats + 1 if frame.shown_back == 1 else 1,
-        returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :], lags=lags,
+        state,
+        at_s=_time_of(state, frame),
+        frame=frame,
+        size=size,
+        scale_m=scale_m,
+        touched=touched,
+        clear_s=clear_s,
+        history=history,
+        dents=dents,
+        repeats=state.repeats + 1 if frame.shown_back == 1 else 1,
+        returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :],
+        lags=lags,
         least_lag=_least_lag(state.least_lag, lags, frame.at_s, limits),
         unusable=0 if frame.verdict.usable else state.unusable + 1,
         unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
-    )  # fmt: skip
+    )
 
 
 def _dent(frame: FrameRead, force_n: float) -> Dent:
@@ -125,7 +187,10 @@ def _dent(frame: FrameRead, force_n: float) -> Dent:
 
 
 def _least_lag(
-    least: tuple[float, float] | None, lags: tuple[float, ...], at_s: float, limits: MonitorLimits
+    least: tuple[float, float] | None,
+    lags: tuple[float, ...],
+    at_s: float,
+    limits: MonitorLimits,
 ) -> tuple[float, float] | None:
     """Return the least lag that several of 20 frames had so far; it rises with the clocks' possible drift."""
     if len(lags) < QUICKEST:
@@ -136,7 +201,9 @@ def _least_lag(
     return at_s, min(quick_s, least[1] + limits.lag_drift * max(0.0, at_s - least[0]))
 
 
-def _contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> tuple[bool, float | None]:
+def _contact(
+    state: MonitorState, frame: FrameRead, limits: MonitorLimits
+) -> tuple[bool, float | None]:
     """Contact begins with one frame and ends after `lifted_s` of sound frames without contact."""
     if touches(frame.verdict, limits):
         return True, None
@@ -144,18 +211,32 @@ def _contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> tu
     return state.touched and frame.at_s - since_s < limits.lifted_s, since_s
 
 
-def _remember_opinion(state: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> MonitorState:
+def _remember_opinion(
+    state: MonitorState, opinion: SecondOpinion, limits: MonitorLimits
+) -> MonitorState:
     state = replace(
-        state, opinion=opinion, doubted=0 if opinion.verdict.usable else state.doubted + 1,
+        state,
+        opinion=opinion,
+        doubted=0 if opinion.verdict.usable else state.doubted + 1,
         unanswered=_unanswered(state.unanswered, opinion.frame_id),
-    )  # fmt: skip
+    )
     if not opinion.verdict.usable or unsound(opinion.verdict, limits):
         return replace(state, clear_s=None)
-    return replace(state, touched=True, clear_s=None) if touches(opinion.verdict, limits) else state
+    return (
+        replace(state, touched=True, clear_s=None)
+        if touches(opinion.verdict, limits)
+        else state
+    )
 
 
-def _unanswered(waiting: tuple[tuple[int, float], ...], frame_id: int) -> tuple[tuple[int, float], ...]:
+def _unanswered(
+    waiting: tuple[tuple[int, float], ...], frame_id: int
+) -> tuple[tuple[int, float], ...]:
     """Return the frames after the one that is answered, or after the last one before it, whatever their numbers are."""
-    places = [place for place, (waiting_id, _) in enumerate(waiting) if waiting_id == frame_id]
-    places = places or [place for place, (waiting_id, _) in enumerate(waiting) if waiting_id < frame_id]
+    places = [
+        place for place, (waiting_id, _) in enumerate(waiting) if waiting_id == frame_id
+    ]
+    places = places or [
+        place for place, (waiting_id, _) in enumerate(waiting) if waiting_id < frame_id
+    ]
     return waiting[places[-1] + 1 :] if places else waiting

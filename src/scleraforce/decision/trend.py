@@ -45,14 +45,21 @@ def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | N
     a single reading nor a steady retraction passes for a fall: between the inner two of these, it takes as much time as
     the needle needs at `retraction_m_s`, on a wall of `stiffness_n_m`.
     """
-    left_n = max(dent.force_n for dent in dents[-OUTSIDE:]) if len(dents) >= 2 * OUTSIDE else 0.0
+    left_n = (
+        max(dent.force_n for dent in dents[-OUTSIDE:])
+        if len(dents) >= 2 * OUTSIDE
+        else 0.0
+    )
     for place in range(len(dents) - OUTSIDE - 1, OUTSIDE - 2, -1):
         within_s = dents[-OUTSIDE].at_s - dents[place].at_s
         if within_s > limits.fall_s:
             break
         level_n = min(dents[place - 1].force_n, dents[place].force_n)
         least_n = max(limits.fall_share * level_n, limits.fall_n)
-        if level_n - left_n >= least_n and level_n - left_n >= limits.fall_n + _explained_n(dents, place, limits):
+        if (
+            level_n - left_n >= least_n
+            and level_n - left_n >= limits.fall_n + _explained_n(dents, place, limits)
+        ):
             return Fall(level_n, left_n, within_s)
     return None
 
@@ -63,13 +70,22 @@ def _explained_n(dents: tuple[Dent, ...], place: int, limits: MonitorLimits) -> 
     within_s = low.at_s - high.at_s
     back_m = limits.retraction_m_s * within_s
     if high.travel_m is not None and low.travel_m is not None:
-        earlier = [dent.travel_m for dent in dents[: place + 1] if high.at_s - dent.at_s <= limits.travel_lag_s]
+        earlier = [
+            dent.travel_m
+            for dent in dents[: place + 1]
+            if high.at_s - dent.at_s <= limits.travel_lag_s
+        ]
         later = [dent.travel_m for dent in dents[place:]]
-        before, after = ([there_m for there_m in places_m if there_m is not None] for places_m in (earlier, later))
+        before, after = (
+            [there_m for there_m in places_m if there_m is not None]
+            for places_m in (earlier, later)
+        )
         unseen_m = limits.retraction_m_s * (high.age_s + low.age_s)
         back_m = min(back_m, max(max(before) - min(after), 0.0) + unseen_m)
     moved_n = limits.stiffness_n_m * (back_m + limits.eye_m_s * within_s)
-    return moved_n + limits.rate_deviations * noise_n([dent.force_n for dent in dents[: place + 1]])
+    return moved_n + limits.rate_deviations * noise_n(
+        [dent.force_n for dent in dents[: place + 1]]
+    )
 
 
 def noise_n(forces_n: list[float]) -> float:
@@ -77,8 +93,13 @@ def noise_n(forces_n: list[float]) -> float:
 
     Fewer than three show none.
     """
-    bends_n = [abs(a - 2.0 * b + c) for a, b, c in zip(forces_n, forces_n[1:], forces_n[2:], strict=False)]
-    return MAD_TO_SD * median(bends_n or [0.0]) / sqrt(6.0)  # a second difference has six variances
+    bends_n = [
+        abs(a - 2.0 * b + c)
+        for a, b, c in zip(forces_n, forces_n[1:], forces_n[2:], strict=False)
+    ]
+    return (
+        MAD_TO_SD * median(bends_n or [0.0]) / sqrt(6.0)
+    )  # a second difference has six variances
 
 
 LEAST_PAIRS = 4
@@ -108,7 +129,9 @@ class Rise(NamedTuple):
     def variances(self) -> tuple[float, float]:
         """Variances of the line's place in its middle, which is a median, N^2, and of its slope, (N/s)^2."""
         sd_n = ALIKE * self.sd_n
-        return 0.5 * pi * sd_n**2 / len(self.points), (sd_n / self.spread_s) ** 2 + (SLOPE_ERROR * self.slope) ** 2
+        return 0.5 * pi * sd_n**2 / len(self.points), (sd_n / self.spread_s) ** 2 + (
+            SLOPE_ERROR * self.slope
+        ) ** 2
 
 
 @dataclass(frozen=True)
@@ -124,7 +147,10 @@ class TimeToBound:
 
     def as_ms(self) -> tuple[float | None, tuple[float, float | None]]:
         """Return the median, and the interval, in ms."""
-        return from_si(self.median_s, "ms"), (from_si(self.early_s, "ms"), from_si(self.late_s, "ms"))
+        return from_si(self.median_s, "ms"), (
+            from_si(self.early_s, "ms"),
+            from_si(self.late_s, "ms"),
+        )
 
 
 REACHED = TimeToBound(0.0, 0.0, 0.0)
@@ -164,7 +190,9 @@ def risen_force(rise: Rise, ahead_s: float, deviations: float) -> float | None:
     return None if slowing_n is None else min(rise.now_n + least * ahead_s, slowing_n)
 
 
-def time_to_bound(rise: Rise | None, force_n: float, upper_n: float, bound_n: float) -> TimeToBound | None:
+def time_to_bound(
+    rise: Rise | None, force_n: float, upper_n: float, bound_n: float
+) -> TimeToBound | None:
     """Return when the upper end of the interval reaches the bound, if it keeps its ratio to the rising force.
 
     None: not within 2 s, nor does the line say so, or the frames of the line are spread over more than that.
@@ -175,7 +203,9 @@ def time_to_bound(rise: Rise | None, force_n: float, upper_n: float, bound_n: fl
         return None
     share = max(force_n / upper_n if upper_n > 0.0 else 0.0, LEAST_SHARE)
     missing_n = bound_n * share - rise.now_n - rise.slope * rise.middle_s
-    early_s, median_s, late_s = (_reaches(rise, missing_n, deviations) for deviations in (-Z90, 0.0, Z90))
+    early_s, median_s, late_s = (
+        _reaches(rise, missing_n, deviations) for deviations in (-Z90, 0.0, Z90)
+    )
     return None if early_s is None else TimeToBound(early_s, median_s, late_s)
 
 
@@ -198,7 +228,11 @@ def _reaches(rise: Rise, missing_n: float, deviations: float) -> float | None:
     if under < 0.0 or square == 0.0:
         return None
     roots_s = [(half + sign * sqrt(under)) / square for sign in (-1.0, 1.0)]
-    ahead_s = [at_s + rise.middle_s for at_s in roots_s if deviations * (rise.slope * at_s - missing_n) >= -slack_n]
+    ahead_s = [
+        at_s + rise.middle_s
+        for at_s in roots_s
+        if deviations * (rise.slope * at_s - missing_n) >= -slack_n
+    ]
     return min((at_s for at_s in ahead_s if 0.0 < at_s <= HORIZON_S), default=None)
 
 
@@ -211,12 +245,19 @@ def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float |
     early, late = _slope(points[:half]), _slope(points[-half:])
     if early is None or late is None or late >= early:
         return inf
-    early_s, late_s = (fmean([at_s for at_s, _ in part]) for part in (points[:half], points[-half:]))
+    early_s, late_s = (
+        fmean([at_s for at_s, _ in part]) for part in (points[:half], points[-half:])
+    )
     bend = (late - early) / (late_s - early_s)
     slope = late - bend * late_s
     if slope <= 0.0:
         return None
-    now_n = median([force_n - slope * at_s - 0.5 * bend * at_s**2 for at_s, force_n in points[-half:]])
+    now_n = median(
+        [
+            force_n - slope * at_s - 0.5 * bend * at_s**2
+            for at_s, force_n in points[-half:]
+        ]
+    )
     rising_s = min(ahead_s, -slope / bend)
     return now_n + slope * rising_s + 0.5 * bend * rising_s**2
 

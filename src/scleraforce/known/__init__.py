@@ -23,16 +23,22 @@ from scleraforce.recording.folder import EyeInfo, RecordingInfo
 from scleraforce.study.eye import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
 
-MOST_CORRELATED = 1.0 - 1e-9  # where two unknowns are as good as one, rounding puts their correlation beyond 1
+MOST_CORRELATED = (
+    1.0 - 1e-9
+)  # where two unknowns are as good as one, rounding puts their correlation beyond 1
 
 
 def correlation_of(covariance: Floats, first: int, second: int) -> float:
     """Return the correlation of two unknowns of a covariance (unknown, unknown), at most `MOST_CORRELATED`."""
-    found = covariance[first, second] / np.sqrt(covariance[first, first] * covariance[second, second])
+    found = covariance[first, second] / np.sqrt(
+        covariance[first, first] * covariance[second, second]
+    )
     return float(np.clip(found, -MOST_CORRELATED, MOST_CORRELATED))
 
 
-def within_bounds(mean: Floats, covariance: Floats, place: int, bounds: tuple[float, float]) -> Floats:
+def within_bounds(
+    mean: Floats, covariance: Floats, place: int, bounds: tuple[float, float]
+) -> Floats:
     """Return the mean of normal unknowns (unknown,) given that one of them stays within its bounds.
 
     >>> within_bounds(np.array([1.0, 3.0]), np.array([[4.0, 1.0], [1.0, 2.0]]), 1, (0.0, 2.0)).tolist()
@@ -71,9 +77,12 @@ class ForceDiscrepancy:
     widest_gap: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
 
     def corrected_n(
-        self, library_n: Floats, level_z: Floats | float = 0.0, growth_z: Floats | float = 0.0,
+        self,
+        library_n: Floats,
+        level_z: Floats | float = 0.0,
+        growth_z: Floats | float = 0.0,
         eye_z: Floats | tuple[float, float] = (0.0, 0.0),
-    ) -> Floats:  # fmt: skip
+    ) -> Floats:
         """Return the forces of the eye for the library's forces, N.
 
         `level_z` and `growth_z` are standard normal numbers that draw level and growth (0: the mean); `eye_z` (..., 2)
@@ -81,17 +90,23 @@ class ForceDiscrepancy:
         """
         level = self.level + self.level_sd * level_z + np.asarray(eye_z) @ self.level_by
         across = self.correlation * level_z + sqrt(1.0 - self.correlation**2) * growth_z
-        growth = self.growth + self.growth_sd * across + np.asarray(eye_z) @ self.growth_by
+        growth = (
+            self.growth + self.growth_sd * across + np.asarray(eye_z) @ self.growth_by
+        )
         return library_n * np.exp(level + growth * beside_middle(library_n))
 
     def at_reference(self) -> tuple[float, float]:
         """Return mean and standard deviation of ln(F / F_library) at 60 mN."""
         half = 0.5 * self.growth_sd
-        variance = self.level_sd**2 + half**2 + 2.0 * self.correlation * self.level_sd * half
+        variance = (
+            self.level_sd**2 + half**2 + 2.0 * self.correlation * self.level_sd * half
+        )
         return self.level + 0.5 * self.growth, sqrt(variance)
 
 
-NO_DISCREPANCY = ForceDiscrepancy(level=0.0, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0)
+NO_DISCREPANCY = ForceDiscrepancy(
+    level=0.0, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0
+)
 
 
 def beside_middle(library_n: Floats) -> Floats:
@@ -101,9 +116,17 @@ def beside_middle(library_n: Floats) -> Floats:
 
 Kind = Literal["open", "sealed", "unknown"]
 
-REFERENCE_RIGIDITY = to_si(0.03, "mmhg13_per_ul")  # of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
-SLACKEST, STIFFEST = REFERENCE_RIGIDITY / 6.0, 2.0 * REFERENCE_RIGIDITY  # 0.005 and 0.06 mmHg^(1/3)/ul
-STATED_SD, STATED_ENDS = 0.08, 1.3  # relative, of a rigidity that is given without its uncertainty
+REFERENCE_RIGIDITY = to_si(
+    0.03, "mmhg13_per_ul"
+)  # of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
+SLACKEST, STIFFEST = (
+    REFERENCE_RIGIDITY / 6.0,
+    2.0 * REFERENCE_RIGIDITY,
+)  # 0.005 and 0.06 mmHg^(1/3)/ul
+STATED_SD, STATED_ENDS = (
+    0.08,
+    1.3,
+)  # relative, of a rigidity that is given without its uncertainty
 NINETY_PERCENT = 1.6449  # standard deviations to either side
 
 
@@ -138,17 +161,31 @@ class KnownGlobe:
     @property
     def band(self) -> tuple[float, float]:
         """The rigidities, Pa^(1/3)/m^3, between which k lies with 90 %."""
-        ends = np.clip(self.mean + NINETY_PERCENT * self.sd * np.array([-1.0, 1.0]), self.lowest, self.highest)
+        ends = np.clip(
+            self.mean + NINETY_PERCENT * self.sd * np.array([-1.0, 1.0]),
+            self.lowest,
+            self.highest,
+        )
         return float(ends[0]), float(ends[1])
 
 
 OPEN = KnownGlobe(kind="open", lowest=0.0, highest=0.0, mean=0.0, sd=0.0)
-UNKNOWN = KnownGlobe(kind="unknown", lowest=0.0, highest=STIFFEST, mean=0.5 * STIFFEST, sd=STIFFEST / sqrt(12.0))
+UNKNOWN = KnownGlobe(
+    kind="unknown",
+    lowest=0.0,
+    highest=STIFFEST,
+    mean=0.5 * STIFFEST,
+    sd=STIFFEST / sqrt(12.0),
+)
 _MIDDLE, _EVEN_SD = 0.5 * (SLACKEST + STIFFEST), (STIFFEST - SLACKEST) / sqrt(12.0)
-SEALED = KnownGlobe(kind="sealed", lowest=SLACKEST, highest=STIFFEST, mean=_MIDDLE, sd=_EVEN_SD)
+SEALED = KnownGlobe(
+    kind="sealed", lowest=SLACKEST, highest=STIFFEST, mean=_MIDDLE, sd=_EVEN_SD
+)
 
 
-def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law: str | None = None) -> KnownGlobe:
+def known_globe(
+    kind: str | None, rigidity_pa13_per_m3: float | None = None, law: str | None = None
+) -> KnownGlobe:
     """Return the globe of a declared kind and rigidity; None: unknown. Raises `StudyError` as for a study file.
 
     >>> known_globe(None).kind, known_globe("open").can_be_sealed
@@ -162,21 +199,31 @@ def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law
     if rigidity_pa13_per_m3 is None:
         return replace(SEALED, law=law)
     k = rigidity_pa13_per_m3
-    stated = replace(SEALED, lowest=k / STATED_ENDS, highest=k * STATED_ENDS, mean=k, sd=STATED_SD * k)
+    stated = replace(
+        SEALED,
+        lowest=k / STATED_ENDS,
+        highest=k * STATED_ENDS,
+        mean=k,
+        sd=STATED_SD * k,
+    )
     return replace(stated, law=law, rigidity_told=True)
 
 
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
 POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
-LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain
+LEAST_MODULUS_SD = (
+    0.01  # relative: below it mechanics and segmentation are what is uncertain
+)
 _SEALED_DOUBT = "eye.globe is sealed, and linear mechanics takes every eye for an open one: forces are read too low"
 
 
 # Sources of a modulus, in words; of an eye's own: by known forces, or by the shape of its dents alone.
 MODULUS_SOURCES = {
-    "own": "calibrated", "shape": "from shape, without force", "population": "mean of the calibrated eyes",
+    "own": "calibrated",
+    "shape": "from shape, without force",
+    "population": "mean of the calibrated eyes",
     "stated": "given",
-}  # fmt: skip
+}
 OWN_SOURCES = ("own", "shape")
 
 
@@ -239,7 +286,9 @@ class Known:
 
     def turned(self, turn_rad: float) -> "Known":
         """Return the eye beside a plane at another angle about the needle's axis, whose gap is unknown."""
-        direction_rad = None if self.direction_rad is None else self.direction_rad + turn_rad
+        direction_rad = (
+            None if self.direction_rad is None else self.direction_rad + turn_rad
+        )
         return replace(self, direction_rad=direction_rad, gap_m=None)
 
     @property
@@ -259,17 +308,28 @@ def one_lean(ends_rad: tuple[float, float] | None) -> float | None:
 def known_of_recording(info: RecordingInfo) -> Known:
     """Return the known inputs that a recording states; it never states the modulus, which a calibration may add."""
     return Known(
-        iop_pa=info.eye.iop_pa, thickness_m=info.eye.thickness_m, gap_m=info.needle.slice_gap_m,
-        polar_rad=info.needle.polar_angle_rad, direction_rad=info.oct.plane_direction_rad, globe=stated_globe(info.eye),
-        relaxation=None if info.eye.relaxation is None else KnownRelaxation.declared(info.eye.relaxation),
+        iop_pa=info.eye.iop_pa,
+        thickness_m=info.eye.thickness_m,
+        gap_m=info.needle.slice_gap_m,
+        polar_rad=info.needle.polar_angle_rad,
+        direction_rad=info.oct.plane_direction_rad,
+        globe=stated_globe(info.eye),
+        relaxation=None
+        if info.eye.relaxation is None
+        else KnownRelaxation.declared(info.eye.relaxation),
         lean_rad=None if info.needle.lean_rad is None else (info.needle.lean_rad,) * 2,
-        lean_azimuth_rad=info.needle.lean_azimuth_rad, leak_time_s=info.eye.leak_time_s,
-    )  # fmt: skip
+        lean_azimuth_rad=info.needle.lean_azimuth_rad,
+        leak_time_s=info.eye.leak_time_s,
+    )
 
 
 def stated_globe(eye: EyeInfo) -> KnownGlobe | None:
     """Return the globe that a recording states; None: unknown."""
-    return None if eye.globe is None else known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
+    return (
+        None
+        if eye.globe is None
+        else known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
+    )
 
 
 def stated_eye(eye: str, known: Known) -> EyeInfo:
@@ -278,7 +338,9 @@ def stated_eye(eye: str, known: Known) -> EyeInfo:
     terms = None
     if relaxation is not None and relaxation.source == "declared":
         terms = tuple(zip(relaxation.shares, relaxation.times_s, strict=True))
-    stated = EyeInfo(eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa, relaxation=terms)
+    stated = EyeInfo(
+        eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa, relaxation=terms
+    )
     if globe is None or globe.kind == "unknown":
         return stated
     if globe.kind == "open":
@@ -301,6 +363,16 @@ def completed(given: Known, stated: Known) -> Known:
     """
     missing = [item.name for item in fields(Known) if getattr(given, item.name) is None]
     globe = given.globe or stated.globe
-    if given.globe is not None and stated.globe is not None and given.globe.kind == stated.globe.kind:
-        globe = replace(given.globe, law=stated.globe.law) if given.globe.rigidity_told else stated.globe
-    return replace(given, **{**{name: getattr(stated, name) for name in missing}, "globe": globe})
+    if (
+        given.globe is not None
+        and stated.globe is not None
+        and given.globe.kind == stated.globe.kind
+    ):
+        globe = (
+            replace(given.globe, law=stated.globe.law)
+            if given.globe.rigidity_told
+            else stated.globe
+        )
+    return replace(
+        given, **{**{name: getattr(stated, name) for name in missing}, "globe": globe}
+    )

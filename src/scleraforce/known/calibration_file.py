@@ -15,7 +15,16 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
 from scleraforce.errors import CalibrationError
-from scleraforce.known import MOST_CORRELATED, OPEN, POPULATION_SD, ForceDiscrepancy, Kind, Known, KnownGlobe, Modulus
+from scleraforce.known import (
+    MOST_CORRELATED,
+    OPEN,
+    POPULATION_SD,
+    ForceDiscrepancy,
+    Kind,
+    Known,
+    KnownGlobe,
+    Modulus,
+)
 from scleraforce.known.relaxation import MOMENTS, KnownRelaxation, rows
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.folder import name_fault
@@ -30,13 +39,20 @@ UNCHANGED = ("correlation", "calibrated", "rigidity_told")  # of a globe in the 
 STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
 NAMED_EYES = 8  # in a sentence
 WRITER = "give a file of `scleraforce calibrate`"
-_HINTED = {"mean_mpa": allowed("youngs_modulus_mpa"), "thickness_um": allowed("thickness_um")}
+_HINTED = {
+    "mean_mpa": allowed("youngs_modulus_mpa"),
+    "thickness_um": allowed("thickness_um"),
+}
 _PRINTABLE = r"^[^\x00-\x1f\x7f-\xa0\xad\u2028\u2029\ud800-\udfff]*\Z"
 
 Line = Annotated[str, Meta(pattern=_PRINTABLE)]
-_ModulusMpa = Annotated[float, Meta(ge=_HINTED["mean_mpa"].low, le=_HINTED["mean_mpa"].high)]
+_ModulusMpa = Annotated[
+    float, Meta(ge=_HINTED["mean_mpa"].low, le=_HINTED["mean_mpa"].high)
+]
 _ModulusSdMpa = Annotated[float, Meta(ge=0.0, le=_HINTED["mean_mpa"].high)]
-_ThicknessUm = Annotated[float, Meta(ge=_HINTED["thickness_um"].low, le=_HINTED["thickness_um"].high)]
+_ThicknessUm = Annotated[
+    float, Meta(ge=_HINTED["thickness_um"].low, le=_HINTED["thickness_um"].high)
+]
 _Rigidity = Annotated[float, Meta(ge=0.0, le=STIFFEST_RIGIDITY)]
 _LeanDeg = Annotated[float, Meta(ge=0.0, le=allowed("lean_deg").high)]
 _Stiffening = Annotated[float, Meta(ge=0.0, le=200.0)]
@@ -109,7 +125,9 @@ class CalibrationSummary:
     @property
     def digests(self) -> frozenset[str]:
         """The digests of the frames that were used, whatever their files are called (`UsedFrame.sha256`)."""
-        return frozenset(frame.sha256 for eye in self.eyes.values() for frame in eye.frames)
+        return frozenset(
+            frame.sha256 for eye in self.eyes.values() for frame in eye.frames
+        )
 
 
 def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
@@ -119,7 +137,9 @@ def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
 
 def open_calibration(path: str | PathLike[str]) -> CalibrationFile:
     """Read a calibration file for `summary_of` or `calibration.result.parse_calibration`; raises `CalibrationError`."""
-    return parse_calibration_file(read_bytes(Path(path), KINDS["calibration"]), str(path))
+    return parse_calibration_file(
+        read_bytes(Path(path), KINDS["calibration"]), str(path)
+    )
 
 
 def write_calibration(content: Mapping[str, Any], path: Path) -> None:
@@ -171,24 +191,45 @@ def converted(content: Any, record: type[Record], place: str) -> Record:
         what, _, path = str(fault).rstrip("`").partition(" - at `$")
         missing = re.fullmatch(r"Object missing required field `(\w+)`?", what)
         if missing:
-            raise CalibrationError(f"{place}{path}.{missing[1]} is missing; {WRITER}") from fault
+            raise CalibrationError(
+                f"{place}{path}.{missing[1]} is missing; {WRITER}"
+            ) from fault
         found, key = content, ""
         for name, index in re.findall(r"\.(\w+)|\[(\d+)\]", path):
             found, key = found[name or int(index)], name or key
-        hint = meant(key, found, _HINTED[key]) if key in _HINTED and type(found) in (int, float) else ""
-        wanted = "expected a text of one line" if "regex" in what else f"{what[0].lower()}{what[1:]}".replace("`", "")
-        raise CalibrationError(f"{place}{path}: {wanted}, found {found!r:.40}{hint}; {WRITER}") from fault
+        hint = (
+            meant(key, found, _HINTED[key])
+            if key in _HINTED and type(found) in (int, float)
+            else ""
+        )
+        wanted = (
+            "expected a text of one line"
+            if "regex" in what
+            else f"{what[0].lower()}{what[1:]}".replace("`", "")
+        )
+        raise CalibrationError(
+            f"{place}{path}: {wanted}, found {found!r:.40}{hint}; {WRITER}"
+        ) from fault
 
 
 def summary_of(file: CalibrationFile) -> CalibrationSummary:
     """Return the part of a file that others than `calibration` need; raises `CalibrationError`."""
     name, content = file.path, file.content
-    population = converted(content.get("population"), _Population, f"{name}: population")
+    population = converted(
+        content.get("population"), _Population, f"{name}: population"
+    )
     return CalibrationSummary(
-        eyes={eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
-        population_mean_pa=to_si(population.mean_mpa, "mpa"), population_sd_pa=to_si(population.sd_mpa, "mpa"),
-        population_stiffening=population.stiffening, mechanics=content["mechanics"], path=name, sha256=file.sha256,
-    )  # fmt: skip
+        eyes={
+            eye: summary_of_eye(entry, f"{name}: eyes.{eye}")
+            for eye, entry in content["eyes"].items()
+        },
+        population_mean_pa=to_si(population.mean_mpa, "mpa"),
+        population_sd_pa=to_si(population.sd_mpa, "mpa"),
+        population_stiffening=population.stiffening,
+        mechanics=content["mechanics"],
+        path=name,
+        sha256=file.sha256,
+    )
 
 
 def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
@@ -198,13 +239,23 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
     except ValueError as fault:
         raise CalibrationError(f"{name}: {fault}") from fault
     if not isinstance(content, dict) or content.get("format") != CALIBRATION_FORMAT:
-        found = f"found {content.get('format')!r:.40}" if isinstance(content, dict) else "found no object"
+        found = (
+            f"found {content.get('format')!r:.40}"
+            if isinstance(content, dict)
+            else "found no object"
+        )
         wanted = f"expected a JSON object with format {CALIBRATION_FORMAT}"
-        raise CalibrationError(f"{name}: format: {wanted}, {found}; {WRITER} of this version")
+        raise CalibrationError(
+            f"{name}: format: {wanted}, {found}; {WRITER} of this version"
+        )
     if content.get("mechanics") not in MECHANICS:
         found = f"{content.get('mechanics')!r:.40}"
-        raise CalibrationError(f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found}; {WRITER}")
-    for eye in converted(content.get("eyes"), dict[str, dict[str, Any]], f"{name}: eyes"):
+        raise CalibrationError(
+            f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found}; {WRITER}"
+        )
+    for eye in converted(
+        content.get("eyes"), dict[str, dict[str, Any]], f"{name}: eyes"
+    ):
         wrong = name_fault(eye)
         if wrong:
             raise CalibrationError(f"{name}: eyes: {wrong}")
@@ -214,28 +265,52 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
 def summary_of_eye(entry: Any, place: str) -> EyeSummary:
     """Return one entry of `eyes`; `place` is its place in messages; raises `CalibrationError`."""
     eye = converted(entry, _EyeEntry, place)
-    unchanged = ("frames", "discrepancy", "stiffening", "relaxation", "status", "without_force")
+    unchanged = (
+        "frames",
+        "discrepancy",
+        "stiffening",
+        "relaxation",
+        "status",
+        "without_force",
+    )
     return EyeSummary(
-        mean_pa=to_si(eye.mean_mpa, "mpa"), sd_pa=to_si(eye.sd_mpa, "mpa"), thickness_m=to_si(eye.thickness_um, "um"),
-        lean_rad=to_si(eye.lean_deg, "deg"), globe=OPEN if eye.globe is UNSET else _globe(eye.globe, f"{place}.globe"),
+        mean_pa=to_si(eye.mean_mpa, "mpa"),
+        sd_pa=to_si(eye.sd_mpa, "mpa"),
+        thickness_m=to_si(eye.thickness_um, "um"),
+        lean_rad=to_si(eye.lean_deg, "deg"),
+        globe=OPEN if eye.globe is UNSET else _globe(eye.globe, f"{place}.globe"),
         **{name: getattr(eye, name) for name in unchanged},
-    )  # fmt: skip
+    )
 
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
     """Return the entry of a globe in the file, with the band that holds its rigidity with 90 %."""
     values = dict(zip(("low", "high"), globe.band, strict=True))
-    values |= {name: getattr(globe, name) for name in ("mean", "sd", "lowest", "highest")}
+    values |= {
+        name: getattr(globe, name) for name in ("mean", "sd", "lowest", "highest")
+    }
     rigidity = {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()}
     unchanged = {name: getattr(globe, name) for name in UNCHANGED}
-    return {"kind": globe.kind, "rigidity_law": globe.law, "rigidity_mmhg13_per_ul": rigidity, **unchanged}
+    return {
+        "kind": globe.kind,
+        "rigidity_law": globe.law,
+        "rigidity_mmhg13_per_ul": rigidity,
+        **unchanged,
+    }
 
 
 def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
     rigidity = entry.rigidity_mmhg13_per_ul
-    if rigidity.highest < rigidity.lowest or (rigidity.highest > 0.0 and not rigidity.sd > 0.0):
-        raise CalibrationError(f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0; {WRITER}")
-    values = {name: to_si(value, RIGIDITY_UNIT) for name, value in msgspec.structs.asdict(rigidity).items()}
+    if rigidity.highest < rigidity.lowest or (
+        rigidity.highest > 0.0 and not rigidity.sd > 0.0
+    ):
+        raise CalibrationError(
+            f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0; {WRITER}"
+        )
+    values = {
+        name: to_si(value, RIGIDITY_UNIT)
+        for name, value in msgspec.structs.asdict(rigidity).items()
+    }
     unchanged = {name: getattr(entry, name) for name in UNCHANGED}
     return KnownGlobe(kind=entry.kind, law=entry.rigidity_law, **values, **unchanged)
 
@@ -250,17 +325,46 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     """
     modulus, own = calibrated_modulus(summary, eye), summary.eyes.get(eye)
     if own is not None and not own.usable:
-        return replace(known, modulus=None, globe=None if own.globe.kind == "unknown" else known.globe)
+        return replace(
+            known,
+            modulus=None,
+            globe=None if own.globe.kind == "unknown" else known.globe,
+        )
     if own is None or modulus is None:
         relaxation = known.relaxation or population_relaxation(summary)
-        known = replace(known, modulus=modulus, stiffening=summary.population_stiffening, relaxation=relaxation)
+        known = replace(
+            known,
+            modulus=modulus,
+            stiffening=summary.population_stiffening,
+            relaxation=relaxation,
+        )
         leans = [eye.lean_rad for eye in summary.eyes.values() if eye.usable]
         stated = [lean for lean in leans if lean is not None]
-        return replace(known, calibrated_lean_rad=sum(stated) / len(stated) if 0 < len(stated) == len(leans) else None)
-    globe = own.globe if known.globe is None or own.globe.kind in (known.globe.kind, "unknown") else known.globe
-    known = replace(known, modulus=modulus, globe=globe, thickness_m=own.thickness_m, calibrated_lean_rad=own.lean_rad)
+        return replace(
+            known,
+            calibrated_lean_rad=sum(stated) / len(stated)
+            if 0 < len(stated) == len(leans)
+            else None,
+        )
+    globe = (
+        own.globe
+        if known.globe is None or own.globe.kind in (known.globe.kind, "unknown")
+        else known.globe
+    )
+    known = replace(
+        known,
+        modulus=modulus,
+        globe=globe,
+        thickness_m=own.thickness_m,
+        calibrated_lean_rad=own.lean_rad,
+    )
     relaxation = own.relaxation or known.relaxation
-    return replace(known, stiffening=own.stiffening, discrepancy=own.discrepancy, relaxation=relaxation)
+    return replace(
+        known,
+        stiffening=own.stiffening,
+        discrepancy=own.discrepancy,
+        relaxation=relaxation,
+    )
 
 
 def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None:
@@ -274,7 +378,10 @@ def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None
         means = np.array([getattr(one, mean) for one in eyes])
         within = np.mean([getattr(one, covariance) for one in eyes], axis=0)
         between = np.cov(means.T) if len(eyes) > 1 else within
-        joined |= {mean: tuple(means.mean(axis=0).tolist()), covariance: rows(within + between)}
+        joined |= {
+            mean: tuple(means.mean(axis=0).tolist()),
+            covariance: rows(within + between),
+        }
     for name in ("every_s", "held_s"):
         found_s = [getattr(one, name) for one in eyes]
         joined[name] = None if None in found_s else float(np.median(found_s))
@@ -291,7 +398,11 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
     own = summary.eyes.get(eye)
     if own is not None:
         source = "shape" if own.without_force else "own"
-        return Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source=source) if own.usable else None
+        return (
+            Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source=source)
+            if own.usable
+            else None
+        )
     return population_modulus(summary)
 
 
@@ -301,8 +412,16 @@ def population_modulus(summary: CalibrationSummary) -> Modulus | None:
         return None
     mean_pa = summary.population_mean_pa
     if summary.population_sd_pa is None:
-        return Modulus(mean_pa=mean_pa, sd_pa=sqrt(2.0) * POPULATION_SD * mean_pa, source="population")
-    return Modulus(mean_pa=mean_pa, sd_pa=max(summary.population_sd_pa, POPULATION_SD * mean_pa), source="population")
+        return Modulus(
+            mean_pa=mean_pa,
+            sd_pa=sqrt(2.0) * POPULATION_SD * mean_pa,
+            source="population",
+        )
+    return Modulus(
+        mean_pa=mean_pa,
+        sd_pa=max(summary.population_sd_pa, POPULATION_SD * mean_pa),
+        source="population",
+    )
 
 
 def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
@@ -311,11 +430,15 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     if own is not None and own.usable:
         return None
     there = "is not in" if own is None else f"is not usable ({own.status}) in"
-    names = ", ".join(list(summary.eyes)[:NAMED_EYES]) + (", ..." if len(summary.eyes) > NAMED_EYES else "")
+    names = ", ".join(list(summary.eyes)[:NAMED_EYES]) + (
+        ", ..." if len(summary.eyes) > NAMED_EYES else ""
+    )
     modulus = calibrated_modulus(summary, eye)
     count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
     if modulus is None:
-        read = "as one of unknown modulus" + (" in an unknown globe" if own and own.globe.kind == "unknown" else "")
+        read = "as one of unknown modulus" + (
+            " in an unknown globe" if own and own.globe.kind == "unknown" else ""
+        )
     else:
         sd = f"{from_si(modulus.relative_sd, 'percent'):.0f} %"
         read = f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- {sd}"

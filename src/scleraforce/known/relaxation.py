@@ -18,11 +18,17 @@ _Vector = tuple[_Number, ...]
 Source = Literal["declared", "holds", "population"]
 Matrix = tuple[_Vector, ...]
 
-MOMENTS = {"shares": "covariance", "held": "held_covariance", "before_n": "before_covariance_n2"}  # of each mean
+MOMENTS = {
+    "shares": "covariance",
+    "held": "held_covariance",
+    "before_n": "before_covariance_n2",
+}  # of each mean
 MOMENTS["after"] = "after_covariance_n2"
 # Of tissue whose histories are not known: memory may be anything up to these, all terms alike.
 MOST_HELD, MOST_BEFORE_N = 1.0, 15e-3
-SPREAD = 1.0 / 3.0  # standard deviation of such a memory over its largest value: 90 % reach from none to all
+SPREAD = (
+    1.0 / 3.0
+)  # standard deviation of such a memory over its largest value: 90 % reach from none to all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,24 +58,49 @@ class KnownRelaxation:
 
     def __post_init__(self) -> None:
         size = len(self.times_s)
-        vectors, matrices = ([getattr(self, name) for name in names] for names in (MOMENTS, MOMENTS.values()))
-        square = all(len(matrix) == size and all(len(row) == size for row in matrix) for matrix in matrices)
-        if not square or any(len(vector) != size for vector in vectors) or not sum(self.shares) < 1.0:
-            raise CalibrationError("relaxation: its parts have several lengths, or shares add up to 1 or more")
+        vectors, matrices = (
+            [getattr(self, name) for name in names]
+            for names in (MOMENTS, MOMENTS.values())
+        )
+        square = all(
+            len(matrix) == size and all(len(row) == size for row in matrix)
+            for matrix in matrices
+        )
+        if (
+            not square
+            or any(len(vector) != size for vector in vectors)
+            or not sum(self.shares) < 1.0
+        ):
+            raise CalibrationError(
+                "relaxation: its parts have several lengths, or shares add up to 1 or more"
+            )
 
     @classmethod
     def of(
-        cls, shares: Sequence[float], times_s: Sequence[float], covariance: Floats, source: Source
+        cls,
+        shares: Sequence[float],
+        times_s: Sequence[float],
+        covariance: Floats,
+        source: Source,
     ) -> "KnownRelaxation":
         """Return a relaxation of tissue of which no history is known."""
         terms = len(shares)
         return cls(
-            times_s=tuple(times_s), shares=tuple(shares), covariance=rows(covariance), held=(MOST_HELD / 2,) * terms,
+            times_s=tuple(times_s),
+            shares=tuple(shares),
+            covariance=rows(covariance),
+            held=(MOST_HELD / 2,) * terms,
             held_covariance=rows(np.full((terms, terms), (SPREAD * MOST_HELD) ** 2)),
             before_n=(MOST_BEFORE_N / 2,) * terms,
-            before_covariance_n2=rows(np.full((terms, terms), (SPREAD * MOST_BEFORE_N) ** 2)), after=(0.0,) * terms,
-            after_covariance_n2=rows(np.zeros((terms, terms))), every_s=None, held_s=None, source=source,
-        )  # fmt: skip
+            before_covariance_n2=rows(
+                np.full((terms, terms), (SPREAD * MOST_BEFORE_N) ** 2)
+            ),
+            after=(0.0,) * terms,
+            after_covariance_n2=rows(np.zeros((terms, terms))),
+            every_s=None,
+            held_s=None,
+            source=source,
+        )
 
     @classmethod
     def declared(cls, terms: Sequence[Sequence[float]]) -> "KnownRelaxation":

@@ -22,7 +22,10 @@ Complex = NDArray[np.complex64]
 Drawn = TypeVar("Drawn", bound="DataclassInstance")
 
 LAYER_POISSON_RATIO = 0.45  # of the conjunctiva
-POWERS = {"root": 0.5, "linear": 1.0}  # of the intensity, with which the counts of a display grow
+POWERS = {
+    "root": 0.5,
+    "linear": 1.0,
+}  # of the intensity, with which the counts of a display grow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,14 +98,26 @@ class Conjunctiva:
             return uneven_m
         lame_lambda, mu = lame_constants(self.modulus_pa, LAYER_POISSON_RATIO)
         pressure_pa = press.force_n / (np.pi * press.radius_m**2)
-        away_m = np.maximum(np.hypot(lateral_m - press.lateral_m, press.gap_m), press.radius_m)
-        beside = 2.0 / np.pi * np.arcsin(press.radius_m / away_m) * np.exp((press.radius_m - away_m) / self.thickness_m)
-        return uneven_m * (1.0 + np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside)
+        away_m = np.maximum(
+            np.hypot(lateral_m - press.lateral_m, press.gap_m), press.radius_m
+        )
+        beside = (
+            2.0
+            / np.pi
+            * np.arcsin(press.radius_m / away_m)
+            * np.exp((press.radius_m - away_m) / self.thickness_m)
+        )
+        return uneven_m * (
+            1.0 + np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside
+        )
 
     def surface(self, outer: Floats) -> Floats:
         """Return its surface over a wall's, both (point, 2) in m: lateral, and depth, which grows downwards."""
         along = np.gradient(outer, axis=0)
-        upward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
+        upward = (
+            np.stack([along[:, 1], -along[:, 0]], axis=1)
+            / np.hypot(along[:, 0], along[:, 1])[:, None]
+        )
         return outer + self.thicknesses(outer[:, 0])[:, None] * upward
 
 
@@ -131,7 +146,9 @@ class NeedleShaft:
         up = np.array([tan(self.angle_rad), -tan(self.lean_rad) / cos(self.angle_rad)])
         angle_rad = atan(float(along @ up))
         out = float(along[0] * up[1] - along[1] * up[0])
-        return replace(self, angle_rad=angle_rad, lean_rad=-atan(out * cos(angle_rad)), gap_m=gap_m)
+        return replace(
+            self, angle_rad=angle_rad, lean_rad=-atan(out * cos(angle_rad)), gap_m=gap_m
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +160,9 @@ class BscanOptics:
     """
 
     snr_db: float  # mean speckle intensity at the wall's surface over the mean noise
-    attenuation_per_m: float  # mu: light passes twice, so the detected intensity falls as exp(-2 mu z)
+    attenuation_per_m: (
+        float  # mu: light passes twice, so the detected intensity falls as exp(-2 mu z)
+    )
     axial_resolution_m: float
     lateral_resolution_m: float
     reflection_db: float  # mirror reflection at normal incidence over the speckle there
@@ -165,12 +184,19 @@ class BscanOptics:
         """Return the counts, not yet whole, of intensities over the mean noise; brighter than `largest` saturates."""
         if self.display in POWERS:
             power = POWERS[self.display]
-            darkest, brightest = (10.0 ** (db / 10.0) for db in (self.display_floor_db, power * self.display_range_db))
+            darkest, brightest = (
+                10.0 ** (db / 10.0)
+                for db in (self.display_floor_db, power * self.display_range_db)
+            )
             shown = (intensity / np.float32(darkest)) ** np.float32(power)
             counts = (shown - 1.0) * np.float32(largest / (brightest - 1.0))
         else:
-            level_db = np.float32(10.0) * np.log10(np.maximum(intensity, np.float32(1e-12)))
-            counts = (level_db - np.float32(self.display_floor_db)) * np.float32(largest / self.display_range_db)
+            level_db = np.float32(10.0) * np.log10(
+                np.maximum(intensity, np.float32(1e-12))
+            )
+            counts = (level_db - np.float32(self.display_floor_db)) * np.float32(
+                largest / self.display_range_db
+            )
         return counts.clip(0.0, largest)
 
 
@@ -184,45 +210,83 @@ class Pose:
 
     def place(self, section: Section) -> Section:
         """Return the section in the frame's own coordinates (lateral from the middle, depth from the top edge)."""
-        return Section(self.place_points(section.outer), self.place_points(section.inner))
+        return Section(
+            self.place_points(section.outer), self.place_points(section.inner)
+        )
 
     def place_points(self, points: Floats) -> Floats:
         """Return points (point, 2), m, in the frame's own coordinates."""
         c, s = cos(self.tilt_rad), sin(self.tilt_rad)
-        return points @ np.array([[c, s], [-s, c]]) + np.array([self.lateral_m, self.depth_m])
+        return points @ np.array([[c, s], [-s, c]]) + np.array(
+            [self.lateral_m, self.depth_m]
+        )
 
 
-def drawn(kind: type[Drawn], ranges: object, rng: np.random.Generator, prefix: str = "", **given: object) -> Drawn:
+def drawn(
+    kind: type[Drawn],
+    ranges: object,
+    rng: np.random.Generator,
+    prefix: str = "",
+    **given: object,
+) -> Drawn:
     """Draw a record: fields without a default from the range of `prefix` + name, or as given (functions are called)."""
     values = {}
-    for name in (item.name for item in fields(kind) if item.name in given or item.default is MISSING):
-        value = given[name] if name in given else draw(getattr(ranges, prefix + name), rng)
+    for name in (
+        item.name
+        for item in fields(kind)
+        if item.name in given or item.default is MISSING
+    ):
+        value = (
+            given[name] if name in given else draw(getattr(ranges, prefix + name), rng)
+        )
         values[name] = value() if callable(value) else value
     return kind(**values)
 
 
-def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Generator) -> BscanOptics:
+def sample_optics(
+    phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Generator
+) -> BscanOptics:
     """Draw the optics of one frame, every effect independently."""
     half_width_m = oct_study.width_m / 2
     optics = drawn(BscanOptics, phantom, rng, display=phantom.display)
     shadows = tuple(
-        drawn(Shadow, phantom, rng, "shadow_", centre_m=float(rng.uniform(-half_width_m, half_width_m)))
+        drawn(
+            Shadow,
+            phantom,
+            rng,
+            "shadow_",
+            centre_m=float(rng.uniform(-half_width_m, half_width_m)),
+        )
         for _ in range(int(draw(phantom.shadow_count, rng)))
     )
-    lines = tuple(drawn(Line, phantom, rng, "line_") for _ in range(int(draw(phantom.line_count, rng))))
+    lines = tuple(
+        drawn(Line, phantom, rng, "line_")
+        for _ in range(int(draw(phantom.line_count, rng)))
+    )
     covers = tuple(
-        drawn(Cover, phantom, rng, "cover_", thickness_m=lambda: draw(phantom.line_thickness_m, rng))
+        drawn(
+            Cover,
+            phantom,
+            rng,
+            "cover_",
+            thickness_m=lambda: draw(phantom.line_thickness_m, rng),
+        )
         for _ in range(int(draw(phantom.cover_count, rng)))
     )
     return replace(optics, shadows=shadows, lines=lines, covers=covers)
 
 
-def sample_conjunctiva(phantom: PhantomStudy, rng: np.random.Generator) -> Conjunctiva | None:
+def sample_conjunctiva(
+    phantom: PhantomStudy, rng: np.random.Generator
+) -> Conjunctiva | None:
     """Draw the conjunctiva of one recording; None if its thickness is 0."""
     thickness_m = draw(phantom.conjunctiva_thickness_m, rng)
     if thickness_m == 0.0:
         return None
-    given = {"thickness_m": thickness_m, "phase_rad": lambda: float(rng.uniform(-np.pi, np.pi))}
+    given = {
+        "thickness_m": thickness_m,
+        "phase_rad": lambda: float(rng.uniform(-np.pi, np.pi)),
+    }
     return drawn(Conjunctiva, phantom, rng, "conjunctiva_", **given)
 
 
@@ -232,7 +296,9 @@ def sample_needle(
     """Draw the needle of one recording; None if the study has none."""
     if not draw(phantom.needle_count, rng):
         return None
-    return drawn(NeedleShaft, phantom, rng, "needle_", diameter_m=diameter_m, gap_m=gap_m)
+    return drawn(
+        NeedleShaft, phantom, rng, "needle_", diameter_m=diameter_m, gap_m=gap_m
+    )
 
 
 def transmission(shadows: Sequence[Shadow], columns_m: Floats) -> Singles:
@@ -240,20 +306,37 @@ def transmission(shadows: Sequence[Shadow], columns_m: Floats) -> Singles:
     left = np.ones(len(columns_m))
     for shadow in shadows:
         across = (columns_m - shadow.centre_m) / (shadow.width_m / 2)
-        left *= 1.0 - shadow.loss_fraction * np.exp(-log(2.0) * across**4)  # flat bottom, soft edges
+        left *= 1.0 - shadow.loss_fraction * np.exp(
+            -log(2.0) * across**4
+        )  # flat bottom, soft edges
     return left.astype(np.float32)
 
 
-def add_ridge(field: Complex, depth_rows: Reals, amplitude: Reals, sigma_rows: float, rng: np.random.Generator) -> None:
+def add_ridge(
+    field: Complex,
+    depth_rows: Reals,
+    amplitude: Reals,
+    sigma_rows: float,
+    rng: np.random.Generator,
+) -> None:
     """Add a thin bright curve with a random phase in each column to the field; NaN depths are left out."""
     sigma = max(sigma_rows, 0.4)  # not narrower than a pixel shows
-    column = np.flatnonzero(np.isfinite(depth_rows) & np.isfinite(amplitude) & (np.abs(depth_rows) < 2 * len(field)))
-    depth, strength = depth_rows[column], amplitude[column] * np.exp(2j * np.pi * rng.random(len(column)))
+    column = np.flatnonzero(
+        np.isfinite(depth_rows)
+        & np.isfinite(amplitude)
+        & (np.abs(depth_rows) < 2 * len(field))
+    )
+    depth, strength = (
+        depth_rows[column],
+        amplitude[column] * np.exp(2j * np.pi * rng.random(len(column))),
+    )
     reach = ceil(4 * sigma)
     row = np.floor(depth).astype(int) + np.arange(-reach, reach + 1)[:, None]
     profile = np.exp(-(((row + 0.5 - depth) / sigma) ** 2) / 2)
     seen = (row >= 0) & (row < len(field))
-    field[row[seen], np.broadcast_to(column, row.shape)[seen]] += (profile * strength)[seen].astype(np.complex64)
+    field[row[seen], np.broadcast_to(column, row.shape)[seen]] += (profile * strength)[
+        seen
+    ].astype(np.complex64)
 
 
 def circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Complex:
@@ -265,14 +348,22 @@ def circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Compl
 def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Complex:
     """Filter a field of independent scatterers with a Gaussian point spread function that keeps the mean intensity."""
     parts = np.ascontiguousarray(field).view(np.float32).reshape(*field.shape, 2)
-    seen = cv2.sepFilter2D(parts, -1, _kernel(sigma_columns), _kernel(sigma_rows), borderType=cv2.BORDER_REFLECT_101)
+    seen = cv2.sepFilter2D(
+        parts,
+        -1,
+        _kernel(sigma_columns),
+        _kernel(sigma_rows),
+        borderType=cv2.BORDER_REFLECT_101,
+    )
     return np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
 
 
 def spread(intensity: Singles, sigma_rows: float, sigma_columns: float) -> Singles:
     """Return the mean intensity of a field that is `seen_through`, of the scatterers' intensity."""
     down, across = np.square(_kernel(sigma_rows)), np.square(_kernel(sigma_columns))
-    seen = cv2.sepFilter2D(intensity, -1, across, down, borderType=cv2.BORDER_REFLECT_101)
+    seen = cv2.sepFilter2D(
+        intensity, -1, across, down, borderType=cv2.BORDER_REFLECT_101
+    )
     return seen.astype(np.float32, copy=False)
 
 
@@ -298,7 +389,11 @@ def ratios(levels_db: Floats | float) -> Floats:
     return np.power(10.0, np.asarray(levels_db) / 10.0)
 
 
-NO_LIGHT_DB, TOP_DB, STEP_DB = -15.0, 60.0, 0.25  # levels over the mean noise; the lowest stands for none
+NO_LIGHT_DB, TOP_DB, STEP_DB = (
+    -15.0,
+    60.0,
+    0.25,
+)  # levels over the mean noise; the lowest stands for none
 LEVELS = round((TOP_DB - NO_LIGHT_DB) / STEP_DB) + 1
 QUANTILES = 64
 
@@ -321,7 +416,10 @@ class Displayed:
         return self._mean.take(place), self._variance.take(place)
 
     def _place(self, level_db: Singles) -> NDArray[np.int32]:
-        nearest = ((level_db - np.float32(NO_LIGHT_DB)) * np.float32(1.0 / STEP_DB) + np.float32(0.5)).astype(np.int32)
+        nearest = (
+            (level_db - np.float32(NO_LIGHT_DB)) * np.float32(1.0 / STEP_DB)
+            + np.float32(0.5)
+        ).astype(np.int32)
         return np.clip(nearest, 0, LEVELS - 1) + self._first
 
 
@@ -330,5 +428,7 @@ def _intensities() -> Singles:
     """Return quantiles of intensities over the mean noise, (level, quantile); the first level is without light."""
     light = 10.0 ** (0.1 * (NO_LIGHT_DB + STEP_DB * np.arange(LEVELS)))
     light[0] = 0.0
-    quantiles = -np.log1p(-(np.arange(QUANTILES) + 0.5) / QUANTILES)  # of an exponential distribution of mean 1
+    quantiles = -np.log1p(
+        -(np.arange(QUANTILES) + 0.5) / QUANTILES
+    )  # of an exponential distribution of mean 1
     return ((1.0 + light)[:, None] * quantiles).astype(np.float32)

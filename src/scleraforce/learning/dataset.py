@@ -31,7 +31,15 @@ from scleraforce.mechanics.graded import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.section import cut_sections, fill_section, slice_window
 from scleraforce.processes import ClusterWorkers, available_cores, work_units
-from scleraforce.study import Choice, Sampled, Study, format_study, parse_study, refuse_unused, study_hash
+from scleraforce.study import (
+    Choice,
+    Sampled,
+    Study,
+    format_study,
+    parse_study,
+    refuse_unused,
+    study_hash,
+)
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
 UNIT_IMAGES = 200  # about this many samples are simulated and stored together
@@ -65,7 +73,9 @@ class DatasetPlan:
 
     def part(self, samples: slice) -> "DatasetPlan":
         """Return the plan of some samples alone, numbered from 0."""
-        return DatasetPlan(**{name: values[samples] for name, values in vars(self).items()})
+        return DatasetPlan(
+            **{name: values[samples] for name, values in vars(self).items()}
+        )
 
 
 def plan_dataset(study: Study) -> DatasetPlan:
@@ -80,27 +90,56 @@ def plan_dataset(study: Study) -> DatasetPlan:
     rng, parts = np.random.default_rng(dataset.seed), []
     for group in dataset.group:
         contacts = min(dataset.contacts, group.images)
-        unseen = min(max(round(dataset.validation_fraction * contacts), 1), contacts - 1)  # both sets get some
+        unseen = min(
+            max(round(dataset.validation_fraction * contacts), 1), contacts - 1
+        )  # both sets get some
         polar_rad = needle.polar_angle_rad.sample(rng, contacts)
         azimuth_rad = rng.uniform(0.0, 2.0 * np.pi, contacts)
         validation = rng.permutation(np.arange(contacts) < unseen)
-        spread = group.images // contacts + (np.arange(contacts) < group.images % contacts)
-        parts.append((polar_rad, azimuth_rad, validation, spread, rng.integers(0, 2**32, group.images, np.uint32)))
-    polar, azimuth, validates, spreads, seed = (np.concatenate(each) for each in zip(*parts, strict=True))
+        spread = group.images // contacts + (
+            np.arange(contacts) < group.images % contacts
+        )
+        parts.append(
+            (
+                polar_rad,
+                azimuth_rad,
+                validation,
+                spread,
+                rng.integers(0, 2**32, group.images, np.uint32),
+            )
+        )
+    polar, azimuth, validates, spreads, seed = (
+        np.concatenate(each) for each in zip(*parts, strict=True)
+    )
     contact = np.repeat(np.arange(len(spreads)), spreads)
     images = [group.images for group in dataset.group]
-    uniform = np.array([np.random.default_rng(number).random(len(DRAWS)) for number in seed])
+    uniform = np.array(
+        [np.random.default_rng(number).random(len(DRAWS)) for number in seed]
+    )
     draws = dict(zip(DRAWS, uniform.T, strict=True))
-    force_n = np.repeat([group.max_force_n for group in dataset.group], images) * draws["force"]
+    force_n = (
+        np.repeat([group.max_force_n for group in dataset.group], images)
+        * draws["force"]
+    )
     return DatasetPlan(
-        force_n=force_n, target=np.array([study.classes.classify(force) for force in force_n], dtype=np.uint8),
-        thickness_m=np.repeat([group.thickness_m for group in dataset.group], images), contact=contact.astype(np.int32),
-        polar_rad=polar[contact], azimuth_rad=azimuth[contact],
-        gap_m=np.full(len(seed), needle.gap_m) if dataset.gap_m is None else _at(dataset.gap_m, draws["gap"]),
-        tilt_rad=_at(dataset.tilt_rad, draws["tilt"]), direction_rad=_at(dataset.direction_rad, draws["direction"]),
+        force_n=force_n,
+        target=np.array(
+            [study.classes.classify(force) for force in force_n], dtype=np.uint8
+        ),
+        thickness_m=np.repeat([group.thickness_m for group in dataset.group], images),
+        contact=contact.astype(np.int32),
+        polar_rad=polar[contact],
+        azimuth_rad=azimuth[contact],
+        gap_m=np.full(len(seed), needle.gap_m)
+        if dataset.gap_m is None
+        else _at(dataset.gap_m, draws["gap"]),
+        tilt_rad=_at(dataset.tilt_rad, draws["tilt"]),
+        direction_rad=_at(dataset.direction_rad, draws["direction"]),
         framing_lateral_m=_at(dataset.framing_lateral_m, draws["framing_lateral"]),
-        framing_depth_m=_at(dataset.framing_depth_m, draws["framing_depth"]), validation=validates[contact], seed=seed,
-    )  # fmt: skip
+        framing_depth_m=_at(dataset.framing_depth_m, draws["framing_depth"]),
+        validation=validates[contact],
+        seed=seed,
+    )
 
 
 def _at(sampled: Sampled, uniform: Floats) -> Floats:
@@ -117,22 +156,38 @@ def unit_samples(study: Study) -> list[slice]:
     It has whole contacts in every group if a common multiple near `UNIT_IMAGES` exists.
     """
     images = sum(group.images for group in study.dataset.group)
-    whole = lcm(*(group.images // min(study.dataset.contacts, group.images) for group in study.dataset.group))
-    size = whole * max(1, round(UNIT_IMAGES / whole)) if whole <= 2 * UNIT_IMAGES else UNIT_IMAGES
+    whole = lcm(
+        *(
+            group.images // min(study.dataset.contacts, group.images)
+            for group in study.dataset.group
+        )
+    )
+    size = (
+        whole * max(1, round(UNIT_IMAGES / whole))
+        if whole <= 2 * UNIT_IMAGES
+        else UNIT_IMAGES
+    )
     return [slice(first, min(first + size, images)) for first in range(0, images, size)]
 
 
 KIND = StoreKind(
-    noun="data set", command="generate", parts="parts", schema="scleraforce-dataset-2", recipe="study",
-    others={"scleraforce-library": "a response library and no data set; `train --kind reader` learns from it"},
+    noun="data set",
+    command="generate",
+    parts="parts",
+    schema="scleraforce-dataset-2",
+    recipe="study",
+    others={
+        "scleraforce-library": "a response library and no data set; `train --kind reader` learns from it"
+    },
     error=DatasetError,
-)  # fmt: skip
+)
 SLICES = "slices"
 MAX_MODULUS_PA = 1e12
 SLACK = 1e-12
 # Floats is "numpy.ndarray[shape, numpy.dtype[numpy.float64]]" or, since NumPy 2.5, a name of its own.
 DTYPES = {
-    name: np.dtype(str(kind).rstrip("]").rpartition(".")[2]).name for name, kind in get_type_hints(DatasetPlan).items()
+    name: np.dtype(str(kind).rstrip("]").rpartition(".")[2]).name
+    for name, kind in get_type_hints(DatasetPlan).items()
 }
 
 
@@ -177,10 +232,16 @@ class Dataset:
         """Read a whole array, `slices` or a metadata's name; raise a DatasetError if it is damaged or impossible."""
         layouts = _layouts(self.study)
         if name not in layouts:
-            raise DatasetError(f"{self.path}: no array {name!r}; there are {', '.join(layouts)}")
-        values = CheckedStore(KIND, self.path, {name: layouts[name]}, attributes=self.attributes).read(name)
+            raise DatasetError(
+                f"{self.path}: no array {name!r}; there are {', '.join(layouts)}"
+            )
+        values = CheckedStore(
+            KIND, self.path, {name: layouts[name]}, attributes=self.attributes
+        ).read(name)
         if wrong := _impossible(name, values, self.study):
-            raise DatasetError(f"{self.path / name}: {wrong}; generate the data set again")
+            raise DatasetError(
+                f"{self.path / name}: {wrong}; generate the data set again"
+            )
         return values
 
 
@@ -198,8 +259,14 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
     path = Path(path)
     attributes = KIND.complete_attributes(path)
     modulus_pa = attributes.get("youngs_modulus_pa")
-    if isinstance(modulus_pa, bool) or not isinstance(modulus_pa, int | float) or not 0.0 < modulus_pa < MAX_MODULUS_PA:
-        raise DatasetError(f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; must be a number of Pa above 0")
+    if (
+        isinstance(modulus_pa, bool)
+        or not isinstance(modulus_pa, int | float)
+        or not 0.0 < modulus_pa < MAX_MODULUS_PA
+    ):
+        raise DatasetError(
+            f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; must be a number of Pa above 0"
+        )
     study = parse_study(attributes["study"], f"{path}: study")
     return Dataset(path, study, float(modulus_pa), attributes)
 
@@ -209,43 +276,75 @@ def _layouts(study: Study) -> dict[str, Layout]:
     units, size = unit_samples(study), (study.slice.rows, study.slice.columns)
     images = units[-1].stop
     slices = layout((images, *size), (units[0].stop, *size), "uint8", compressed=True)
-    return {SLICES: slices, **{name: layout((images,), (images,), dtype) for name, dtype in DTYPES.items()}}
+    return {
+        SLICES: slices,
+        **{name: layout((images,), (images,), dtype) for name, dtype in DTYPES.items()},
+    }
 
 
 def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
     """Return a message if values of an array are impossible for a study, else None."""
     if name == SLICES:
-        return "a pixel other than 0 (no wall) and 255 (wall)" if (values + np.uint8(1) > 1).any() else None
+        return (
+            "a pixel other than 0 (no wall) and 255 (wall)"
+            if (values + np.uint8(1) > 1).any()
+            else None
+        )
     if name == "validation":
-        return "a value other than true and false" if (values.view(np.uint8) > 1).any() else None
+        return (
+            "a value other than true and false"
+            if (values.view(np.uint8) > 1).any()
+            else None
+        )
     if name == "target":
-        return f"a class above {len(study.classes.bounds_n)}" if values.max() > len(study.classes.bounds_n) else None
+        return (
+            f"a class above {len(study.classes.bounds_n)}"
+            if values.max() > len(study.classes.bounds_n)
+            else None
+        )
     if not np.isfinite(values).all():
         return "a value that is not finite"
     if name == "force_n":
         largest_n = max(group.max_force_n for group in study.dataset.group)
         if values.min() < 0.0 or values.max() > largest_n * (1.0 + SLACK):
-            found = f"{from_si(values.min(), 'mn'):g} to {from_si(values.max(), 'mn'):g} mN"
+            found = (
+                f"{from_si(values.min(), 'mn'):g} to {from_si(values.max(), 'mn'):g} mN"
+            )
             return f"{found}; its study asks for 0 to {from_si(largest_n, 'mn'):g} mN"
     return None
 
 
 def create_dataset(
-    path: Path, study: Study, youngs_modulus_pa: float, calibration: CalibrationSummary | None, plan: DatasetPlan,
+    path: Path,
+    study: Study,
+    youngs_modulus_pa: float,
+    calibration: CalibrationSummary | None,
+    plan: DatasetPlan,
     mechanics: str = "linear",
-) -> CheckedStore:  # fmt: skip
+) -> CheckedStore:
     """Create the store with all metadata and no slices, or continue that of an interrupted run of the same study."""
     modulus = calibration and {
         "youngs_modulus_pa": calibration.population_mean_pa,
-        **{name: getattr(calibration, name) for name in ("mechanics", "path", "sha256")},
+        **{
+            name: getattr(calibration, name) for name in ("mechanics", "path", "sha256")
+        },
     }
     packages = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "zarr")
     described = {
-        "study": format_study(study), "study_hash": study_hash(study), "seed": study.dataset.seed,
-        "mechanics": mechanics, "youngs_modulus_pa": youngs_modulus_pa, "calibration": modulus,
+        "study": format_study(study),
+        "study_hash": study_hash(study),
+        "seed": study.dataset.seed,
+        "mechanics": mechanics,
+        "youngs_modulus_pa": youngs_modulus_pa,
+        "calibration": modulus,
         "versions": {name: version(name) for name in packages},
-    }  # fmt: skip
-    store = CheckedStore(KIND, path, _layouts(study), [{SLICES: (unit,)} for unit in range(len(unit_samples(study)))])
+    }
+    store = CheckedStore(
+        KIND,
+        path,
+        _layouts(study),
+        [{SLICES: (unit,)} for unit in range(len(unit_samples(study)))],
+    )
     store.begin(described, vars(plan))
     return store
 
@@ -264,30 +363,54 @@ class SampleSimulator:
     def slices(self, plan: DatasetPlan) -> Bytes:
         """Return the slices of all samples of a plan of the study, shape (samples, rows, columns), 255 = wall."""
         walls = np.flatnonzero(np.diff(plan.thickness_m)) + 1
-        return np.concatenate([self._of_one_wall(plan, part) for part in np.split(np.arange(len(plan)), walls)])
+        return np.concatenate(
+            [
+                self._of_one_wall(plan, part)
+                for part in np.split(np.arange(len(plan)), walls)
+            ]
+        )
 
     def _of_one_wall(self, plan: DatasetPlan, samples: Places) -> Bytes:
         """Slices of samples of one thickness."""
         thickness_m = float(plan.thickness_m[samples[0]])
         if self._wall is None or self._wall.mesh.thickness_m != thickness_m:
             self._wall = None  # frees the last factorisation before the next is made
-            self._wall = LinearWall(study_mesh(self._study, thickness_m), self._study.eye.poisson_ratio)
+            self._wall = LinearWall(
+                study_mesh(self._study, thickness_m), self._study.eye.poisson_ratio
+            )
         wall = self._wall
-        of_contacts = np.split(samples, np.flatnonzero(np.diff(plan.contact[samples])) + 1)
+        of_contacts = np.split(
+            samples, np.flatnonzero(np.diff(plan.contact[samples])) + 1
+        )
         contacts = [_plane(plan, of_contact[0]).contact for of_contact in of_contacts]
-        needles_cnc = wall.needle_cnc(contacts, 0.5 * self._study.needle.outer_diameter_m)
-        images = [self._of_one_contact(wall, plan, *pair) for pair in zip(of_contacts, needles_cnc, strict=True)]
+        needles_cnc = wall.needle_cnc(
+            contacts, 0.5 * self._study.needle.outer_diameter_m
+        )
+        images = [
+            self._of_one_contact(wall, plan, *pair)
+            for pair in zip(of_contacts, needles_cnc, strict=True)
+        ]
         return np.concatenate(images)
 
-    def _of_one_contact(self, wall: LinearWall, plan: DatasetPlan, samples: Places, needle_nc: Floats) -> Bytes:
+    def _of_one_contact(
+        self, wall: LinearWall, plan: DatasetPlan, samples: Places, needle_nc: Floats
+    ) -> Bytes:
         """Slices of the samples of one contact; samples that share their plane are cut together."""
         eye = self._study.eye
-        resting_nc = eye.iop_pa * wall.pressure_nc + eye.density_kg_m3 * STANDARD_GRAVITY_M_S2 * wall.gravity_nc
+        resting_nc = (
+            eye.iop_pa * wall.pressure_nc
+            + eye.density_kg_m3 * STANDARD_GRAVITY_M_S2 * wall.gravity_nc
+        )
         modes_knc = np.stack([resting_nc, needle_nc]) / self._youngs_modulus_pa
-        planes, forces_n = [_plane(plan, sample) for sample in samples], plan.force_n[samples]
+        planes, forces_n = (
+            [_plane(plan, sample) for sample in samples],
+            plan.force_n[samples],
+        )
         if all(plane == planes[0] for plane in planes):
             forces_pf = np.r_[0.0, forces_n][None]
-            unloaded, *loaded = cut_sections(wall.mesh, planes[:1], modes_knc, _weights(forces_pf))[0]
+            unloaded, *loaded = cut_sections(
+                wall.mesh, planes[:1], modes_knc, _weights(forces_pf)
+            )[0]
             resting = [unloaded] * len(loaded)
         else:
             forces_pf = np.c_[np.zeros(len(samples)), forces_n]
@@ -295,13 +418,21 @@ class SampleSimulator:
             resting, loaded = ([pair[state] for pair in pairs] for state in (0, 1))
         tops_m = [float(section.outer[:, 1].min()) for section in resting]
         framings = plan.framing_lateral_m[samples], plan.framing_depth_m[samples]
-        windows = [slice_window(self._study.slice, *placed) for placed in zip(tops_m, *framings, strict=True)]
-        return np.stack([fill_section(*pair) for pair in zip(loaded, windows, strict=True)])
+        windows = [
+            slice_window(self._study.slice, *placed)
+            for placed in zip(tops_m, *framings, strict=True)
+        ]
+        return np.stack(
+            [fill_section(*pair) for pair in zip(loaded, windows, strict=True)]
+        )
 
 
 def _plane(plan: DatasetPlan, sample: int) -> ScanPlane:
     return ScanPlane(
-        Contact(polar_rad=float(plan.polar_rad[sample]), azimuth_rad=float(plan.azimuth_rad[sample])),
+        Contact(
+            polar_rad=float(plan.polar_rad[sample]),
+            azimuth_rad=float(plan.azimuth_rad[sample]),
+        ),
         gap_m=float(plan.gap_m[sample]),
         direction_rad=float(plan.direction_rad[sample]),
         tilt_rad=float(plan.tilt_rad[sample]),
@@ -313,7 +444,9 @@ def _weights(forces_pf: Floats) -> Floats:
     return np.stack([np.ones_like(forces_pf), forces_pf], axis=-1)
 
 
-def library_slices(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, library: Library) -> Bytes:
+def library_slices(
+    study: Study, youngs_modulus_pa: float, plan: DatasetPlan, library: Library
+) -> Bytes:
     """Draw the samples of a plan from the library; return their slices (sample, row, column), 255 = wall.
 
     The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by
@@ -323,14 +456,22 @@ def library_slices(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, li
     slices, bounds = [], [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), len(plan)]
     for samples in (slice(*part) for part in pairwise(bounds)):  # of one contact
         beside = library.for_contact(float(plan.polar_rad[samples.start]))
-        thickness_m, gap_m, tilt_rad = plan.thickness_m[samples], plan.gap_m[samples], plan.tilt_rad[samples]
+        thickness_m, gap_m, tilt_rad = (
+            plan.thickness_m[samples],
+            plan.gap_m[samples],
+            plan.tilt_rad[samples],
+        )
         iop_ratio = np.full(len(thickness_m), study.eye.iop_pa / youngs_modulus_pa)
         resting = beside.at_tip(thickness_m, iop_ratio, np.zeros(len(thickness_m)))
         top_m = highest_depths(resting.curves_sbnc[:, OUTER], gap_m, tilt_rad)
         depth_m = study.slice.margin_m + plan.framing_depth_m[samples] - top_m
         framing = Framing.upright(plan.framing_lateral_m[samples], depth_m)
-        loaded = beside.curves(thickness_m, iop_ratio, plan.force_n[samples] / youngs_modulus_pa)
-        slices.append(draw_slices(loaded.curves_sbnc, gap_m, tilt_rad, framing, study.slice))
+        loaded = beside.curves(
+            thickness_m, iop_ratio, plan.force_n[samples] / youngs_modulus_pa
+        )
+        slices.append(
+            draw_slices(loaded.curves_sbnc, gap_m, tilt_rad, framing, study.slice)
+        )
     return np.concatenate(slices)
 
 
@@ -343,14 +484,21 @@ def check_library(library: Library, study: Study) -> None:
     )
     for name, found, wanted in compared:
         if not np.isclose(found, wanted, rtol=1e-9, atol=0.0):
-            raise DatasetError(f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study")
+            raise DatasetError(
+                f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study"
+            )
 
 
 def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
     """Return the part of a library that all slices of a plan together may show."""
     check_library(library, study)
-    lateral_m = 0.5 * study.slice.columns * study.slice.pixel_m + np.abs(plan.framing_lateral_m).max()
-    depth_m = study.slice.rows * study.slice.pixel_m + study.eye.radius_m  # below what any tilt makes of it
+    lateral_m = (
+        0.5 * study.slice.columns * study.slice.pixel_m
+        + np.abs(plan.framing_lateral_m).max()
+    )
+    depth_m = (
+        study.slice.rows * study.slice.pixel_m + study.eye.radius_m
+    )  # below what any tilt makes of it
     offset_m = plan.gap_m.max() + depth_m * np.abs(np.tan(plan.tilt_rad)).max()
     return library.within(float(np.hypot(lateral_m, offset_m)))
 
@@ -370,9 +518,15 @@ class Generation:
 
 
 def generate_dataset(
-    study: Study, out: Path, *, youngs_modulus_pa: float | None = None, calibration: CalibrationSummary | None = None,
-    library: Library | None = None, workers: int | None = None, progress: Callable[[int], None] | None = None,
-) -> Generation:  # fmt: skip
+    study: Study,
+    out: Path,
+    *,
+    youngs_modulus_pa: float | None = None,
+    calibration: CalibrationSummary | None = None,
+    library: Library | None = None,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Generation:
     """Simulate the data set of a study, or the part of it that an interrupted run has left to do.
 
     The result is the same, byte for byte, for any number of workers and interruptions. The workers are spawned: a
@@ -387,9 +541,13 @@ def generate_dataset(
         raise DatasetError(f"workers: {workers}; must be at least 1")
     mechanics = "linear" if library is None else "finite-strain"
     refuse_unused(study, "generate", mechanics)
-    modulus = youngs_modulus_pa or (calibration.population_mean_pa if calibration else study.eye.youngs_modulus_pa)
+    modulus = youngs_modulus_pa or (
+        calibration.population_mean_pa if calibration else study.eye.youngs_modulus_pa
+    )
     report = progress or (lambda _: None)
-    study = parse_study(format_study(study))  # as the store keeps it: rounded to 15 digits in human units
+    study = parse_study(
+        format_study(study)
+    )  # as the store keeps it: rounded to 15 digits in human units
     plan = plan_dataset(study)
     store = create_dataset(out, study, modulus, calibration, plan, mechanics)
     todo = store.missing()
@@ -419,4 +577,6 @@ def _making(
     units, simulator = unit_samples(study), SampleSimulator(study, youngs_modulus_pa)
     if library is None:
         return lambda unit: simulator.slices(plan.part(units[unit]))
-    return lambda unit: library_slices(study, youngs_modulus_pa, plan.part(units[unit]), library)
+    return lambda unit: library_slices(
+        study, youngs_modulus_pa, plan.part(units[unit]), library
+    )

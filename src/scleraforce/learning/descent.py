@@ -20,25 +20,34 @@ from scleraforce.study import NetworkStudy, RawReaderStudy, ReaderStudy, WallFin
 # Threads that wait by spinning take the cores from whoever else needs them, and from each other: on a busy machine an
 # epoch then takes five times as long. OpenMP reads this when PyTorch loads it.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # repeatable sums on a GPU need it
+os.environ.setdefault(
+    "CUBLAS_WORKSPACE_CONFIG", ":4096:8"
+)  # repeatable sums on a GPU need it
 
 try:
     import onnx as onnx
     import torch as torch
 except ModuleNotFoundError as fault:
-    raise InputError(f"training needs {fault.name}, which is not installed: pip install 'scleraforce[train]'") from None
+    raise InputError(
+        f"training needs {fault.name}, which is not installed: pip install 'scleraforce[train]'"
+    ) from None
 
 OPSET = 17  # old enough for every ONNX Runtime since 1.12
 
 
 def onnx_bytes(
-    network: torch.nn.Module, inputs: Mapping[str, torch.Tensor], outputs: Sequence[str], provenance: Mapping[str, str],
+    network: torch.nn.Module,
+    inputs: Mapping[str, torch.Tensor],
+    outputs: Sequence[str],
+    provenance: Mapping[str, str],
     folded: bool = True,
-) -> bytes:  # fmt: skip
+) -> bytes:
     """Return a network in evaluation mode as a checked ONNX model; equal networks and provenance give equal bytes."""
     file = BytesIO()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of tracing: the other exporter needs one more package
+        warnings.simplefilter(
+            "ignore", DeprecationWarning
+        )  # of tracing: the other exporter needs one more package
         torch.onnx.export(
             network,
             tuple(inputs.values()),
@@ -59,23 +68,35 @@ def onnx_bytes(
 
 
 Settings = NetworkStudy | ReaderStudy | WallFinderStudy | RawReaderStudy
-SECTIONS = dict(zip(get_args(Settings), ("network", "reader", "wall_finder", "raw_reader"), strict=True))
+SECTIONS = dict(
+    zip(
+        get_args(Settings),
+        ("network", "reader", "wall_finder", "raw_reader"),
+        strict=True,
+    )
+)
 CURVE_POINTS = 50
 AHEAD = 4  # chunks of samples for each process that are drawn or wait
 READER_THREADS = 1
 DEVICES = ("auto", "cpu", "cuda")
 Progress = Callable[[int], object] | None
-Losses = Iterable[tuple[torch.Tensor, int]]  # mean losses of batches, computed lazily, and their numbers of samples
+Losses = Iterable[
+    tuple[torch.Tensor, int]
+]  # mean losses of batches, computed lazily, and their numbers of samples
 Drawn = TypeVar("Drawn")
 Samples = TypeVar("Samples")
 Network = TypeVar("Network", bound=torch.nn.Module)
 
 
-def drawn_ahead(draw: Callable[[int], Drawn], numbers: Sequence[int], workers: int) -> Generator[Drawn, None, None]:
+def drawn_ahead(
+    draw: Callable[[int], Drawn], numbers: Sequence[int], workers: int
+) -> Generator[Drawn, None, None]:
     """Yield numbered samples in order, drawn ahead by `workers` processes (or a cluster's) until closed; 0: here."""
     if not workers:
         return (draw(number) for number in numbers)
-    return work_in_order(partial(partial, draw), numbers, workers, ahead=AHEAD * workers)  # nothing is prepared
+    return work_in_order(
+        partial(partial, draw), numbers, workers, ahead=AHEAD * workers
+    )  # nothing is prepared
 
 
 def chosen_device(name: str) -> str:
@@ -88,7 +109,9 @@ def chosen_device(name: str) -> str:
         raise InputError(f"device: {name!r}; give one of {', '.join(DEVICES)}")
     found = torch.cuda.is_available()
     if name == "cuda" and not found:
-        raise InputError("device: cuda, but PyTorch finds no GPU on this machine; give cpu or auto")
+        raise InputError(
+            "device: cuda, but PyTorch finds no GPU on this machine; give cpu or auto"
+        )
     return "cuda" if found and name != "cpu" else "cpu"
 
 
@@ -98,7 +121,11 @@ def tensor(array: NDArray[Any]) -> torch.Tensor:
 
 
 def descend(
-    network: torch.nn.Module, optimiser: torch.optim.Optimizer, rounds: Iterable[Losses], study: Settings, steps: int
+    network: torch.nn.Module,
+    optimiser: torch.optim.Optimizer,
+    rounds: Iterable[Losses],
+    study: Settings,
+    steps: int,
 ) -> Iterator[float]:
     """Take a step down the gradient of each batch's loss, its norm clipped; yield the mean loss of each round.
 
@@ -112,13 +139,17 @@ def descend(
                 group["lr"] = learning_rate(study, step, steps)
             optimiser.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]  # PyTorch does not annotate it
-            torch.nn.utils.clip_grad_norm_(network.parameters(), study.max_gradient_norm)
+            torch.nn.utils.clip_grad_norm_(
+                network.parameters(), study.max_gradient_norm
+            )
             optimiser.step()
             step += 1
             total, samples = total + loss.item() * count, samples + count
             if not np.isfinite(total):
                 key = f"{SECTIONS[type(study)]}.learning_rate"
-                raise SolverError(f"training diverged in step {step} of {steps}; lower {key}")
+                raise SolverError(
+                    f"training diverged in step {step} of {steps}; lower {key}"
+                )
         yield total / samples
 
 
@@ -131,10 +162,15 @@ class Fitted(Generic[Network]):
 
 
 def trained(
-    build: Callable[[], Network], losses_of: Callable[[Network, int, Samples], Losses],
-    drawn: Generator[Samples, None, None], study: Settings, steps: int, progress: Progress = None,
-    threads: int = READER_THREADS, device: str = "cpu",
-) -> Fitted[Network]:  # fmt: skip
+    build: Callable[[], Network],
+    losses_of: Callable[[Network, int, Samples], Losses],
+    drawn: Generator[Samples, None, None],
+    study: Settings,
+    steps: int,
+    progress: Progress = None,
+    threads: int = READER_THREADS,
+    device: str = "cpu",
+) -> Fitted[Network]:
     """Train a new network on one thread or on a GPU, as others draw; the losses are of each draw.
 
     `losses_of` gives the mean losses of the batches in the samples of a draw, by its number, and their sizes; `drawn`
@@ -144,9 +180,13 @@ def trained(
     losses: list[float] = []
     with closing(drawn), repeatable(study.seed, threads, device):
         network = build().to(device).train()
-        rounds = (losses_of(network, number, samples) for number, samples in enumerate(drawn))
+        rounds = (
+            losses_of(network, number, samples) for number, samples in enumerate(drawn)
+        )
         with torch.device(device):
-            for loss in descend(network, _optimiser(network, study), rounds, study, steps):
+            for loss in descend(
+                network, _optimiser(network, study), rounds, study, steps
+            ):
                 losses.append(loss)
                 if progress:
                     progress(1)
@@ -155,9 +195,16 @@ def trained(
 
 def _optimiser(network: torch.nn.Module, study: Settings) -> torch.optim.Optimizer:
     if isinstance(study, NetworkStudy):
-        return torch.optim.SGD(network.parameters(), study.learning_rate, study.momentum, fused=True)
+        return torch.optim.SGD(
+            network.parameters(), study.learning_rate, study.momentum, fused=True
+        )
     fused = True if isinstance(study, ReaderStudy) else None
-    return torch.optim.AdamW(network.parameters(), study.learning_rate, weight_decay=study.weight_decay, fused=fused)
+    return torch.optim.AdamW(
+        network.parameters(),
+        study.learning_rate,
+        weight_decay=study.weight_decay,
+        fused=fused,
+    )
 
 
 def learning_rate(study: Settings, step: int, steps: int) -> float:
@@ -170,13 +217,19 @@ def learning_rate(study: Settings, step: int, steps: int) -> float:
 
 def curve(losses: Sequence[float]) -> tuple[float, ...]:
     """Return the mean losses of `CURVE_POINTS` even parts of a training."""
-    return tuple(float(part.mean()) for part in np.array_split(losses, min(CURVE_POINTS, len(losses))))
+    return tuple(
+        float(part.mean())
+        for part in np.array_split(losses, min(CURVE_POINTS, len(losses)))
+    )
 
 
 @contextmanager
 def repeatable(seed: int, of_torch: int, device: str = "cpu") -> Iterator[None]:
     """Seed PyTorch and fix its number of threads; put everything back afterwards."""
-    threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
+    threads, strict = (
+        torch.get_num_threads(),
+        torch.are_deterministic_algorithms_enabled(),
+    )
     with torch.random.fork_rng(devices=[0] if device == "cuda" else []):
         torch.manual_seed(seed)
         torch.set_num_threads(of_torch)

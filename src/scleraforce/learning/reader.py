@@ -19,10 +19,25 @@ from numpy.typing import NDArray
 
 from scleraforce.learning import descent
 from scleraforce.learning.descent import Fitted, Losses, Progress, tensor, torch
-from scleraforce.learning.samples import CHUNK, ForceSamples, ReaderSamples, Source, concatenated, validation_chunks
+from scleraforce.learning.samples import (
+    CHUNK,
+    ForceSamples,
+    ReaderSamples,
+    Source,
+    concatenated,
+    validation_chunks,
+)
 from scleraforce.library.sections import column_laterals
 from scleraforce.reader.metrics import accuracy, confusion_matrix
-from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES, histogram_reading, ratio_edges
+from scleraforce.reader.networks import (
+    CONTACT,
+    GIVEN,
+    GIVEN_INPUT,
+    HISTOGRAM,
+    SLICES,
+    histogram_reading,
+    ratio_edges,
+)
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Choice, ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si, to_si
@@ -31,9 +46,14 @@ FEATURES = 3  # of a column: wall at all, amount of wall, mean depth below the c
 KERNEL, STRIDE = 5, 2
 GIVEN_UNITS = 32
 COMPONENTS = 3  # of the mixture that describes the force
-SHARPNESS = (-6.0, 1.0)  # least and largest logarithm of a component's scale, over the range of the histogram
+SHARPNESS = (
+    -6.0,
+    1.0,
+)  # least and largest logarithm of a component's scale, over the range of the histogram
 FAR = 1e4  # stands for the ends of the line, over the range of the histogram
-TYPICAL_WALL = 0.6e-3  # m: amounts and depths enter in such units, so that they are of order one
+TYPICAL_WALL = (
+    0.6e-3  # m: amounts and depths enter in such units, so that they are of order one
+)
 PLACE_WEIGHT, PLACE_KNEE_MM = 2.0, 0.2
 
 
@@ -46,37 +66,57 @@ class ReaderNetwork(torch.nn.Module):
     `slices`: float, 0 or 1, shape (sample, row, column); `given`: shape (sample, len(GIVEN)).
     """
 
-    def __init__(self, reader: ReaderStudy, slice_study: SliceStudy, radius_m: float) -> None:
+    def __init__(
+        self, reader: ReaderStudy, slice_study: SliceStudy, radius_m: float
+    ) -> None:
         """Build the network with random weights (from PyTorch's generator)."""
         super().__init__()
-        depth = (np.arange(slice_study.rows) + 0.5 - slice_study.rows / 2) * slice_study.pixel_m / TYPICAL_WALL
+        depth = (
+            (np.arange(slice_study.rows) + 0.5 - slice_study.rows / 2)
+            * slice_study.pixel_m
+            / TYPICAL_WALL
+        )
         projection = np.stack([np.ones(slice_study.rows), depth])[:, :, None]
         lateral_m = column_laterals(slice_study)
-        circle = (radius_m - np.sqrt(np.maximum(radius_m**2 - lateral_m**2, 0.0))) / TYPICAL_WALL  # below its top
+        circle = (
+            radius_m - np.sqrt(np.maximum(radius_m**2 - lateral_m**2, 0.0))
+        ) / TYPICAL_WALL  # below its top
         self.wall_unit = slice_study.pixel_m / TYPICAL_WALL
         self.projection: torch.Tensor
         self.circle: torch.Tensor
         for name, values in (("projection", projection), ("circle", circle)):
             self.register_buffer(name, torch.from_numpy(values.astype(np.float32)))
         sizes = (FEATURES, *reader.channels)
-        layers = (torch.nn.Conv1d(below, above, KERNEL, STRIDE, KERNEL // 2) for below, above in pairwise(sizes))
+        layers = (
+            torch.nn.Conv1d(below, above, KERNEL, STRIDE, KERNEL // 2)
+            for below, above in pairwise(sizes)
+        )
         self.convolutions = torch.nn.ModuleList(layers)
         columns = slice_study.columns
         for _ in reader.channels:
             columns = (columns - 1) // STRIDE + 1
         self.given_layer = torch.nn.Linear(len(GIVEN), GIVEN_UNITS)
         widths = (sizes[-1] * columns, *reader.hidden)
-        hidden = (torch.nn.Linear(below + GIVEN_UNITS, above) for below, above in pairwise(widths))
+        hidden = (
+            torch.nn.Linear(below + GIVEN_UNITS, above)
+            for below, above in pairwise(widths)
+        )
         self.hidden = torch.nn.ModuleList(hidden)
         self.force = torch.nn.Linear(widths[-1], 3 * COMPONENTS)
         with torch.no_grad():
             middles = torch.linspace(0.3, 0.9, COMPONENTS)
-            self.force.bias[:] = torch.cat([torch.zeros(COMPONENTS), middles, torch.full((COMPONENTS,), -2.0)])
+            self.force.bias[:] = torch.cat(
+                [torch.zeros(COMPONENTS), middles, torch.full((COMPONENTS,), -2.0)]
+            )
         self.bins = reader.bins
-        self.example = torch.zeros(2, slice_study.rows, slice_study.columns, dtype=torch.uint8)  # of its input
+        self.example = torch.zeros(
+            2, slice_study.rows, slice_study.columns, dtype=torch.uint8
+        )  # of its input
         self.place = torch.nn.Linear(widths[-1], 1)
 
-    def forward(self, slices: torch.Tensor, given: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, slices: torch.Tensor, given: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return mixtures (sample, 3 COMPONENTS): logits of weights, middles, log scales; and the contact's places."""
         signal = self.features(slices)
         for convolution in self.convolutions:
@@ -92,14 +132,20 @@ class ReaderNetwork(torch.nn.Module):
         amount, moment = torch.nn.functional.conv1d(slices, self.projection).unbind(1)
         there = amount.clamp(max=1.0)
         below_circle = moment / amount.clamp(min=1.0) - self.circle * there
-        return torch.stack([there, amount * self.wall_unit - there, below_circle], dim=1)
+        return torch.stack(
+            [there, amount * self.wall_unit - there, below_circle], dim=1
+        )
 
 
 def log_density(mixture: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
     """Return the logarithm of a mixture's density at places (sample,)."""
     weight, middle, log_scale = _parts(mixture)
     z = (place[:, None] - middle) * torch.exp(-log_scale)
-    each = torch.nn.functional.logsigmoid(z) + torch.nn.functional.logsigmoid(-z) - log_scale
+    each = (
+        torch.nn.functional.logsigmoid(z)
+        + torch.nn.functional.logsigmoid(-z)
+        - log_scale
+    )
     return torch.logsumexp(torch.log_softmax(weight, dim=1) + each, dim=1)
 
 
@@ -111,7 +157,9 @@ def histogram(mixture: torch.Tensor, bins: int) -> torch.Tensor:
 def shares_between(ends: torch.Tensor, mixture: torch.Tensor) -> torch.Tensor:
     """Return the mixture's share between neighbouring places (sample, place - 1)."""
     weight, middle, log_scale = _parts(mixture)
-    below = torch.sigmoid((ends - middle[:, :, None]) * torch.exp(-log_scale)[:, :, None])
+    below = torch.sigmoid(
+        (ends - middle[:, :, None]) * torch.exp(-log_scale)[:, :, None]
+    )
     shares = (torch.softmax(weight, dim=1)[:, :, None] * below).sum(dim=1)
     return shares[:, 1:] - shares[:, :-1]
 
@@ -138,7 +186,9 @@ class _Answers(torch.nn.Module):
         self.ends: torch.Tensor
         self.register_buffer("ends", torch.from_numpy(bin_ends(network.bins)))
 
-    def forward(self, seen: torch.Tensor, given: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, seen: torch.Tensor, given: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         seen = seen.float() * (1.0 / 255.0) if seen.dtype == torch.uint8 else seen
         mixtures, places_mm = self.network(seen, given)[:2]
         return shares_between(self.ends, mixtures), places_mm * to_si(1.0, "mm")
@@ -151,12 +201,21 @@ def force_bytes(network: Any, provenance: Mapping[str, str]) -> bytes:
     `contact_m`, float32 (n,).
     """
     name = SLICES if network.example.dtype == torch.uint8 else FINDER_FRAMES
-    inputs = {name: network.example, GIVEN_INPUT: torch.zeros(len(network.example), len(GIVEN))}
-    return descent.onnx_bytes(_Answers(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance)
+    inputs = {
+        name: network.example,
+        GIVEN_INPUT: torch.zeros(len(network.example), len(GIVEN)),
+    }
+    return descent.onnx_bytes(
+        _Answers(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance
+    )
 
 
 def fit_reader(
-    study: Study, draw: Callable[[int], ReaderSamples], workers: int, progress: Progress = None, device: str = "cpu"
+    study: Study,
+    draw: Callable[[int], ReaderSamples],
+    workers: int,
+    progress: Progress = None,
+    device: str = "cpu",
 ) -> Fitted[ReaderNetwork]:
     """Train a reader on chunks of samples, none seen twice but for mirror images; losses and `progress` are of epochs.
 
@@ -164,7 +223,10 @@ def fit_reader(
     """
     reader, done = study.reader, count(1)
     chunks = -(-reader.samples_per_epoch // CHUNK)
-    rounds, steps = reader.epochs * chunks, reader.epochs * chunks * -(-CHUNK // reader.batch_size)
+    rounds, steps = (
+        reader.epochs * chunks,
+        reader.epochs * chunks * -(-CHUNK // reader.batch_size),
+    )
 
     def report(_: int) -> None:
         if progress and next(done) % chunks == 0:
@@ -172,7 +234,9 @@ def fit_reader(
 
     build = partial(ReaderNetwork, reader, study.slice, study.eye.radius_m)
     drawn = _rounds(draw, reader, rounds, workers)
-    fitted = descent.trained(build, partial(_losses, reader), drawn, reader, steps, report, device=device)
+    fitted = descent.trained(
+        build, partial(_losses, reader), drawn, reader, steps, report, device=device
+    )
     of_epochs = np.reshape(fitted.training_loss, (reader.epochs, chunks)).mean(axis=1)
     return Fitted(fitted.network, tuple(of_epochs.tolist()))
 
@@ -182,16 +246,24 @@ def _rounds(
 ) -> Generator[ReaderSamples, None, None]:
     """Yield the samples of each round; where left and right are drawn alike, mirror images follow their originals."""
     drawn_from = (reader.lateral_m, reader.rotation_rad)
-    places = [each.values if isinstance(each, Choice) else each.bounds for each in drawn_from]
-    alike = all(sorted(values) == sorted(-value for value in values) for values in places)
-    with closing(descent.drawn_ahead(draw, range(-(-rounds // (1 + alike))), workers)) as drawn:
+    places = [
+        each.values if isinstance(each, Choice) else each.bounds for each in drawn_from
+    ]
+    alike = all(
+        sorted(values) == sorted(-value for value in values) for values in places
+    )
+    with closing(
+        descent.drawn_ahead(draw, range(-(-rounds // (1 + alike))), workers)
+    ) as drawn:
         for number, samples in enumerate(drawn):
             yield samples
             if alike and 2 * number + 1 < rounds:
                 yield samples.mirrored()
 
 
-def _losses(reader: ReaderStudy, network: ReaderNetwork, _: int, samples: ReaderSamples) -> Losses:
+def _losses(
+    reader: ReaderStudy, network: ReaderNetwork, _: int, samples: ReaderSamples
+) -> Losses:
     """Yield the mean losses of the batches of samples, and their sizes."""
     slices, given = _tensors(samples)
     force, place_mm = targets(samples, reader)
@@ -200,57 +272,94 @@ def _losses(reader: ReaderStudy, network: ReaderNetwork, _: int, samples: Reader
         yield reader_loss(mixtures, places, force[index], place_mm[index]), len(index)
 
 
-def measure_reader(network: ReaderNetwork, source: Source, study: Study) -> dict[str, Any]:
+def measure_reader(
+    network: ReaderNetwork, source: Source, study: Study
+) -> dict[str, Any]:
     """Return `metrics` of `model.json`, of `[reader] validation_samples` new samples."""
     with descent.repeatable(study.reader.seed, descent.READER_THREADS):
-        unseen = concatenated(validation_chunks(source.chunk, study.reader.validation_samples, CHUNK))
+        unseen = concatenated(
+            validation_chunks(source.chunk, study.reader.validation_samples, CHUNK)
+        )
         return compared(answers(network, unseen), unseen, study)
 
 
-def answers(network: ReaderNetwork, samples: ReaderSamples) -> list[tuple[torch.Tensor, torch.Tensor]]:
+def answers(
+    network: ReaderNetwork, samples: ReaderSamples
+) -> list[tuple[torch.Tensor, torch.Tensor]]:
     """Return a network's outputs for parts of samples."""
     network.eval()
     slices, given = _tensors(samples)
     with torch.inference_mode():
-        return [network(slices[part], given[part]) for part in torch.split(torch.arange(len(samples)), 512)]
+        return [
+            network(slices[part], given[part])
+            for part in torch.split(torch.arange(len(samples)), 512)
+        ]
 
 
-def compared(outputs: Sequence[tuple[torch.Tensor, torch.Tensor]], truth: ForceSamples, study: Study) -> dict[str, Any]:
+def compared(
+    outputs: Sequence[tuple[torch.Tensor, torch.Tensor]],
+    truth: ForceSamples,
+    study: Study,
+) -> dict[str, Any]:
     """Return `metrics` of `model.json` from a network's outputs for all parts of samples.
 
     Accuracy, its 95 % interval (Wilson) and confusion (a row for each true class) are of the classes; the mean error is
     of the median, the coverage of the 90 % intervals.
     """
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
-    shares, bounds_n = histogram(mixtures, study.reader.bins).double().tolist(), study.classes.bounds_n
-    edges_m2, force_n = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist(), truth.force_n
+    shares, bounds_n = (
+        histogram(mixtures, study.reader.bins).double().tolist(),
+        study.classes.bounds_n,
+    )
+    edges_m2, force_n = (
+        ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist(),
+        truth.force_n,
+    )
     of_eyes = zip(shares, truth.modulus_pa.tolist(), strict=True)
-    readings = [histogram_reading(each, edges_m2, modulus_pa, bounds_n) for each, modulus_pa in of_eyes]
+    readings = [
+        histogram_reading(each, edges_m2, modulus_pa, bounds_n)
+        for each, modulus_pa in of_eyes
+    ]
     median_n = np.array([reading.force_n for reading in readings])
     low_n, high_n = np.array([reading.interval_n for reading in readings]).T
-    target, found = (list(map(study.classes.classify, each.tolist())) for each in (force_n, median_n))
+    target, found = (
+        list(map(study.classes.classify, each.tolist())) for each in (force_n, median_n)
+    )
     confusion = confusion_matrix(target, found, len(bounds_n) + 1)
-    share, off_m = accuracy(confusion), to_si(places_mm.double().numpy(), "mm") - truth.lateral_m
+    share, off_m = (
+        accuracy(confusion),
+        to_si(places_mm.double().numpy(), "mm") - truth.lateral_m,
+    )
     return {
-        "validation_accuracy": share.value, "validation_interval": share.interval,
-        "validation_confusion": confusion.tolist(), "mae_mn": from_si(float(np.abs(median_n - force_n).mean()), "mn"),
+        "validation_accuracy": share.value,
+        "validation_interval": share.interval,
+        "validation_confusion": confusion.tolist(),
+        "mae_mn": from_si(float(np.abs(median_n - force_n).mean()), "mn"),
         "coverage": float(((force_n >= low_n) & (force_n <= high_n)).mean()),
         "lateral_mae_mm": from_si(float(np.abs(off_m).mean()), "mm"),
-    }  # fmt: skip
+    }
 
 
 def reader_loss(
-    mixtures: torch.Tensor, places_mm: torch.Tensor, force: torch.Tensor, true_place_mm: torch.Tensor
+    mixtures: torch.Tensor,
+    places_mm: torch.Tensor,
+    force: torch.Tensor,
+    true_place_mm: torch.Tensor,
 ) -> torch.Tensor:
     """Return the mean loss of mixtures and places, mm, given the true places of the forces and contacts."""
-    place = torch.nn.functional.huber_loss(places_mm, true_place_mm, delta=PLACE_KNEE_MM)
+    place = torch.nn.functional.huber_loss(
+        places_mm, true_place_mm, delta=PLACE_KNEE_MM
+    )
     return PLACE_WEIGHT * place - log_density(mixtures, force).mean()
 
 
 def targets(truth: ForceSamples, reader: ReaderStudy) -> tuple[torch.Tensor, ...]:
     """Return the true places of forces in the histogram, 0 to 1, and of the contact, mm, (sample,)."""
     force_ratio = truth.force_n / truth.modulus_pa
-    places = np.sqrt(force_ratio / reader.max_force_ratio), from_si(truth.lateral_m, "mm")
+    places = (
+        np.sqrt(force_ratio / reader.max_force_ratio),
+        from_si(truth.lateral_m, "mm"),
+    )
     return tuple(tensor(values.astype(np.float32)) for values in places)
 
 

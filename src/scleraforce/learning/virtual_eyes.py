@@ -21,7 +21,12 @@ from scipy.sparse import csr_array, eye_array, hstack
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.calibration import forces as labels
 from scleraforce.calibration.assimilation import Skipped, begin, known_after, step
-from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
+from scleraforce.calibration.eye_model import (
+    EyeConstants,
+    WallState,
+    known_of_constants,
+    stated_wall,
+)
 from scleraforce.calibration.known_forces import TissueTrial, search, settled
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.registration import PoseBelief, place_section
@@ -80,42 +85,72 @@ class VirtualFrame:
     cuts: Bytes
 
 
-def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generator) -> VirtualEye:
+def draw_eye(
+    study: Study, library: Library, number: int, rng: np.random.Generator
+) -> VirtualEye:
     """Draw an eye within `[reader]`; its globe is stated open, sealed or not at all by turns, its direction or not."""
     reader, stated_globe = study.reader, OPEN_OR_SEALED[number % 3]
     library = library_of_tissue(library, reader, rng)
     ranges = reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m
     modulus_pa, thickness_m, gap_m = (draw(values, rng) for values in ranges)
     iop_pa = float(log_even(reader.iop_pa, 1, rng)[0])
-    polar_rad = float(min(draw(study.needle.polar_angle_rad, rng), library.polar_rad[-1]))
+    polar_rad = float(
+        min(draw(study.needle.polar_angle_rad, rng), library.polar_rad[-1])
+    )
     sealed = stated_globe is SEALED or (stated_globe is UNKNOWN and rng.random() < 0.5)
     rigidity = rng.uniform(SEALED.lowest, SEALED.highest) if sealed else 0.0
     uneven = np.array([rng.random() < reader.uneven_share])
-    forms = draw_forms(np.array([thickness_m]), np.array([library.radius_m]), uneven, rng)
+    forms = draw_forms(
+        np.array([thickness_m]), np.array([library.radius_m]), uneven, rng
+    )
     drift = FORCE_DRIFT_SD * rng.standard_normal() * float(uneven[0])
     globe = replace(UNKNOWN, mean=rigidity) if sealed else OPEN
     direction_rad = rng.uniform(-np.pi, np.pi)
-    place = {"polar_rad": polar_rad, "polar_sd_rad": 0.0, "direction_rad": direction_rad}
-    true = EyeConstants(iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m, globe=globe, **place)
-    sharp = replace(study, calibration=replace(study.calibration, surface_smoothing_m=0.0))  # `disturb` smooths
+    place = {
+        "polar_rad": polar_rad,
+        "polar_sd_rad": 0.0,
+        "direction_rad": direction_rad,
+    }
+    true = EyeConstants(
+        iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m, globe=globe, **place
+    )
+    sharp = replace(
+        study, calibration=replace(study.calibration, surface_smoothing_m=0.0)
+    )  # `disturb` smooths
     model = library_eye(sharp, true, library)
     wall = stated_wall(true, modulus_pa, 0.0, polar_rad)
-    fractions = reader.iop_noise_fraction, reader.thickness_noise_fraction, reader.gap_noise_fraction
+    fractions = (
+        reader.iop_noise_fraction,
+        reader.thickness_noise_fraction,
+        reader.gap_noise_fraction,
+    )
     noise = 1.0 + rng.standard_normal(3) * fractions
     direction_stated = rng.random() < DIRECTION_STATED
     pole_noise_rad = reader.pole_noise_rad * rng.spawn(1)[0].standard_normal(2)
     stated = replace(
-        true, iop_pa=iop_pa * float(noise[0]),
-        thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)), gap_m=gap_m * float(noise[2]),
+        true,
+        iop_pa=iop_pa * float(noise[0]),
+        thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
+        gap_m=gap_m * float(noise[2]),
         polar_rad=abs(polar_rad + float(pole_noise_rad[0])),
-        direction_rad=direction_rad + float(pole_noise_rad[1]) if direction_stated else None, globe=stated_globe,
-    )  # fmt: skip
+        direction_rad=direction_rad + float(pole_noise_rad[1])
+        if direction_stated
+        else None,
+        globe=stated_globe,
+    )
     if reason := model.outside(wall):
         raise CalibrationError(reason)
     largest_n = study.needle.max_force_n
     while model.outside(replace(wall, force_n=largest_n)) is not None:
         largest_n *= WEAKER
-    return VirtualEye(model=model, wall=wall, stated=stated, forms=forms, drift=drift, largest_n=largest_n)
+    return VirtualEye(
+        model=model,
+        wall=wall,
+        stated=stated,
+        forms=forms,
+        drift=drift,
+        largest_n=largest_n,
+    )
 
 
 def draw_frames(
@@ -123,35 +158,62 @@ def draw_frames(
 ) -> tuple[VirtualFrame, ...]:
     """Draw frames of an eye under forces (frame,), N, or a number of even ones, with errors like the segmentation's."""
     reader = study.reader
-    forces_n = rng.uniform(0.0, eye.largest_n, forces) if isinstance(forces, int) else forces
+    forces_n = (
+        rng.uniform(0.0, eye.largest_n, forces) if isinstance(forces, int) else forces
+    )
     lateral_m, depth_m = draw(reader.lateral_m, rng), draw(reader.surface_depth_m, rng)
-    pose = np.array([lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0])
+    pose = np.array(
+        [lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0]
+    )
     pixel_m = study.slice.pixel_m / FINER
-    fine = replace(study.slice, columns=FINER * study.slice.columns, rows=FINER * study.slice.rows, pixel_m=pixel_m)
+    fine = replace(
+        study.slice,
+        columns=FINER * study.slice.columns,
+        rows=FINER * study.slice.rows,
+        pixel_m=pixel_m,
+    )
     columns_m = column_laterals(fine)
-    poses = (pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0]) for _ in forces_n)
+    poses = (
+        pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0])
+        for _ in forces_n
+    )
     seen_sbc = wall_depths(eye, forces_n, poses, columns_m)
     seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.interval_boundary_errors)
     middle = slice(FINER // 2 - 1, FINER // 2 + 1)
-    coarse_sbc = seen_sbc.reshape(len(forces_n), 2, study.slice.columns, FINER)[..., middle].mean(axis=3)
-    halves = [fill_boundaries(coarse_sbc + shift * study.slice.pixel_m, study.slice) for shift in SHIFTS]
+    coarse_sbc = seen_sbc.reshape(len(forces_n), 2, study.slice.columns, FINER)[
+        ..., middle
+    ].mean(axis=3)
+    halves = [
+        fill_boundaries(coarse_sbc + shift * study.slice.pixel_m, study.slice)
+        for shift in SHIFTS
+    ]
     return tuple(
-        VirtualFrame(float(force_n), Boundaries(columns_m, depths, fine.pixel_m), np.stack(cuts))
-        for force_n, depths, cuts in zip(forces_n, seen_sbc, zip(*halves, strict=True), strict=True)
+        VirtualFrame(
+            float(force_n), Boundaries(columns_m, depths, fine.pixel_m), np.stack(cuts)
+        )
+        for force_n, depths, cuts in zip(
+            forces_n, seen_sbc, zip(*halves, strict=True), strict=True
+        )
     )
 
 
-def wall_depths(eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], columns_m: Floats) -> Floats:
+def wall_depths(
+    eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], columns_m: Floats
+) -> Floats:
     """Return the boundaries of an eye's wall in frames (frame, boundary, column), m; NaN beyond the wall.
 
     Forces are (frame,), columns lateral places from the frame's middle; each frame has a pose (`place_section`).
     """
     effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
     states = [replace(eye.wall, force_n=float(force_n)) for force_n in effective_n]
-    both = Places(np.concatenate([columns_m, columns_m]), np.repeat([0, 1], len(columns_m)))
+    both = Places(
+        np.concatenate([columns_m, columns_m]), np.repeat([0, 1], len(columns_m))
+    )
     radius_m = np.array([eye.model.library.radius_m])
     depth_sbc = np.empty((len(states), 2, len(columns_m)))
-    for depths, curves, pose in zip(depth_sbc, eye.model.curves(states), poses, strict=True):
+    for depths, curves, pose in zip(
+        depth_sbc, eye.model.curves(states), poses, strict=True
+    ):
         depth, _, reached = curve_depths(place_section(curves, pose), both)
         form = added_depths(eye.forms, radius_m, (columns_m - pose[0])[None])[0]
         depths[:] = np.where(reached, depth, np.nan).reshape(2, -1) + form
@@ -159,9 +221,13 @@ def wall_depths(eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], colu
 
 
 def calibrated(
-    eye: VirtualEye, frames: Sequence[VirtualFrame], study: Study, library: Library, rng: np.random.Generator,
+    eye: VirtualEye,
+    frames: Sequence[VirtualFrame],
+    study: Study,
+    library: Library,
+    rng: np.random.Generator,
     chosen: Sequence[int] | None = None,
-) -> tuple[Known, tuple[VirtualFrame, ...]]:  # fmt: skip
+) -> tuple[Known, tuple[VirtualFrame, ...]]:
     """Return the known values of an eye after a calibration on some of its frames, and the other frames.
 
     The frames are in the order of the pushes; the `chosen` ones calibrate, by default three as by `calibrate --frames
@@ -170,9 +236,14 @@ def calibrated(
     """
     labelled = label_forces(np.array([frame.force_n for frame in frames]), rng)
     forces_n = labelled.force_n
-    least_n, wanted = study.calibration.min_force_n, CALIBRATED if chosen is None else len(chosen)
+    least_n, wanted = (
+        study.calibration.min_force_n,
+        CALIBRATED if chosen is None else len(chosen),
+    )
     if chosen is None:
-        order = labels.frame_order(forces_n, [True] * len(frames), least_n, wanted, rising=True)
+        order = labels.frame_order(
+            forces_n, [True] * len(frames), least_n, wanted, rising=True
+        )
     else:
         order = sorted(chosen, key=lambda place: float(forces_n[place]))
     poses = dict[Boundaries, PoseBelief]()
@@ -180,7 +251,13 @@ def calibrated(
     def attempt(of_tissue: Library) -> TissueTrial[tuple[Known, int]] | None:
         """Calibrate with the walls of one tissue: the known values, and the number of frames that were used."""
         try:
-            session = begin(study, eye.stated, of_tissue, zero_covariance=labelled.zero_covariance, poses=poses)
+            session = begin(
+                study,
+                eye.stated,
+                of_tissue,
+                zero_covariance=labelled.zero_covariance,
+                poses=poses,
+            )
         except CalibrationError:
             return None
         used, refused = 0, 0
@@ -188,10 +265,15 @@ def calibrated(
             if session.updates >= wanted:
                 break
             since_start_s = float(labelled.since_start_s[place])
-            session = step(session, frames[place].boundaries, float(forces_n[place]), since_start_s)
+            session = step(
+                session, frames[place].boundaries, float(forces_n[place]), since_start_s
+            )
             refused += forces_n[place] > least_n and isinstance(session.last, Skipped)
             used += 1
-        known, borne = known_after(session), [place for place in order[:used] if forces_n[place] > least_n]
+        known, borne = (
+            known_after(session),
+            [place for place in order[:used] if forces_n[place] > least_n],
+        )
         if known.modulus is None:
             return TissueTrial.diverged((known, used), refused)
         seen = [(frames[place].boundaries, float(forces_n[place])) for place in borne]
@@ -200,38 +282,71 @@ def calibrated(
 
     found = search(library, attempt)
     if found is None:
-        raise CalibrationError("the library does not have the eye with its stated values")
+        raise CalibrationError(
+            "the library does not have the eye with its stated values"
+        )
     stiffening, (known, used) = found
     stated_force = {place for place in order[:used] if forces_n[place] > least_n}
-    left = tuple(frame for place, frame in enumerate(frames) if place not in stated_force)
+    left = tuple(
+        frame for place, frame in enumerate(frames) if place not in stated_force
+    )
     return replace(known, stiffening=stiffening), left
 
 
 def label_forces(forces_n: Floats, rng: np.random.Generator) -> labels.FrameForces:
     """Return true forces (frame,), in the order of the pushes, with a log's noise and the rest of its sensor's zero."""
     time_s = FRAME_EVERY_S * np.arange(1, len(forces_n) + 1, dtype=np.float64)
-    offset_n, drift_n_per_s = np.sqrt(np.diag(labels.ZERO_PRIOR)) * rng.standard_normal(2)
-    rests_s = 0.5 * (time_s[:-1] + time_s[1:])[np.minimum(forces_n[:-1], forces_n[1:]) > labels.PUSH_N]
-    rests_n = offset_n + drift_n_per_s * rests_s + labels.REST_SD_N * rng.standard_normal(len(rests_s))
+    offset_n, drift_n_per_s = np.sqrt(np.diag(labels.ZERO_PRIOR)) * rng.standard_normal(
+        2
+    )
+    rests_s = (
+        0.5
+        * (time_s[:-1] + time_s[1:])[
+            np.minimum(forces_n[:-1], forces_n[1:]) > labels.PUSH_N
+        ]
+    )
+    rests_n = (
+        offset_n
+        + drift_n_per_s * rests_s
+        + labels.REST_SD_N * rng.standard_normal(len(rests_s))
+    )
     zero, covariance = labels.zero_line(rests_s, rests_n)
     left_n = offset_n - zero[0] + (drift_n_per_s - zero[1]) * time_s
-    labels_n = forces_n + left_n + labels.LABEL_SD_N * rng.standard_normal(len(forces_n))
+    labels_n = (
+        forces_n + left_n + labels.LABEL_SD_N * rng.standard_normal(len(forces_n))
+    )
     return labels.FrameForces(labels_n, time_s, zero, covariance)
 
 
 def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:
     """Return the known values of an eye that is read with the modulus of other eyes."""
     low, high = study.reader.youngs_modulus_pa.bounds
-    mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
-    modulus = Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population")
-    stiffening, own, walls = 0.0, eye.model.library.stiffening, eye.model.library.walls.stiffening
+    mean_pa = float(
+        np.clip(
+            eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()),
+            low,
+            high,
+        )
+    )
+    modulus = Modulus(
+        mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population"
+    )
+    stiffening, own, walls = (
+        0.0,
+        eye.model.library.stiffening,
+        eye.model.library.walls.stiffening,
+    )
     if own > 0.0:  # of other eyes with tissue that stiffens
-        other = np.expm1(np.log1p(own) + POPULATION_STIFFENING_SD * rng.standard_normal())
+        other = np.expm1(
+            np.log1p(own) + POPULATION_STIFFENING_SD * rng.standard_normal()
+        )
         stiffening = float(np.clip(other, walls[0], walls[-1]))
     return replace(known_of_constants(eye.stated, modulus), stiffening=stiffening)
 
 
-STREAM = 2**30  # of random numbers: the samples' streams are below, the validation's above
+STREAM = (
+    2**30
+)  # of random numbers: the samples' streams are below, the validation's above
 AHEAD = 2  # eyes for each process that are drawn or wait
 OTHERWISE_EVERY = 2  # of the eyes of each telling, one is calibrated a second time, on frames of any forces
 MOST_CHOSEN = 5  # of these frames
@@ -243,9 +358,12 @@ EyeScores = Callable[[int], list[Score]]  # of an eye, by its number
 
 
 def measured_intervals(
-    prepare: Callable[[], EyeScores], eyes: int, workers: int, source: str,
+    prepare: Callable[[], EyeScores],
+    eyes: int,
+    workers: int,
+    source: str,
     progress: Callable[[int], object] | None = None,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Return `intervals` of `model.json` from the scores of virtual eyes: factors, and the number and kind of eyes."""
     if not eyes:
         return {}
@@ -254,18 +372,26 @@ def measured_intervals(
         scores += of_eye
         if progress:
             progress(1)
-    return {"intervals": intervals.intervals_record(scores, trait_factors(scores), source)}
+    return {
+        "intervals": intervals.intervals_record(scores, trait_factors(scores), source)
+    }
 
 
-ScoresOf = Callable[[int, VirtualEye, Known, tuple[VirtualFrame, ...], np.random.Generator], list[Score]]
+ScoresOf = Callable[
+    [int, VirtualEye, Known, tuple[VirtualFrame, ...], np.random.Generator], list[Score]
+]
 
 
-def eye_scores(study: Study, library: Library, seed: int, scores_of: ScoresOf, number: int) -> list[Score]:
+def eye_scores(
+    study: Study, library: Library, seed: int, scores_of: ScoresOf, number: int
+) -> list[Score]:
     """Return the scores of a virtual eye, calibrated and then read; there are none if the library lacks the eye."""
     rng = np.random.default_rng([seed, STREAM + number])
     try:
         eye = draw_eye(study, library, number, rng)
-        known, left = calibrated(eye, draw_frames(eye, study, FRAMES, rng), study, library, rng)
+        known, left = calibrated(
+            eye, draw_frames(eye, study, FRAMES, rng), study, library, rng
+        )
     except CalibrationError:
         return []
     return scores_of(number, eye, known, left, rng)
@@ -273,10 +399,16 @@ def eye_scores(study: Study, library: Library, seed: int, scores_of: ScoresOf, n
 
 def measuring(study: Study, library: Library, network: bytes) -> EyeScores:
     """Return the function that scores an eye, for a process; `network`: of the slices, as ONNX."""
-    read = ForceNetwork(network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE).read
+    read = ForceNetwork(
+        network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE
+    ).read
 
     def scores(
-        number: int, eye: VirtualEye, known: Known, left: tuple[VirtualFrame, ...], rng: np.random.Generator
+        number: int,
+        eye: VirtualEye,
+        known: Known,
+        left: tuple[VirtualFrame, ...],
+        rng: np.random.Generator,
     ) -> list[Score]:
         of_eye = partial(_scores, study, library, eye.wall.polar_rad, read, str(number))
         found = [*of_eye(known, left), *of_eye(of_population(eye, study, rng), left)]
@@ -310,19 +442,34 @@ def calibrated_otherwise(
 
 
 def _scores(
-    study: Study, library: Library, polar_rad: float, read: Callable[[Bytes, Known], Reading], eye: str, known: Known,
+    study: Study,
+    library: Library,
+    polar_rad: float,
+    read: Callable[[Bytes, Known], Reading],
+    eye: str,
+    known: Known,
     frames: Sequence[VirtualFrame],
-) -> list[Score]:  # fmt: skip
+) -> list[Score]:
     """Return the scores of both methods on frames of an eye with its contact at a polar angle."""
     found = list[Score]()
     walls = library.for_stiffening(known.stiffening or 0.0).for_contact(polar_rad)
     prior = prior_of(known, study.reader)
     for frame in frames:
-        found.append(scored("network", read(frame.cuts, known), known, eye, frame.force_n))
+        found.append(
+            scored("network", read(frame.cuts, known), known, eye, frame.force_n)
+        )
         seen = frame.boundaries
-        fit = fit_boundaries(walls, seen.lateral_m, seen.depth_m, prior, study.calibration.surface_smoothing_m)
+        fit = fit_boundaries(
+            walls,
+            seen.lateral_m,
+            seen.depth_m,
+            prior,
+            study.calibration.surface_smoothing_m,
+        )
         if fit is not None:
-            by_fit = fit_reading(fit, study.classes.bounds_n, intervals.NO_FACTORS.of_fit(known, fit))
+            by_fit = fit_reading(
+                fit, study.classes.bounds_n, intervals.NO_FACTORS.of_fit(known, fit)
+            )
             found.append(scored("fit", by_fit, known, eye, frame.force_n, fit))
     return found
 
@@ -346,18 +493,30 @@ def _regression(scores: Sequence[Score]) -> dict[str, float]:
     the same weight, the least sum of share times above and (1 - share) times below.
     """
     traits = sorted({trait for entry in scores for trait in entry.traits[1:]})
-    has = csr_array(np.array([[trait in entry.traits for trait in traits] for entry in scores], dtype=np.float64))
+    has = csr_array(
+        np.array(
+            [[trait in entry.traits for trait in traits] for entry in scores],
+            dtype=np.float64,
+        )
+    )
     logs = np.log([max(entry.score, LEAST_SCORE) for entry in scores])
     share = intervals.share_of_new_eye(intervals.eye_count(scores))
     weight = len(scores) * intervals.weights_of_eyes(scores)  # 1 in the mean
     one = eye_array(len(scores))
     least, most = np.log(intervals.SMALLEST), np.log(intervals.LARGEST)
-    ends = [(least if trait in intervals.GLOBE_TRAITS else 0.0, most) for trait in traits]
+    ends = [
+        (least if trait in intervals.GLOBE_TRAITS else 0.0, most) for trait in traits
+    ]
     solution = linprog(
         np.concatenate([np.zeros(len(traits)), share * weight, (1.0 - share) * weight]),
-        A_eq=hstack([has, one, -one], format="csr"), b_eq=logs, bounds=[*ends, *[(0.0, None)] * (2 * len(scores))],
+        A_eq=hstack([has, one, -one], format="csr"),
+        b_eq=logs,
+        bounds=[*ends, *[(0.0, None)] * (2 * len(scores))],
         method="highs",
-    )  # fmt: skip
+    )
     if solution.x is None:
         raise SolverError(f"factors of the intervals: {solution.message}")
-    return {trait: round(float(np.exp(value)), 4) for trait, value in zip(traits, solution.x, strict=False)}
+    return {
+        trait: round(float(np.exp(value)), 4)
+        for trait, value in zip(traits, solution.x, strict=False)
+    }

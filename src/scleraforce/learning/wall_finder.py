@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Flags, Floats
 from scleraforce.laboratory.scenes import Scene, draw_scene
-from scleraforce.learning.descent import Fitted, Losses, Progress, drawn_ahead, onnx_bytes, tensor, torch, trained
+from scleraforce.learning.descent import (
+    Fitted,
+    Losses,
+    Progress,
+    drawn_ahead,
+    onnx_bytes,
+    tensor,
+    torch,
+    trained,
+)
 from scleraforce.reader.metrics import dice
 from scleraforce.segmentation import wall_finder as finders
 from scleraforce.study import Study, WallFinderStudy
@@ -42,9 +51,13 @@ class WallFinderNetwork(torch.nn.Module):
         for before, size in zip((INPUTS_OF_PIXEL, *sizes), sizes, strict=False):
             self.down.append(_convolution(before, size, stride=2))
             self.level.append(_convolution(size, size))
-        self.deepest = torch.nn.ModuleList(_convolution(sizes[-1], sizes[-1]) for _ in range(2))
+        self.deepest = torch.nn.ModuleList(
+            _convolution(sizes[-1], sizes[-1]) for _ in range(2)
+        )
         widening = reversed(list(zip(sizes[1:], sizes, strict=False)))
-        self.up = torch.nn.ModuleList(_convolution(below + size, size) for below, size in widening)
+        self.up = torch.nn.ModuleList(
+            _convolution(below + size, size) for below, size in widening
+        )
         self.boundaries = torch.nn.Conv2d(sizes[0], 2 * BOUNDARIES, 1)
         self.wall = torch.nn.Conv1d(2 * sizes[0], 1, 1)
 
@@ -57,11 +70,17 @@ class WallFinderNetwork(torch.nn.Module):
         for block in self.deepest:
             signal = signal + block(signal)
         for block, shortcut in zip(self.up, reversed(shortcuts[:-1]), strict=True):
-            signal = torch.nn.functional.interpolate(signal, scale_factor=2, mode="nearest")
+            signal = torch.nn.functional.interpolate(
+                signal, scale_factor=2, mode="nearest"
+            )
             signal = block(torch.cat([signal, shortcut], dim=1))
         pooled = torch.cat([signal.amax(dim=2), signal.mean(dim=2)], dim=1)
         rows, columns = self.rows // 2, self.columns // 2
-        parts = self.boundaries(signal).reshape(-1, BOUNDARIES, 2, rows, columns).transpose(2, 3)  # interleaved rows
+        parts = (
+            self.boundaries(signal)
+            .reshape(-1, BOUNDARIES, 2, rows, columns)
+            .transpose(2, 3)
+        )  # interleaved rows
         return parts.reshape(-1, BOUNDARIES, 2 * rows, columns), self.wall(pooled)[:, 0]
 
     def inputs(self, frames: torch.Tensor) -> torch.Tensor:
@@ -74,7 +93,9 @@ class WallFinderNetwork(torch.nn.Module):
 def _convolution(before: int, size: int, stride: int = 1) -> torch.nn.Sequential:
     """Return a 3 x 3 convolution, normalised over the batch, with a ramp behind it."""
     return torch.nn.Sequential(
-        torch.nn.Conv2d(before, size, 3, stride, 1, bias=False), torch.nn.BatchNorm2d(size), torch.nn.ReLU()
+        torch.nn.Conv2d(before, size, 3, stride, 1, bias=False),
+        torch.nn.BatchNorm2d(size),
+        torch.nn.ReLU(),
     )
 
 
@@ -94,7 +115,10 @@ def finder_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> b
     """Return the network as an ONNX model; `segmentation.wall_finder` describes its inputs and outputs."""
     frames = torch.zeros(2, network.rows, network.columns)
     return onnx_bytes(
-        _Reads(network).eval(), {finders.FINDER_FRAMES: frames}, [finders.FINDER_ROWS, finders.FINDER_WALL], provenance
+        _Reads(network).eval(),
+        {finders.FINDER_FRAMES: frames},
+        [finders.FINDER_ROWS, finders.FINDER_WALL],
+        provenance,
     )
 
 
@@ -120,21 +144,36 @@ def scene_batch(study: Study, number: int, first: int = 0) -> SceneBatch:
 def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
     """Draw a scene, and return its part of a `SceneBatch`."""
     scene, finder = draw_scene(study.scenes, number), study.wall_finder
-    top, bottom = _shown_rows(scene, np.random.default_rng([study.scenes.seed, number, LOOK]))
-    own = np.rint(finders.reduced_columns(scene.frame.shape[1], finder.columns // 2)).astype(np.intp)
+    top, bottom = _shown_rows(
+        scene, np.random.default_rng([study.scenes.seed, number, LOOK])
+    )
+    own = np.rint(
+        finders.reduced_columns(scene.frame.shape[1], finder.columns // 2)
+    ).astype(np.intp)
     truth = np.stack([scene.outer_row[own], scene.inner_row[own]])
     reduced = (truth - top + 0.5) * finder.rows / (bottom - top) - 0.5
-    boundaries = np.clip(reduced, 0.0, finder.rows - 1.0).astype(np.float32)  # kept inside of the reduced frame
+    boundaries = np.clip(reduced, 0.0, finder.rows - 1.0).astype(
+        np.float32
+    )  # kept inside of the reduced frame
     weight = scene.judged[own] + np.float32(COVERED_WEIGHT) * scene.covered[own]
-    return finders.reduced_frame(scene.frame[top:bottom], finder.rows, finder.columns), boundaries, weight
+    return (
+        finders.reduced_frame(scene.frame[top:bottom], finder.rows, finder.columns),
+        boundaries,
+        weight,
+    )
 
 
 def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
     """Return the rows of a scene that are learned from: all of them or, in some, the rows of a second look."""
     there, rows = np.isfinite(scene.outer_row), len(scene.frame)
-    share, chosen = finders.BEYOND_SHARE * rng.uniform(0.5, 2.0), rng.random() < SECOND_LOOKS
+    share, chosen = (
+        finders.BEYOND_SHARE * rng.uniform(0.5, 2.0),
+        rng.random() < SECOND_LOOKS,
+    )
     if chosen and there.any():
-        return finders.rows_about(scene.outer_row[there], scene.inner_row[there], rows, share) or (0, rows)
+        return finders.rows_about(
+            scene.outer_row[there], scene.inner_row[there], rows, share
+        ) or (0, rows)
     return 0, rows
 
 
@@ -145,29 +184,46 @@ def fit_wall_finder(
     finder = study.wall_finder
     build, losses_of = partial(WallFinderNetwork, finder), partial(_losses, finder)
     drawn = drawn_ahead(partial(scene_batch, study), range(finder.batches), workers)
-    return trained(build, losses_of, drawn, finder, finder.batches, progress, device=device)
+    return trained(
+        build, losses_of, drawn, finder, finder.batches, progress, device=device
+    )
 
 
-def _losses(study: WallFinderStudy, network: WallFinderNetwork, _: int, batch: SceneBatch) -> Losses:
+def _losses(
+    study: WallFinderStudy, network: WallFinderNetwork, _: int, batch: SceneBatch
+) -> Losses:
     """Return the mean loss of a draw, which is a batch, a random half of its scenes mirrored."""
-    drawn = tuple(tensor(each) for each in (batch.frames, batch.boundaries, batch.weight))
+    drawn = tuple(
+        tensor(each) for each in (batch.frames, batch.boundaries, batch.weight)
+    )
     turned = torch.rand(len(batch.frames)) < 0.5
     for each in drawn:
         each[turned] = each[turned].flip(-1)
     frames, boundaries, weight = drawn
     row_logits, wall_logits = network(frames)
-    return ((finder_loss(row_logits, wall_logits, boundaries, weight, study.target_rows), 1),)
+    return (
+        (
+            finder_loss(row_logits, wall_logits, boundaries, weight, study.target_rows),
+            1,
+        ),
+    )
 
 
 def finder_loss(
-    row_logits: torch.Tensor, wall_logits: torch.Tensor, boundaries: torch.Tensor, weight: torch.Tensor, blur: float
+    row_logits: torch.Tensor,
+    wall_logits: torch.Tensor,
+    boundaries: torch.Tensor,
+    weight: torch.Tensor,
+    blur: float,
 ) -> torch.Tensor:
     """Return the mean loss of a batch: of boundaries' rows (n, 2, row, column), and of wall, weighted (n, column).
 
     `boundaries` are the true rows (n, 2, column), NaN without wall; `blur` is a standard deviation, in rows.
     """
     there = torch.isfinite(boundaries).all(dim=1)
-    wall = torch.nn.functional.binary_cross_entropy_with_logits(wall_logits, there.float(), weight)
+    wall = torch.nn.functional.binary_cross_entropy_with_logits(
+        wall_logits, there.float(), weight
+    )
     if not there.any():
         return WALL_WEIGHT * wall
     of_row = row_logits.log_softmax(dim=2).transpose(2, 3)  # (n, 2, column, row)
@@ -177,7 +233,9 @@ def finder_loss(
     target = torch.softmax(-((rows - true[:, None]) ** 2) / (2.0 * blur**2), dim=1)
     entropy = -(target * logs).sum(dim=1).mean()
     below = logs.exp().cumsum(dim=1) - target.cumsum(dim=1)
-    return entropy + RANKED_WEIGHT * below.square().sum(dim=1).mean() + WALL_WEIGHT * wall
+    return (
+        entropy + RANKED_WEIGHT * below.square().sum(dim=1).mean() + WALL_WEIGHT * wall
+    )
 
 
 def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]:
@@ -197,17 +255,23 @@ def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]
             shares.append(scene_dice(seen_mask(seen, scene.frame.shape), scene))
     error = np.concatenate(errors, axis=1)
     return {
-        "dice_mean": float(np.mean(shares)), "dice_median": float(np.median(shares)),
-        "dice_low": float(np.quantile(shares, 0.05)), "outer_rows": float(np.median(np.abs(error[0]))),
-        "inner_rows": float(np.median(np.abs(error[1]))), "coverage": float((np.abs(error[2:]) < SDS_OF_90).mean()),
+        "dice_mean": float(np.mean(shares)),
+        "dice_median": float(np.median(shares)),
+        "dice_low": float(np.quantile(shares, 0.05)),
+        "outer_rows": float(np.median(np.abs(error[0]))),
+        "inner_rows": float(np.median(np.abs(error[1]))),
+        "coverage": float((np.abs(error[2:]) < SDS_OF_90).mean()),
         "found": float(np.concatenate(right).mean()),
-    }  # fmt: skip
+    }
 
 
 def seen_mask(seen: finders.SeenWall, shape: tuple[int, ...]) -> Flags:
     """Return the pixels of a frame that a network's wall covers, (row, column)."""
     column, row = np.arange(shape[1]), np.arange(shape[0])[:, None]
-    outer, inner = (np.interp(column, seen.column, curve) for curve in (seen.outer_row, seen.inner_row))
+    outer, inner = (
+        np.interp(column, seen.column, curve)
+        for curve in (seen.outer_row, seen.inner_row)
+    )
     return (row >= outer) & (row < inner) & seen.there_at(column)
 
 
@@ -222,7 +286,12 @@ def _errors(scene: Scene, seen: finders.SeenWall, rows: int) -> Floats:
     both = np.isfinite(scene.outer_row[at]) & seen.there
     off = [
         (np.clip(curve, 0.0, last) - np.clip(true[at], 0.0, last))[both]
-        for curve, true in ((seen.outer_row, scene.outer_row), (seen.inner_row, scene.inner_row))
+        for curve, true in (
+            (seen.outer_row, scene.outer_row),
+            (seen.inner_row, scene.inner_row),
+        )
     ]
     reduced = [each * rows / len(scene.frame) for each in off]
-    return np.stack([*reduced, off[0] / seen.outer_sd[both], off[1] / seen.inner_sd[both]])
+    return np.stack(
+        [*reduced, off[0] / seen.outer_sd[both], off[1] / seen.inner_sd[both]]
+    )

@@ -45,21 +45,37 @@ DRAWS = 512
 LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
 
 
-def library_walls(library: Library, unknown_su: Floats, pressure: int) -> tuple[Floats, Floats, Floats]:
+def library_walls(
+    library: Library, unknown_su: Floats, pressure: int
+) -> tuple[Floats, Floats, Floats]:
     """Return thickness, pressure over E and tip, each (state,), of unknowns (state, unknown), as `library_place`."""
     size = np.exp(unknown_su[:, at.SIZE])
-    thickness = np.clip(unknown_su[:, at.THICKNESS] / size, *library.tables.thickness_ends_m)
+    thickness = np.clip(
+        unknown_su[:, at.THICKNESS] / size, *library.tables.thickness_ends_m
+    )
     ratio = np.exp(unknown_su[:, pressure] - unknown_su[:, at.MODULUS])
     ratio = np.clip(ratio, *library.iop_ratio_ends(thickness))
-    return thickness, ratio, np.clip(unknown_su[:, at.TIP] / size, 0.0, library.tables.tip_m[-1])
+    return (
+        thickness,
+        ratio,
+        np.clip(unknown_su[:, at.TIP] / size, 0.0, library.tables.tip_m[-1]),
+    )
 
 
 @lru_cache(maxsize=64)
 def law_of(globe: KnownGlobe) -> Law:
     """Return the law of a globe."""
-    rates = (float(globe.globe(rigidity).rate) for rigidity in (globe.lowest, globe.mean, globe.highest, globe.sd))
+    rates = (
+        float(globe.globe(rigidity).rate)
+        for rigidity in (globe.lowest, globe.mean, globe.highest, globe.sd)
+    )
     sealed = globe.can_be_sealed
-    return Law(at.PRESSURE if sealed else at.IOP, not sealed, globe.law == RIGIDITY_LAWS[1], *rates)
+    return Law(
+        at.PRESSURE if sealed else at.IOP,
+        not sealed,
+        globe.law == RIGIDITY_LAWS[1],
+        *rates,
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,19 +114,29 @@ class BoundaryFit:
     @property
     def is_uneven(self) -> bool:
         """True if the wall is not an even sphere, by the frame's misfit or the form."""
-        return self.misfit_m > LARGEST_MISFIT_M or form_size(self.unknown) > LARGEST_FORM
+        return (
+            self.misfit_m > LARGEST_MISFIT_M or form_size(self.unknown) > LARGEST_FORM
+        )
 
     def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
         """Return the probability of each class; no class is ever certain, as the number of draws is finite."""
-        above = [(int((self.draws_n > bound).sum()) + 0.5) / (len(self.draws_n) + 1.0) for bound in bounds_n]
+        above = [
+            (int((self.draws_n > bound).sum()) + 0.5) / (len(self.draws_n) + 1.0)
+            for bound in bounds_n
+        ]
         edges = (1.0, *above, 0.0)
         return tuple(high - low for high, low in pairwise(edges))
 
 
 def fit_boundaries(
-    library: Library, lateral_m: Floats, depth_bc: Floats, prior: Prior, smoothing_m: float = 0.0,
-    borne_n: float | None = None, begun: Floats | None = None,
-) -> BoundaryFit | None:  # fmt: skip
+    library: Library,
+    lateral_m: Floats,
+    depth_bc: Floats,
+    prior: Prior,
+    smoothing_m: float = 0.0,
+    borne_n: float | None = None,
+    begun: Floats | None = None,
+) -> BoundaryFit | None:
     """Fit the library to the boundaries of a frame; None if it shows fewer columns than there are unknowns.
 
     `lateral_m` (column,): places of the frame's columns from its middle. `depth_bc` (2, column), m: depth of the outer
@@ -126,38 +152,78 @@ def fit_boundaries(
         np.ascontiguousarray(lateral_m, dtype=np.float64),
         np.ascontiguousarray(depth_bc, dtype=np.float64),
         float(smoothing_m),
-        Belief(prior.mean, prior.sd, prior.precision, prior.same_force, prior.calibrated, prior.wall_sd_m),
+        Belief(
+            prior.mean,
+            prior.sd,
+            prior.precision,
+            prior.same_force,
+            prior.calibrated,
+            prior.wall_sd_m,
+        ),
         doubt_of(prior),
         np.nan if borne_n is None else float(borne_n),
         np.empty(0) if begun is None else np.ascontiguousarray(begun, dtype=np.float64),
         fitted,
-    )  # fmt: skip
+    )
     return fit_of(library, prior.globe, fitted) if has_fit else None
 
 
 def doubt_of(prior: Prior) -> Doubt:
     """Return the numbers that draw an eye's forces."""
     off, count = prior.discrepancy, len(at.NAMES)
-    terms = np.array([[off.level, off.level_sd, *off.level_by], [off.growth, off.growth_sd, *off.growth_by]])
-    return Doubt(_standard_normal(count + 2), _standard_normal(2, seed=1), terms, float(off.correlation))
+    terms = np.array(
+        [
+            [off.level, off.level_sd, *off.level_by],
+            [off.growth, off.growth_sd, *off.growth_by],
+        ]
+    )
+    return Doubt(
+        _standard_normal(count + 2),
+        _standard_normal(2, seed=1),
+        terms,
+        float(off.correlation),
+    )
 
 
 def empty_fit(library: Library) -> Fitted:
     """Return a fit without values."""
     count, wall_bmc = len(at.NAMES), np.empty((2, 2 * len(library.node_angles()), 2))
-    return Fitted(np.empty(count), np.empty((count, count)), np.empty(DRAWS), wall_bmc, np.empty(6))
+    return Fitted(
+        np.empty(count),
+        np.empty((count, count)),
+        np.empty(DRAWS),
+        wall_bmc,
+        np.empty(6),
+    )
 
 
 def fit_of(library: Library, globe: KnownGlobe, fitted: Fitted) -> BoundaryFit:
     """Return a fit from its arrays."""
-    unknown, (force, low_n, high_n, misfit, outliers, cost) = fitted.unknown, fitted.numbers.tolist()
-    radius_m, pressure = library.radius_m * np.exp(unknown[at.SIZE]), unknown[law_of(globe).pressure]
+    unknown, (force, low_n, high_n, misfit, outliers, cost) = (
+        fitted.unknown,
+        fitted.numbers.tolist(),
+    )
+    radius_m, pressure = (
+        library.radius_m * np.exp(unknown[at.SIZE]),
+        unknown[law_of(globe).pressure],
+    )
     return BoundaryFit(
-        force_n=force, interval_n=(low_n, high_n), draws_n=fitted.draws_n, contact_m=float(unknown[at.LATERAL]),
-        tip_m=float(unknown[at.TIP]), misfit_m=misfit * OUTER_SD_M, outliers=outliers, wall_bmc=fitted.wall_bmc,
-        unknown=unknown, spread=fitted.spread, iop_pa=float(np.exp(pressure)),
-        tension=float(np.exp(pressure - unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS]), loss=cost,
-    )  # fmt: skip
+        force_n=force,
+        interval_n=(low_n, high_n),
+        draws_n=fitted.draws_n,
+        contact_m=float(unknown[at.LATERAL]),
+        tip_m=float(unknown[at.TIP]),
+        misfit_m=misfit * OUTER_SD_M,
+        outliers=outliers,
+        wall_bmc=fitted.wall_bmc,
+        unknown=unknown,
+        spread=fitted.spread,
+        iop_pa=float(np.exp(pressure)),
+        tension=float(
+            np.exp(pressure - unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS]
+        ),
+        loss=cost,
+    )
 
 
 @lru_cache(maxsize=4)

@@ -11,7 +11,13 @@ from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled, compiled_part
 from scleraforce.known import REFERENCE_N
 from scleraforce.library import fit_starts, search_loops, unknowns as at
-from scleraforce.library.fit_loops import Law, displaced, force_at, formed_section, scene_of
+from scleraforce.library.fit_loops import (
+    Law,
+    displaced,
+    force_at,
+    formed_section,
+    scene_of,
+)
 from scleraforce.library.fit_starts import Surface
 from scleraforce.library.placement import NORMAL_MEDIAN, Stopping
 from scleraforce.library.sealed import level_of, pressure_of_level
@@ -21,7 +27,10 @@ from scleraforce.library.splines import SplineTables
 COLUMNS = 110  # of each boundary that are fitted
 OUTER_SD_M, INNER_SD_M = 5e-6, 9e-6  # of the boundaries along their normal
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
-LEAST_NOISE, MOST_NOISE = 0.3, 1e3  # of a frame's boundaries, over their SDs: a small misfit may be chance
+LEAST_NOISE, MOST_NOISE = (
+    0.3,
+    1e3,
+)  # of a frame's boundaries, over their SDs: a small misfit may be chance
 OUTLIER_SD = 8.0
 LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
 MODEL_SD = 0.01  # relative, of the force: real walls against the library's
@@ -30,9 +39,15 @@ MODEL_SD_N = 0.1e-3
 # fits of even walls of the library do (138 frames of 16 virtual eyes).
 LOST, STRAINED = 0.05, 30.0
 LIMBUS_STARTS = 4  # the best ones
-STOPPING = Stopping(iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2)
-TO_THE_END = Stopping(iterations=20, converged_sd=0.002, retry_damping=1e-2)  # for differences of fits
-FIRST_STEPS = Stopping(iterations=8, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2)  # from each start
+STOPPING = Stopping(
+    iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2
+)
+TO_THE_END = Stopping(
+    iterations=20, converged_sd=0.002, retry_damping=1e-2
+)  # for differences of fits
+FIRST_STEPS = Stopping(
+    iterations=8, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2
+)  # from each start
 # Of a sealed globe's fit: how unsure the logarithm of the pressure is where others are sought, how far off in its
 # standard deviations, how much lower a cost has to be, and how often.
 VALLEY_SD, VALLEY_STRIDE, VALLEY_LOWER, VALLEY_ROUNDS = 0.08, 2.0, 0.1, 4
@@ -68,9 +83,17 @@ class Fitted(NamedTuple):
 
 @compiled
 def fit_frame(
-    tables: SplineTables, law: Law, lateral_m: Floats, depth_bc: Floats, smoothing_m: float,
-    belief: Belief, doubt: Doubt, borne_n: float, begun: Floats, fitted: Fitted,
-) -> bool:  # fmt: skip
+    tables: SplineTables,
+    law: Law,
+    lateral_m: Floats,
+    depth_bc: Floats,
+    smoothing_m: float,
+    belief: Belief,
+    doubt: Doubt,
+    borne_n: float,
+    begun: Floats,
+    fitted: Fitted,
+) -> bool:
     """Write the fit of a frame; from the unknowns `begun` to the end if there are any (0 or unknown,).
 
     `borne_n` is the needle's force, NaN if it is not known. Return False if the frame shows too few columns.
@@ -99,43 +122,76 @@ def fit_frame(
 
 
 @compiled_part
-def _columns(lateral_m: Floats, depth_bc: Floats, wall_sd_m: float) -> tuple[Floats, Floats, Floats, int]:
+def _columns(
+    lateral_m: Floats, depth_bc: Floats, wall_sd_m: float
+) -> tuple[Floats, Floats, Floats, int]:
     """Return place, depth and its standard deviation of some columns, (place,), m, and how many are outer ones."""
     step, count, outer = max(1, -(-len(lateral_m) // COLUMNS)), 0, 0
-    at_m, depth_m, sd_m = np.empty(2 * COLUMNS), np.empty(2 * COLUMNS), np.empty(2 * COLUMNS)
+    at_m, depth_m, sd_m = (
+        np.empty(2 * COLUMNS),
+        np.empty(2 * COLUMNS),
+        np.empty(2 * COLUMNS),
+    )
     for boundary in range(2):
         outer = count
         for column in range(0, len(lateral_m), step):
             if np.isfinite(depth_bc[boundary, column]):
-                at_m[count], depth_m[count] = lateral_m[column], depth_bc[boundary, column]
-                sd_m[count] = np.hypot(INNER_SD_M if boundary else OUTER_SD_M, wall_sd_m)
+                at_m[count], depth_m[count] = (
+                    lateral_m[column],
+                    depth_bc[boundary, column],
+                )
+                sd_m[count] = np.hypot(
+                    INNER_SD_M if boundary else OUTER_SD_M, wall_sd_m
+                )
                 count += 1
     return at_m[:count], depth_m[:count], sd_m[:count], outer
 
 
 @compiled_part
 def _problem(
-    tables: SplineTables, law: Law, columns: tuple[Floats, Floats, Floats, int], smoothing_m: float, belief: Belief
+    tables: SplineTables,
+    law: Law,
+    columns: tuple[Floats, Floats, Floats, int],
+    smoothing_m: float,
+    belief: Belief,
 ) -> Problem:
     """Return the least-squares problem of some columns."""
     at_m, depth_m, sd_m, outer = columns
     as_one = max(1.0, CORRELATED_M / np.median(at_m[1:outer] - at_m[: outer - 1]))
     places = at_m, outer, smoothing_m
-    scene = scene_of(tables, law.pressure, places, belief.mean[at.GAP], belief.mean[at.THICKNESS])
+    scene = scene_of(
+        tables, law.pressure, places, belief.mean[at.GAP], belief.mean[at.THICKNESS]
+    )
     return Problem(scene, law, depth_m, sd_m, as_one, belief)
 
 
 @compiled
 def fit_plane(
-    tables: SplineTables, law: Law, lateral_m: Floats, depth_bc: Floats, smoothing_m: float, belief: Belief,
-    doubt: Doubt, tilt: float, scale: float, normal: Floats, gradient: Floats, fitted: Fitted,
-) -> float:  # fmt: skip
+    tables: SplineTables,
+    law: Law,
+    lateral_m: Floats,
+    depth_bc: Floats,
+    smoothing_m: float,
+    belief: Belief,
+    doubt: Doubt,
+    tilt: float,
+    scale: float,
+    normal: Floats,
+    gradient: Floats,
+    fitted: Fitted,
+) -> float:
     """Write the normal equations of one of several planes at its unknowns `fitted.unknown`, and return its cost.
 
     `normal` and `gradient` end with the plane's tilt against the needle axis, whose tangent is `tilt`; the columns' SDs
     count `scale` times. Without a `gradient` (0,) write the fit instead, whose spread there is.
     """
-    problem = _problem(tables, law, _columns(lateral_m, depth_bc, belief.wall_sd_m), smoothing_m, belief)
+    problem = _problem(
+        tables,
+        law,
+        _columns(lateral_m, depth_bc, belief.wall_sd_m),
+        smoothing_m,
+        belief,
+    )
     work, unknown = search_loops.work_of(problem.scene), fitted.unknown
     work.wall.pushed[2], work.other.pushed[2] = tilt, tilt
     cost, nodes = search_loops.evaluate(problem, unknown, work)
@@ -169,7 +225,9 @@ def _best_fit(problem: Problem, starts: Floats, work: Work, unknown: Floats) -> 
 
 
 @compiled_part
-def _better(problem: Problem, starts: Floats, best: float, work: Work, unknown: Floats) -> float:
+def _better(
+    problem: Problem, starts: Floats, best: float, work: Work, unknown: Floats
+) -> float:
     """Put the best fit from any start in place of `unknown` if its cost is lower than `best`; return the cost."""
     tried = np.empty(UNKNOWNS)
     cost = _best_fit(problem, starts, work, tried)
@@ -179,13 +237,17 @@ def _better(problem: Problem, starts: Floats, best: float, work: Work, unknown: 
 
 
 @compiled_part
-def _with_limbus(problem: Problem, first: Floats, best: float, work: Work, unknown: Floats) -> float:
+def _with_limbus(
+    problem: Problem, first: Floats, best: float, work: Work, unknown: Floats
+) -> float:
     """Put the best fit with a limbus in place of one that leaves much aside, if it is better; return the cost."""
     if best <= STRAINED:
         search_loops.evaluate(problem, unknown, work)
         lost = 0
         for place in range(len(work.off)):
-            lost += not (work.depths.seen[place] and np.abs(work.off[place]) <= OUTLIER_SD)
+            lost += not (
+                work.depths.seen[place] and np.abs(work.off[place]) <= OUTLIER_SD
+            )
         if lost <= LOST * len(work.off):
             return best
     begun, count = np.empty((4 + 2 * fit_starts.STARTS, UNKNOWNS)), 0
@@ -205,7 +267,14 @@ def _with_limbus(problem: Problem, first: Floats, best: float, work: Work, unkno
 
 
 @compiled_part
-def _beyond(problem: Problem, surface: Surface, borne_n: float, best: float, work: Work, unknown: Floats) -> float:
+def _beyond(
+    problem: Problem,
+    surface: Surface,
+    borne_n: float,
+    best: float,
+    work: Work,
+    unknown: Floats,
+) -> float:
     """Put a sealed globe's fit begun where a known force lies, or at a higher pressure, in place of a worse one.
 
     Where the pressure has nearly run away, two dents that are alike may be under very different forces.
@@ -213,20 +282,28 @@ def _beyond(problem: Problem, surface: Surface, borne_n: float, best: float, wor
     if problem.law.mean <= 0.0:
         return best
     starts, tried = np.empty((2, UNKNOWNS)), np.empty(UNKNOWNS)
-    count = 1 if fit_starts.higher_start(problem, surface, unknown, work, starts[0]) else 0
+    count = (
+        1 if fit_starts.higher_start(problem, surface, unknown, work, starts[0]) else 0
+    )
     if not np.isnan(borne_n):
         fit_starts.bearing_start(problem, surface, borne_n, work, starts[count])
         count += 1
     for number in range(count):
         search_loops.keep_inside(problem.scene.tables, starts[number])
         cost = _best_fit(problem, starts[number : number + 1], work, tried)
-        if cost < best and force_at(problem.scene.tables, problem.law, tried) < fit_starts.LARGEST_N:
+        if (
+            cost < best
+            and force_at(problem.scene.tables, problem.law, tried)
+            < fit_starts.LARGEST_N
+        ):
             unknown[:], best = tried, cost
     return best
 
 
 @compiled_part
-def _along_valley(problem: Problem, best: float, work: Work, unknown: Floats, spread: Floats) -> float:
+def _along_valley(
+    problem: Problem, best: float, work: Work, unknown: Floats, spread: Floats
+) -> float:
     """Put a sealed globe's fit at a higher or lower pressure in place of a worse one; return the cost.
 
     Where the pressure has nearly run away, dents of very different forces look nearly alike: a long bent valley with
@@ -243,7 +320,9 @@ def _along_valley(problem: Problem, best: float, work: Work, unknown: Floats, sp
             break
         before, starts = best, np.empty((2, UNKNOWNS))
         for number in range(2):
-            starts[number] = unknown + (2.0 * number - 1.0) * VALLEY_STRIDE * with_pressure / sd
+            starts[number] = (
+                unknown + (2.0 * number - 1.0) * VALLEY_STRIDE * with_pressure / sd
+            )
             search_loops.keep_inside(problem.scene.tables, starts[number])
         for number in range(2):
             best = _better(problem, starts[number : number + 1], best, work, unknown)
@@ -253,11 +332,16 @@ def _along_valley(problem: Problem, best: float, work: Work, unknown: Floats, sp
 
 
 @compiled_part
-def _conclude(problem: Problem, cost: float, doubt: Doubt, work: Work, fitted: Fitted) -> None:
+def _conclude(
+    problem: Problem, cost: float, doubt: Doubt, work: Work, fitted: Fitted
+) -> None:
     """Write the fit with its uncertainty: the curvature's, with the noise estimated from the misfit (Birge)."""
     _, nodes = search_loops.evaluate(problem, fitted.unknown, work)
     found = _misfit(problem, work)
-    scale = min(max(found[0], LEAST_NOISE if problem.belief.wall_sd_m == 0.0 else 1.0), MOST_NOISE)
+    scale = min(
+        max(found[0], LEAST_NOISE if problem.belief.wall_sd_m == 0.0 else 1.0),
+        MOST_NOISE,
+    )
     search_loops.find_spread(problem, fitted.unknown, nodes, scale, work, fitted.spread)
     _write_fit(problem, cost, found, doubt, work, fitted)
 
@@ -269,30 +353,55 @@ def _misfit(problem: Problem, work: Work) -> tuple[float, float]:
     size = np.where(seen, np.abs(off), np.inf)
     misfit = NORMAL_MEDIAN * np.median(size)
     for place in range(len(off)):
-        is_layer = place >= problem.scene.outer and seen[place] and 0.0 < off[place] * INNER_SD_M < LAYER_M
+        is_layer = (
+            place >= problem.scene.outer
+            and seen[place]
+            and 0.0 < off[place] * INNER_SD_M < LAYER_M
+        )
         lost += size[place] > OUTLIER_SD * max(1.0, misfit) and not is_layer
     return misfit, lost / len(off)
 
 
 @compiled_part
 def _write_fit(
-    problem: Problem, cost: float, found: tuple[float, float], doubt: Doubt, work: Work, fitted: Fitted
+    problem: Problem,
+    cost: float,
+    found: tuple[float, float],
+    doubt: Doubt,
+    work: Work,
+    fitted: Fitted,
 ) -> None:
     """Write a fit of a misfit and a share of outliers, whose spread there is."""
     _draw_forces(problem, fitted.unknown, fitted.spread, doubt, fitted.draws_n)
     formed_section(problem.scene, fitted.unknown, work.wall, fitted.wall_bmc)
-    fitted.numbers[:3] = np.quantile(fitted.draws_n, np.array([0.5, INTERVAL[0], INTERVAL[1]]))
-    fitted.numbers[3], fitted.numbers[4], fitted.numbers[5] = found[0] * (problem.sd_m[0] / OUTER_SD_M), found[1], cost
+    fitted.numbers[:3] = np.quantile(
+        fitted.draws_n, np.array([0.5, INTERVAL[0], INTERVAL[1]])
+    )
+    fitted.numbers[3], fitted.numbers[4], fitted.numbers[5] = (
+        found[0] * (problem.sd_m[0] / OUTER_SD_M),
+        found[1],
+        cost,
+    )
 
 
 @compiled_part
-def _draw_forces(problem: Problem, unknown: Floats, spread: Floats, doubt: Doubt, draws_n: Floats) -> None:
+def _draw_forces(
+    problem: Problem, unknown: Floats, spread: Floats, doubt: Doubt, draws_n: Floats
+) -> None:
     """Write forces drawn from the posterior, with the model error of the library on top."""
     tables = problem.scene.tables  # once: each look into the problem counts references
-    law, drawn, moved, deciding = problem.law, unknown.copy(), np.empty(len(MOVING)), np.empty((UNKNOWNS, len(MOVING)))
+    law, drawn, moved, deciding = (
+        problem.law,
+        unknown.copy(),
+        np.empty(len(MOVING)),
+        np.empty((UNKNOWNS, len(MOVING))),
+    )
     for number in range(len(MOVING)):
         deciding[:, number] = spread[:, MOVING[number]]
-    (normals, grown, terms, across), follows_eye = doubt, np.abs(doubt.terms[:, 2:]).max() > 0.0
+    (normals, grown, terms, across), follows_eye = (
+        doubt,
+        np.abs(doubt.terms[:, 2:]).max() > 0.0,
+    )
     for draw in range(len(draws_n)):
         normal = normals[draw]
         moved[:] = 0.0
@@ -305,18 +414,30 @@ def _draw_forces(problem: Problem, unknown: Floats, spread: Floats, doubt: Doubt
         if not law.is_open:
             volume, resting = displaced(tables, law, drawn), np.exp(drawn[at.IOP])
             level = level_of(resting, law.is_logarithmic)
-            low = np.log(pressure_of_level(level + law.lowest * volume, law.is_logarithmic))
-            high = np.log(pressure_of_level(level + law.highest * volume, law.is_logarithmic))
+            low = np.log(
+                pressure_of_level(level + law.lowest * volume, law.is_logarithmic)
+            )
+            high = np.log(
+                pressure_of_level(level + law.highest * volume, law.is_logarithmic)
+            )
             drawn[at.PRESSURE] = min(max(drawn[at.PRESSURE], low), high)
         borne_n = force_at(tables, law, drawn)
         level_z, growth_z = grown[draw]
         level = terms[0, 0] + terms[0, 1] * level_z
-        growth = terms[1, 0] + terms[1, 1] * (across * level_z + np.sqrt(1.0 - across**2) * growth_z)
+        growth = terms[1, 0] + terms[1, 1] * (
+            across * level_z + np.sqrt(1.0 - across**2) * growth_z
+        )
         if follows_eye:
             off = search_loops.deviations(problem, drawn)
             for one in range(2):
                 eye_z = min(max(off[one], -FARTHEST_EYE), FARTHEST_EYE)
-                level, growth = level + eye_z * terms[0, 2 + one], growth + eye_z * terms[1, 2 + one]
+                level, growth = (
+                    level + eye_z * terms[0, 2 + one],
+                    growth + eye_z * terms[1, 2 + one],
+                )
         level += growth * (min(max(borne_n / REFERENCE_N, 0.0), 1.0) - 0.5)
-        borne_n = borne_n * np.exp(level) * np.exp(MODEL_SD * normal[UNKNOWNS]) + MODEL_SD_N * normal[UNKNOWNS + 1]
+        borne_n = (
+            borne_n * np.exp(level) * np.exp(MODEL_SD * normal[UNKNOWNS])
+            + MODEL_SD_N * normal[UNKNOWNS + 1]
+        )
         draws_n[draw] = max(borne_n, 0.0)

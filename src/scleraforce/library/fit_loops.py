@@ -12,13 +12,25 @@ from scleraforce.compiled import compiled, compiled_in_place, compiled_part
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import SHEARED
 from scleraforce.library.sealed import level_of
-from scleraforce.library.splines import SUPPORT, SplineTables, curves_at, state_weights, undented_at, value_of
+from scleraforce.library.splines import (
+    SUPPORT,
+    SplineTables,
+    curves_at,
+    state_weights,
+    undented_at,
+    value_of,
+)
 
 Vector = tuple[float, float, float]
 
 LEAST_NORM = 1e-9
-GAUSS_HERMITE = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0  # places, weights
-STATION_RAD = 0.04  # between the places of a section at which the base's effect is computed
+GAUSS_HERMITE = (
+    np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]),
+    np.array([1.0, 4.0, 1.0]) / 6.0,
+)  # places, weights
+STATION_RAD = (
+    0.04  # between the places of a section at which the base's effect is computed
+)
 SPARE_M = 1.0e-3  # of a wall beyond the frame, at rest, and under the needle
 SPARE_DENTED_M = 0.1e-3
 ALONG, ACROSS = at.POLE.start, at.POLE.start + 1
@@ -83,11 +95,18 @@ class Depths(NamedTuple):
 
 @compiled_part
 def scene_of(
-    tables: SplineTables, pressure: int, places: tuple[Floats, int, float], gap_m: float, thickness_m: float
+    tables: SplineTables,
+    pressure: int,
+    places: tuple[Floats, int, float],
+    gap_m: float,
+    thickness_m: float,
 ) -> Scene:
     """Return the scene of walls of about a gap and a thickness, m; `places`: `at_m`, `outer` and `smoothing_m`."""
     nodes = tables.curves.shape[1] // 4
-    count, sines = int(np.ceil(tables.angles[nodes - 1] / STATION_RAD)) + 1, np.sin(tables.angles)
+    count, sines = (
+        int(np.ceil(tables.angles[nodes - 1] / STATION_RAD)) + 1,
+        np.sin(tables.angles),
+    )
     along = sines[nodes - 1] * (np.arange(2 * count + 1) / count - 1.0)
     stations, about_needle = np.empty((2, len(along), 3)), np.empty((2, len(along), 5))
     left, share = np.empty((2, 2 * nodes), dtype=np.intp), np.empty((2, 2 * nodes))
@@ -96,13 +115,29 @@ def scene_of(
         stations[boundary, :, 0], stations[boundary, :, 1] = along, across
         stations[boundary, :, 2] = np.sqrt(np.maximum(1.0 - along**2 - across**2, 0.0))
         for ring in range(2 * nodes):
-            wanted = np.sqrt(max(sines[ring % nodes] ** 2 - across**2, 0.0)) * (-1.0 if ring < nodes else 1.0)
+            wanted = np.sqrt(max(sines[ring % nodes] ** 2 - across**2, 0.0)) * (
+                -1.0 if ring < nodes else 1.0
+            )
             station = _before(along, wanted)
             left[boundary, ring] = station
-            share[boundary, ring] = (wanted - along[station]) / (along[station + 1] - along[station])
+            share[boundary, ring] = (wanted - along[station]) / (
+                along[station + 1] - along[station]
+            )
     _turn(stations, tables.angles, UP, about_needle)
     (at_m, outer, smoothing_m), cosines = places, np.cos(tables.angles)
-    return Scene(tables, pressure, at_m, outer, smoothing_m, stations, about_needle, left, share, sines, cosines)
+    return Scene(
+        tables,
+        pressure,
+        at_m,
+        outer,
+        smoothing_m,
+        stations,
+        about_needle,
+        left,
+        share,
+        sines,
+        cosines,
+    )
 
 
 @compiled_in_place
@@ -126,10 +161,18 @@ def empty_wall(scene: Scene) -> Wall:
     """Return a wall without values."""
     nodes, stations = scene.tables.curves.shape[1] // 4, scene.stations.shape[1]
     return Wall(
-        np.empty((2, nodes, 2)), np.zeros((2, 2 * nodes, 3)), np.empty((2, len(scene.sines), 2)),
-        np.empty((2, stations, 5)), np.zeros(3), np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3),
-        np.empty((stations, 3)), np.empty(2 * nodes), np.empty(2 * nodes), np.empty(2 * nodes),
-    )  # fmt: skip
+        np.empty((2, nodes, 2)),
+        np.zeros((2, 2 * nodes, 3)),
+        np.empty((2, len(scene.sines), 2)),
+        np.empty((2, stations, 5)),
+        np.zeros(3),
+        np.empty(SUPPORT**3, dtype=np.intp),
+        np.empty(SUPPORT**3),
+        np.empty((stations, 3)),
+        np.empty(2 * nodes),
+        np.empty(2 * nodes),
+        np.empty(2 * nodes),
+    )
 
 
 @compiled_in_place
@@ -138,9 +181,16 @@ def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vecto
     size, (low, high) = np.exp(unknown[at.SIZE]), tables.thickness_ends_m
     thickness = min(max(unknown[at.THICKNESS] / size, low), high)
     per_tension = thickness / tables.radius_m
-    least, most = tables.tension_ends[0] * per_tension, tables.tension_ends[1] * per_tension
+    least, most = (
+        tables.tension_ends[0] * per_tension,
+        tables.tension_ends[1] * per_tension,
+    )
     ratio = min(max(np.exp(unknown[pressure] - unknown[at.MODULUS]), least), most)
-    return thickness, ratio, min(max(unknown[at.TIP] / size, tables.tip_m[0]), tables.tip_m[-1])
+    return (
+        thickness,
+        ratio,
+        min(max(unknown[at.TIP] / size, tables.tip_m[0]), tables.tip_m[-1]),
+    )
 
 
 @compiled_in_place
@@ -159,20 +209,31 @@ def _find_wall(scene: Scene, unknown: Floats, count: int, wall: Wall) -> None:
 @compiled_in_place
 def _axis(unknown: Floats) -> Vector:
     """Return the eye's axis."""
-    return unknown[ALONG], unknown[ACROSS], np.sqrt(max(1.0 - unknown[ALONG] ** 2 - unknown[ACROSS] ** 2, 0.0))
+    return (
+        unknown[ALONG],
+        unknown[ACROSS],
+        np.sqrt(max(1.0 - unknown[ALONG] ** 2 - unknown[ACROSS] ** 2, 0.0)),
+    )
 
 
 @compiled_in_place
-def find_curve(tables: SplineTables, state: Vector, count: int, wall: Wall, boundaries: int) -> None:
+def find_curve(
+    tables: SplineTables, state: Vector, count: int, wall: Wall, boundaries: int
+) -> None:
     """Write the first nodes of the curves of a state, of the outer boundary or of both."""
     state_weights(tables, state[0], state[1], state[2], wall.rows, wall.weights)
     for boundary in range(boundaries):
-        first, curve = 2 * wall.curve.shape[1] * boundary, wall.curve[boundary, :count].reshape(2 * count)
+        first, curve = (
+            2 * wall.curve.shape[1] * boundary,
+            wall.curve[boundary, :count].reshape(2 * count),
+        )
         curves_at(tables.curves, wall.rows, wall.weights, first, curve)
 
 
 @compiled_in_place
-def _find_push(tables: SplineTables, state: Vector, unknown: Floats, pushed: Floats) -> None:
+def _find_push(
+    tables: SplineTables, state: Vector, unknown: Floats, pushed: Floats
+) -> None:
     """Write the push of the base at a state (`base.base_push`)."""
     force_ratio = value_of(tables, tables.forces, state[0], state[1], state[2])
     share = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * force_ratio / state[0]
@@ -187,7 +248,9 @@ def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
         radius_m, way = scene.tables.radius_m - boundary * state[0], meridian[boundary]
         for node in range(len(way)):
             way[node, 0] -= radius_m * scene.sines[node]
-            way[node, 1] = scene.tables.radius_m - way[node, 1] - radius_m * scene.cosines[node]
+            way[node, 1] = (
+                scene.tables.radius_m - way[node, 1] - radius_m * scene.cosines[node]
+            )
 
 
 @compiled_in_place
@@ -202,21 +265,34 @@ def _turn(stations: Floats, angles: Floats, axis: Vector, turned: Floats) -> Non
             along = x * axis[0] + y * axis[1] + z * axis[2]
             x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
             norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
-            angle = min(max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1])
+            angle = min(
+                max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1]
+            )
             node, turn = _before(angles, angle), turned[boundary, place]
-            turn[0], turn[1] = node, (angle - angles[node]) / (angles[node + 1] - angles[node])
+            turn[0], turn[1] = (
+                node,
+                (angle - angles[node]) / (angles[node + 1] - angles[node]),
+            )
             turn[2], turn[3], turn[4] = x / norm, y / norm, z / norm
 
 
 @compiled_in_place
 def _move(
-    scene: Scene, meridian: Floats, turned: Floats, axis: Vector, count: int, moved: Floats, motion: Floats
+    scene: Scene,
+    meridian: Floats,
+    turned: Floats,
+    axis: Vector,
+    count: int,
+    moved: Floats,
+    motion: Floats,
 ) -> None:
     """Write how the pressure moves the first rings of a wall beside the pole (boundary, ring, 3) (`base_bulge`)."""
     nodes, left = motion.shape[1] // 2, scene.left
     for boundary in range(2):
         way = meridian[boundary]
-        for place in range(left[boundary, count - 1], left[boundary, nodes + count - 1] + 2):
+        for place in range(
+            left[boundary, count - 1], left[boundary, nodes + count - 1] + 2
+        ):
             turn, rest = turned[boundary, place], scene.about_needle[boundary, place]
             away, up = _moved_along(way, turn)
             resting, above = _moved_along(way, rest)
@@ -240,30 +316,57 @@ def _moved_along(way: Floats, turn: Floats) -> tuple[float, float]:
 
 
 @compiled_in_place
-def cut_wall(curve: Floats, motion: Floats, pushed: Floats, count: int, unknown: Floats, wall: Wall) -> None:
+def cut_wall(
+    curve: Floats,
+    motion: Floats,
+    pushed: Floats,
+    count: int,
+    unknown: Floats,
+    wall: Wall,
+) -> None:
     """Write a boundary's section in the frame: where the plane meets its first nodes, left side first, (2 count,)."""
-    nodes, squares, lateral, down, gap_m = len(curve), wall.steep, wall.lateral, wall.down, unknown[at.GAP]
-    size, c, s = np.exp(unknown[at.SIZE]), np.cos(unknown[at.ROTATION]), np.sin(unknown[at.ROTATION])
+    nodes, squares, lateral, down, gap_m = (
+        len(curve),
+        wall.steep,
+        wall.lateral,
+        wall.down,
+        unknown[at.GAP],
+    )
+    size, c, s = (
+        np.exp(unknown[at.SIZE]),
+        np.cos(unknown[at.ROTATION]),
+        np.sin(unknown[at.ROTATION]),
+    )
     tilt = size * pushed[2]
     longer = np.sqrt(1.0 + pushed[2] ** 2)  # depths along the plane
     for side in range(2):
         ring, sign, first = side * nodes, 2.0 * side - 1.0, count
         for node in range(count):
-            gap = gap_m - size * (motion[ring + node, 1] + pushed[1]) + tilt * curve[node, 1]
+            gap = (
+                gap_m
+                - size * (motion[ring + node, 1] + pushed[1])
+                + tilt * curve[node, 1]
+            )
             squares[node] = (size * curve[node, 0]) ** 2 - gap**2
             if squares[node] > 0.0 and first == count:
                 first = node
         beyond, first, share = first, first % count, 1.0
         last = max(first - 1, 0)
         if first > 0:
-            share = min(max(-squares[last] / max(squares[first] - squares[last], 1e-30), 0.0), 1.0)
+            share = min(
+                max(-squares[last] / max(squares[first] - squares[last], 1e-30), 0.0),
+                1.0,
+            )
         middle = size * curve[last, 1]
         middle += share * (size * curve[first, 1] - middle)
         for node in range(count):
             near = ring + max(node, first)
             across = sign * np.sqrt(max(squares[node], 0.0)) if node >= beyond else 0.0
             across += size * (motion[near, 0] + pushed[0])
-            deep = longer * ((size * curve[node, 1] if node >= beyond else middle) + size * motion[near, 2])
+            deep = longer * (
+                (size * curve[node, 1] if node >= beyond else middle)
+                + size * motion[near, 2]
+            )
             place = count + node if side else count - 1 - node
             lateral[place] = c * across - s * deep + unknown[at.LATERAL]
             down[place] = s * across + c * deep + unknown[at.DEPTH]
@@ -281,13 +384,17 @@ def without_folds(lateral: Floats, down: Floats, length: int) -> int:
 
 
 @compiled_in_place
-def _read_depths(scene: Scene, boundary: int, length: int, wall: Wall, depth_m: Floats, slope: Floats) -> None:
+def _read_depths(
+    scene: Scene, boundary: int, length: int, wall: Wall, depth_m: Floats, slope: Floats
+) -> None:
     """Write depth and slope of a boundary's section at its places, under a Gaussian (`placement.curve_depths`)."""
     lateral, down, steep = wall.lateral, wall.down, wall.steep
     begin, end = (scene.outer, len(scene.at_m)) if boundary else (0, scene.outer)
     depth_m[begin:end], slope[begin:end] = down[0] if length == 1 else 0.0, 0.0
     for segment in range(length - 1):
-        steep[segment] = (down[segment + 1] - down[segment]) / (lateral[segment + 1] - lateral[segment])
+        steep[segment] = (down[segment + 1] - down[segment]) / (
+            lateral[segment + 1] - lateral[segment]
+        )
     smoothing_m = 0.0 if boundary else scene.smoothing_m
     for point in range(3) if smoothing_m > 0.0 else range(1, 2):
         weight, segment = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0, 0
@@ -295,7 +402,9 @@ def _read_depths(scene: Scene, boundary: int, length: int, wall: Wall, depth_m: 
             along = scene.at_m[place] + GAUSS_HERMITE[0][point] * smoothing_m
             while segment < length - 2 and lateral[segment + 1] < along:
                 segment += 1
-            depth_m[place] += weight * (down[segment] + steep[segment] * (along - lateral[segment]))
+            depth_m[place] += weight * (
+                down[segment] + steep[segment] * (along - lateral[segment])
+            )
             slope[place] += weight * steep[segment]
 
 
@@ -313,30 +422,54 @@ def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
     """Write the depths that a frame shows of the wall of unknowns; return the number of its nodes that are found."""
     tables, (low, high), nodes = scene.tables, _ends(scene), len(scene.share[0]) // 2
     size, s = np.exp(unknown[at.SIZE]), np.abs(np.sin(unknown[at.ROTATION]))
-    reach = max(high - unknown[at.LATERAL], unknown[at.LATERAL] - low) + s * size * tables.radius_m
+    reach = (
+        max(high - unknown[at.LATERAL], unknown[at.LATERAL] - low)
+        + s * size * tables.radius_m
+    )
     reach = (reach / max(np.cos(unknown[at.ROTATION]), LEAST_NORM) + SPARE_M) / size
     reach /= tables.radius_m - tables.thickness_ends_m[1]
-    count = nodes if reach >= 1.0 else min(_before(tables.angles, np.arcsin(reach)) + 3, nodes)
+    count = (
+        nodes
+        if reach >= 1.0
+        else min(_before(tables.angles, np.arcsin(reach)) + 3, nodes)
+    )
     _find_wall(scene, unknown, count, wall)
     boundary = 0
     while boundary < 2:
-        cut_wall(wall.curve[boundary], wall.motion[boundary], wall.pushed, count, unknown, wall)
+        cut_wall(
+            wall.curve[boundary],
+            wall.motion[boundary],
+            wall.pushed,
+            count,
+            unknown,
+            wall,
+        )
         length = without_folds(wall.lateral, wall.down, 2 * count)
         left, right = wall.lateral[0], wall.lateral[length - 1]
-        if count < nodes and (left > low - SPARE_DENTED_M or right < high + SPARE_DENTED_M):
+        if count < nodes and (
+            left > low - SPARE_DENTED_M or right < high + SPARE_DENTED_M
+        ):
             count, boundary = nodes, 0
             _find_wall(scene, unknown, count, wall)
             continue
         _read_depths(scene, boundary, length, wall, depths.even_m, depths.even_slope)
-        for place in range(scene.outer * boundary, len(scene.at_m) if boundary else scene.outer):
+        for place in range(
+            scene.outer * boundary, len(scene.at_m) if boundary else scene.outer
+        ):
             depths.seen[place] = length > 1 and left <= scene.at_m[place] <= right
         boundary += 1
     for place in range(len(scene.at_m)):
         is_inner = 0.0 if place < scene.outer else 1.0
-        formed, form_slope = _form(unknown, scene.at_m[place] - unknown[at.LATERAL], is_inner)
+        formed, form_slope = _form(
+            unknown, scene.at_m[place] - unknown[at.LATERAL], is_inner
+        )
         depths.slope[place] = depths.even_slope[place] + form_slope
-        depths.depth_m[place] = depths.even_m[place] + unknown[at.INNER_OFFSET] * is_inner + formed
-        depths.depth_m[place] -= unknown[at.SHINE] * (1.0 - is_inner) * _shine(depths.slope[place])
+        depths.depth_m[place] = (
+            depths.even_m[place] + unknown[at.INNER_OFFSET] * is_inner + formed
+        )
+        depths.depth_m[place] -= (
+            unknown[at.SHINE] * (1.0 - is_inner) * _shine(depths.slope[place])
+        )
     return count
 
 
@@ -346,16 +479,30 @@ def _shine(slope: float) -> float:
 
 
 @compiled_part
-def derive(scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, depths: Depths) -> None:
+def derive(
+    scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, depths: Depths
+) -> None:
     """Write the derivatives of the wall that `show_wall` has just shown; `other` is workspace."""
-    tables, axis, jacobian, varied = scene.tables, _axis(unknown), depths.jacobian, unknown.copy()
+    tables, axis, jacobian, varied = (
+        scene.tables,
+        _axis(unknown),
+        depths.jacobian,
+        unknown.copy(),
+    )
     if axis[2] == 1.0:
-        _find_meridian(scene, library_place(tables, unknown, scene.pressure), wall.meridian)
+        _find_meridian(
+            scene, library_place(tables, unknown, scene.pressure), wall.meridian
+        )
     depth_m, slope = np.empty(len(scene.at_m)), np.empty(len(scene.at_m))
     jacobian[:] = 0.0
-    for moving in np.array([at.TIP, at.GAP, at.THICKNESS, scene.pressure, ALONG, ACROSS]):
+    for moving in np.array(
+        [at.TIP, at.GAP, at.THICKNESS, scene.pressure, ALONG, ACROSS]
+    ):
         varied[moving] = unknown[moving] + _step(scene, unknown, moving)
-        moved, state = varied[moving] - unknown[moving], library_place(tables, varied, scene.pressure)
+        moved, state = (
+            varied[moving] - unknown[moving],
+            library_place(tables, varied, scene.pressure),
+        )
         curve, motion = wall.curve, wall.motion
         if moving in (at.TIP, at.THICKNESS, scene.pressure):
             find_curve(tables, state, count, other, 2)
@@ -363,24 +510,41 @@ def derive(scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, d
         if moving in (ALONG, ACROSS):
             motion = other.motion
             _turn(scene.stations, tables.angles, _axis(varied), other.turned)
-            _move(scene, wall.meridian, other.turned, _axis(varied), count, other.moved, motion)
+            _move(
+                scene,
+                wall.meridian,
+                other.turned,
+                _axis(varied),
+                count,
+                other.moved,
+                motion,
+            )
         elif axis[2] < 1.0 and moving in (at.THICKNESS, scene.pressure):
             motion = other.motion
             _find_meridian(scene, state, other.meridian)
             _move(scene, other.meridian, wall.turned, axis, count, other.moved, motion)
         _find_push(tables, state, varied, other.pushed)
         for boundary in range(2):
-            cut_wall(curve[boundary], motion[boundary], other.pushed, count, varied, other)
+            cut_wall(
+                curve[boundary], motion[boundary], other.pushed, count, varied, other
+            )
             length = without_folds(other.lateral, other.down, 2 * count)
             _read_depths(scene, boundary, length, other, depth_m, slope)
         jacobian[:, moving] = (depth_m - depths.even_m) / moved
         varied[moving] = unknown[moving]
     for place in range(len(depth_m)):
-        row, steep, deep = jacobian[place], depths.even_slope[place], depths.even_m[place]
+        row, steep, deep = (
+            jacobian[place],
+            depths.even_slope[place],
+            depths.even_m[place],
+        )
         if not depths.seen[place]:
             row[:] = 0.0
             continue
-        is_inner, across = 0.0 if place < scene.outer else 1.0, scene.at_m[place] - unknown[at.LATERAL]
+        is_inner, across = (
+            0.0 if place < scene.outer else 1.0,
+            scene.at_m[place] - unknown[at.LATERAL],
+        )
         by_size = deep - unknown[at.DEPTH] - steep * across
         by_size -= unknown[at.TIP] * row[at.TIP] + unknown[at.GAP] * row[at.GAP]
         row[at.SIZE] = by_size - unknown[at.THICKNESS] * row[at.THICKNESS]
@@ -399,7 +563,11 @@ def derive(scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, d
 def _step(scene: Scene, unknown: Floats, place: int) -> float:
     """Return the step of an unknown; one that would leave the library goes the other way (`library.fit`)."""
     tables, size = scene.tables, np.exp(unknown[at.SIZE])
-    thickness, step, leaves = unknown[at.THICKNESS] / size, at.POLE_STEP, unknown[place] > 0.0
+    thickness, step, leaves = (
+        unknown[at.THICKNESS] / size,
+        at.POLE_STEP,
+        unknown[place] > 0.0,
+    )
     if place == at.TIP:
         step = at.TIP_STEP_M
         leaves = unknown[at.TIP] / size + step > tables.tip_m[-1]
@@ -409,7 +577,10 @@ def _step(scene: Scene, unknown: Floats, place: int) -> float:
         step = at.THICKNESS_STEP_M
         leaves = thickness + step > tables.thickness_ends_m[1]
     elif place == scene.pressure:
-        step, highest = at.LOG_PRESSURE_STEP, tables.tension_ends[1] * (thickness / tables.radius_m)
+        step, highest = (
+            at.LOG_PRESSURE_STEP,
+            tables.tension_ends[1] * (thickness / tables.radius_m),
+        )
         leaves = np.exp(unknown[place] - unknown[at.MODULUS] + step) > highest
     return -step if leaves else step
 
@@ -422,7 +593,9 @@ def _ramp(beyond_m: float) -> tuple[float, float]:
 
 
 @compiled_in_place
-def _form(unknown: Floats, from_contact_m: float, is_inner: float) -> tuple[float, float]:
+def _form(
+    unknown: Floats, from_contact_m: float, is_inner: float
+) -> tuple[float, float]:
     """Return the contribution of a form to depth and slope (`unknowns.form_depths`)."""
     depth, slope = unknown[WEDGE] * from_contact_m * is_inner, unknown[WEDGE] * is_inner
     for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
@@ -439,13 +612,27 @@ def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -
     count = section.shape[1] // 2
     _find_wall(scene, unknown, count, wall)
     for boundary in range(2):
-        cut_wall(wall.curve[boundary], wall.motion[boundary], wall.pushed, count, unknown, wall)
+        cut_wall(
+            wall.curve[boundary],
+            wall.motion[boundary],
+            wall.pushed,
+            count,
+            unknown,
+            wall,
+        )
         for place in range(2 * count):
-            formed, _ = _form(unknown, wall.lateral[place] - unknown[at.LATERAL], float(boundary))
-            section[boundary, place, 0], section[boundary, place, 1] = wall.lateral[place], wall.down[place] + formed
+            formed, _ = _form(
+                unknown, wall.lateral[place] - unknown[at.LATERAL], float(boundary)
+            )
+            section[boundary, place, 0], section[boundary, place, 1] = (
+                wall.lateral[place],
+                wall.down[place] + formed,
+            )
 
 
-LEAST_SD = 3e-3  # relative, of the pressure that a globe's law gives: volumes of the library
+LEAST_SD = (
+    3e-3  # relative, of the pressure that a globe's law gives: volumes of the library
+)
 
 
 class Law(NamedTuple):
@@ -466,9 +653,17 @@ class Law(NamedTuple):
 @compiled_in_place
 def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float, float]:
     """Return how far level(P) is off its mean, and its standard deviation (`library.fit`)."""
-    volume, pressure, resting = displaced(tables, law, unknown), np.exp(unknown[at.PRESSURE]), np.exp(unknown[at.IOP])
-    risen = level_of(pressure, law.is_logarithmic) - level_of(resting, law.is_logarithmic)
-    slope = 1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0  # of the level by the logarithm of the pressure
+    volume, pressure, resting = (
+        displaced(tables, law, unknown),
+        np.exp(unknown[at.PRESSURE]),
+        np.exp(unknown[at.IOP]),
+    )
+    risen = level_of(pressure, law.is_logarithmic) - level_of(
+        resting, law.is_logarithmic
+    )
+    slope = (
+        1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0
+    )  # of the level by the logarithm of the pressure
     return risen - law.mean * volume, np.hypot(law.spread * volume, LEAST_SD * slope)
 
 
@@ -476,7 +671,10 @@ def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float,
 def displaced(tables: SplineTables, law: Law, unknown: Floats) -> float:
     """Return the volume that the dent displaces, m^3."""
     thickness, ratio, tip = library_place(tables, unknown, law.pressure)
-    return float(np.exp(3.0 * unknown[at.SIZE]) * value_of(tables, tables.volumes, thickness, ratio, tip))
+    return float(
+        np.exp(3.0 * unknown[at.SIZE])
+        * value_of(tables, tables.volumes, thickness, ratio, tip)
+    )
 
 
 @compiled_in_place
@@ -489,9 +687,15 @@ def force_at(tables: SplineTables, law: Law, unknown: Floats) -> float:
 
 @compiled
 def predict(
-    tables: SplineTables, law: Law, places: tuple[Floats, int, float], gap_m: float, thickness_m: float,
-    unknown: Floats, depths: Depths, section: Floats,
-) -> float:  # fmt: skip
+    tables: SplineTables,
+    law: Law,
+    places: tuple[Floats, int, float],
+    gap_m: float,
+    thickness_m: float,
+    unknown: Floats,
+    depths: Depths,
+    section: Floats,
+) -> float:
     """Write depths and derivatives of walls of about a gap and a thickness, and their section; return the force, N."""
     scene = scene_of(tables, law.pressure, places, gap_m, thickness_m)
     wall, other = empty_wall(scene), empty_wall(scene)

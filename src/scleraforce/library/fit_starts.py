@@ -13,9 +13,23 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled_in_place, compiled_part
 from scleraforce.library import unknowns as at
-from scleraforce.library.fit_loops import cut_wall, find_curve, force_at, library_place, show_wall, without_folds
+from scleraforce.library.fit_loops import (
+    cut_wall,
+    find_curve,
+    force_at,
+    library_place,
+    show_wall,
+    without_folds,
+)
 from scleraforce.library.sealed import level_of, pressure_at_dent
-from scleraforce.library.search_loops import UNKNOWNS, Problem, Work, dot, factorise, solve
+from scleraforce.library.search_loops import (
+    UNKNOWNS,
+    Problem,
+    Work,
+    dot,
+    factorise,
+    solve,
+)
 from scleraforce.library.splines import value_of
 
 DENTS = 14
@@ -49,26 +63,50 @@ def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface
     """Return some places of an outer boundary, (place,), where it is seen."""
     count, some = len(lateral_m), np.empty((2, min(POINTS, len(lateral_m))))
     for point in range(some.shape[1]):
-        place = count - 1 if point == POINTS - 1 else int(point * max(1.0, (count - 1) / (POINTS - 1)))
+        place = (
+            count - 1
+            if point == POINTS - 1
+            else int(point * max(1.0, (count - 1) / (POINTS - 1)))
+        )
         some[0, point], some[1, point] = lateral_m[place], depth_m[place]
-    reach = int(np.ceil((max(-lateral_m[0], lateral_m[count - 1]) + farthest_m) / GRID_M)) + 1
-    return Surface(some[0], some[1], farthest_m, np.empty(2 * reach + 1), np.empty(some.shape[1]))
+    reach = (
+        int(np.ceil((max(-lateral_m[0], lateral_m[count - 1]) + farthest_m) / GRID_M))
+        + 1
+    )
+    return Surface(
+        some[0], some[1], farthest_m, np.empty(2 * reach + 1), np.empty(some.shape[1])
+    )
 
 
 @compiled_part
-def _lay(problem: Problem, surface: Surface, unknown: Floats, pose: Floats, work: Work) -> float:
+def _lay(
+    problem: Problem, surface: Surface, unknown: Floats, pose: Floats, work: Work
+) -> float:
     """Write the best lateral place and depth of a wall on a surface; return how far off it then is.
 
     The wall is taken at the pose of other unknowns, `pose`, as one over the pole.
     """
-    wall, tables, nodes, posed = work.other, problem.scene.tables, work.other.curve.shape[1], unknown.copy()
+    wall, tables, nodes, posed = (
+        work.other,
+        problem.scene.tables,
+        work.other.curve.shape[1],
+        unknown.copy(),
+    )
     for place in (at.LATERAL, at.DEPTH, at.ROTATION):
         posed[place] = pose[place]
-    find_curve(tables, library_place(tables, posed, problem.law.pressure), nodes, wall, 1)
+    find_curve(
+        tables, library_place(tables, posed, problem.law.pressure), nodes, wall, 1
+    )
     wall.motion[0], wall.pushed[:] = 0.0, 0.0
     cut_wall(wall.curve[0], wall.motion[0], wall.pushed, nodes, posed, wall)
     length, segment, after = without_folds(wall.lateral, wall.down, 2 * nodes), 0, 0
-    lateral, down, grid_m, reach, steep = wall.lateral, wall.down, surface.grid_m, len(surface.grid_m) // 2, 0.0
+    lateral, down, grid_m, reach, steep = (
+        wall.lateral,
+        wall.down,
+        surface.grid_m,
+        len(surface.grid_m) // 2,
+        0.0,
+    )
     for place in range(len(grid_m)):
         along = min(max((place - reach) * GRID_M, lateral[0]), lateral[length - 1])
         while segment < length - 2 and lateral[segment + 1] <= along:
@@ -102,10 +140,16 @@ def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -
     start. Where no pressure bears any dent, the mean is one.
     """
     tables, law, mean = problem.scene.tables, problem.law, problem.belief.mean
-    laid, least, tried = np.empty((DENTS, UNKNOWNS)), np.full(DENTS + 2, np.inf), np.empty(UNKNOWNS)
+    laid, least, tried = (
+        np.empty((DENTS, UNKNOWNS)),
+        np.full(DENTS + 2, np.inf),
+        np.empty(UNKNOWNS),
+    )
     thickness, resting, size, modulus, per_rate = _resting(problem)
     for rigidity in range(1 if law.is_open else 2):
-        for dent in range(DENTS):  # they crowd where they are shallow: forces grow quickest there
+        for dent in range(
+            DENTS
+        ):  # they crowd where they are shallow: forces grow quickest there
             tried[:] = mean
             tried[at.TIP] = tables.tip_m[-1] * size * (dent / (DENTS - 1)) ** 1.5
             if not law.is_open:
@@ -141,22 +185,34 @@ def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
     mean = problem.belief.mean
     thickness, ratio, _ = library_place(problem.scene.tables, mean, at.IOP)
     size, modulus = np.exp(mean[at.SIZE]), np.exp(mean[at.MODULUS])
-    return thickness, ratio, size, modulus, size**3 / (1.0 if problem.law.is_logarithmic else np.cbrt(modulus))
+    return (
+        thickness,
+        ratio,
+        size,
+        modulus,
+        size**3 / (1.0 if problem.law.is_logarithmic else np.cbrt(modulus)),
+    )
 
 
 @compiled_part
-def bearing_start(problem: Problem, surface: Surface, borne_n: float, work: Work, start: Floats) -> None:
+def bearing_start(
+    problem: Problem, surface: Surface, borne_n: float, work: Work, start: Floats
+) -> None:
     """Write the start in a sealed globe whose needle is known to bear a force."""
     states, best = np.empty((PRESSURES, UNKNOWNS)), np.inf
     for state in range(_find_states(problem, states)):
-        off = np.abs(force_at(problem.scene.tables, problem.law, states[state]) - borne_n)
+        off = np.abs(
+            force_at(problem.scene.tables, problem.law, states[state]) - borne_n
+        )
         if off < best:
             best, start[:] = off, states[state]
     _lay(problem, surface, start, problem.belief.mean, work)
 
 
 @compiled_part
-def higher_start(problem: Problem, surface: Surface, fitted: Floats, work: Work, start: Floats) -> bool:
+def higher_start(
+    problem: Problem, surface: Surface, fitted: Floats, work: Work, start: Floats
+) -> bool:
     """Write the best state of a sealed globe among those at much higher pressures than `fitted`.
 
     Return False if all lie much worse than that one, or the globe has none.
@@ -177,12 +233,20 @@ def higher_start(problem: Problem, surface: Surface, fitted: Floats, work: Work,
 def _find_states(problem: Problem, states: Floats) -> int:
     """Write states of a globe of the mean rigidity (state, unknown), by their pressure; return their number."""
     tables, law, count = problem.scene.tables, problem.law, 0
-    (thickness, resting, size, modulus, per_rate), tips = _resting(problem), tables.tip_m
+    (thickness, resting, size, modulus, per_rate), tips = (
+        _resting(problem),
+        tables.tip_m,
+    )
     highest = tables.tension_ends[1] * thickness / tables.radius_m
     for number in range(PRESSURES):
         ratio, tip = resting * (highest / resting) ** (number / (PRESSURES - 1)), 0
-        risen = level_of(ratio, law.is_logarithmic) - level_of(resting, law.is_logarithmic)
-        volume, low = risen / (law.mean * per_rate), value_of(tables, tables.volumes, thickness, ratio, tips[0])
+        risen = level_of(ratio, law.is_logarithmic) - level_of(
+            resting, law.is_logarithmic
+        )
+        volume, low = (
+            risen / (law.mean * per_rate),
+            value_of(tables, tables.volumes, thickness, ratio, tips[0]),
+        )
         if volume <= value_of(tables, tables.volumes, thickness, ratio, tips[-1]):
             high = value_of(tables, tables.volumes, thickness, ratio, tips[1])
             while tip < len(tips) - 2 and high <= volume:
@@ -190,7 +254,9 @@ def _find_states(problem: Problem, states: Floats) -> int:
                 high = value_of(tables, tables.volumes, thickness, ratio, tips[tip + 1])
             states[count] = problem.belief.mean
             states[count, at.PRESSURE] = np.log(ratio * modulus)
-            states[count, at.TIP] = size * (tips[tip] + (volume - low) / (high - low) * (tips[tip + 1] - tips[tip]))
+            states[count, at.TIP] = size * (
+                tips[tip] + (volume - low) / (high - low) * (tips[tip + 1] - tips[tip])
+            )
             count += 1
     return count
 
@@ -202,7 +268,9 @@ MIDDLE_M = 1.5e-3  # to either side of the frame's: there lies the contact of a 
 
 
 @compiled_part
-def limbus_start(problem: Problem, unknown: Floats, sign: float, work: Work, start: Floats) -> bool:
+def limbus_start(
+    problem: Problem, unknown: Floats, sign: float, work: Work, start: Floats
+) -> bool:
     """Write unknowns with a limbus on one side; return False where too little of the surface is seen there.
 
     The limbus's place is searched; the angle and the curvature beyond, and the depth and the turn of the wall with
@@ -211,26 +279,45 @@ def limbus_start(problem: Problem, unknown: Floats, sign: float, work: Work, sta
     """
     scene, depths, work.last[0] = problem.scene, work.depths, np.nan
     show_wall(scene, unknown, work.wall, depths)
-    basis, along_m, rest_m = np.zeros((scene.outer, 4)), np.empty(scene.outer), np.empty(scene.outer)
+    basis, along_m, rest_m = (
+        np.zeros((scene.outer, 4)),
+        np.empty(scene.outer),
+        np.empty(scene.outer),
+    )
     for place in range(scene.outer):
         across = scene.at_m[place] - unknown[at.LATERAL]
-        along_m[place], rest_m[place] = sign * across, problem.depth_m[place] - depths.depth_m[place]
+        along_m[place], rest_m[place] = (
+            sign * across,
+            problem.depth_m[place] - depths.depth_m[place],
+        )
         if depths.seen[place]:
             basis[place, 0] = 1.0
-            basis[place, 1] = across + depths.even_slope[place] * (depths.even_m[place] - unknown[at.DEPTH])
-    best, solution, first = np.inf, np.empty(4), at.FORM.start + (0 if sign < 0.0 else 3)
+            basis[place, 1] = across + depths.even_slope[place] * (
+                depths.even_m[place] - unknown[at.DEPTH]
+            )
+    best, solution, first = (
+        np.inf,
+        np.empty(4),
+        at.FORM.start + (0 if sign < 0.0 else 3),
+    )
     for limbus_m in LIMBUS_PLACES_M:
         off_m = _fit_limbus(limbus_m, along_m, rest_m, basis, solution)
         if off_m < best:
             best, start[:] = off_m, unknown
             start[at.DEPTH] += solution[0]
             start[at.ROTATION] += solution[1]
-            start[first], start[first + 1], start[first + 2] = limbus_m, solution[2], solution[3]
+            start[first], start[first + 1], start[first + 2] = (
+                limbus_m,
+                solution[2],
+                solution[3],
+            )
     return best < np.inf
 
 
 @compiled_part
-def _fit_limbus(limbus_m: float, along_m: Floats, rest_m: Floats, basis: Floats, solution: Floats) -> float:
+def _fit_limbus(
+    limbus_m: float, along_m: Floats, rest_m: Floats, basis: Floats, solution: Floats
+) -> float:
     """Write depth, turn, angle and curvature of the best limbus at a place; return the mean misfit of the surface.
 
     `along_m`: places of the surface towards it, from the contact; `rest_m`: depths below the wall without it; `basis`
@@ -252,7 +339,9 @@ def _fit_limbus(limbus_m: float, along_m: Floats, rest_m: Floats, basis: Floats,
     towards, lower, off_m = solution.copy(), matrix.copy(), 0.0
     factorise(lower)
     solve(lower, solution)
-    curvature = min(max(solution[3], at.FORM_ENDS[0, CURVATURE]), at.FORM_ENDS[1, CURVATURE])
+    curvature = min(
+        max(solution[3], at.FORM_ENDS[0, CURVATURE]), at.FORM_ENDS[1, CURVATURE]
+    )
     if curvature != solution[3]:
         solution[:3], solution[3] = towards[:3] - curvature * matrix[:3, 3], curvature
         solve(lower[:3, :3], solution[:3])
@@ -269,7 +358,10 @@ def one_sided_starts(problem: Problem, work: Work, found: Floats) -> int:
     whole surface takes for the dent.
     """
     count, begun = 0, np.empty((STARTS, UNKNOWNS))
-    lateral_m, depth_m = problem.scene.at_m[: problem.scene.outer], problem.depth_m[: problem.scene.outer]
+    lateral_m, depth_m = (
+        problem.scene.at_m[: problem.scene.outer],
+        problem.depth_m[: problem.scene.outer],
+    )
     for sign in (-1.0, 1.0):
         near = sign * lateral_m <= MIDDLE_M
         if np.count_nonzero(near) < LEAST_COLUMNS:

@@ -35,30 +35,51 @@ from scleraforce.study import ReaderStudy
 
 OWN = np.array([at.TIP, at.LATERAL, at.DEPTH, at.ROTATION, at.SHINE, at.PRESSURE])
 SHARED = np.setdiff1d(np.arange(len(at.NAMES)), OWN)
-COMPLIANCE, SHIFT, RIGIDITY, WEIGHTS = range(len(SHARED), len(SHARED) + 4)  # places in the shared vector
-MODULUS, THICKNESS, SIZE = (SHARED.tolist().index(name) for name in (at.MODULUS, at.THICKNESS, at.SIZE))
-_FORM, _POLE = (np.isin(SHARED, np.arange(len(at.NAMES))[place]).nonzero()[0] for place in (at.FORM, at.POLE))
+COMPLIANCE, SHIFT, RIGIDITY, WEIGHTS = range(
+    len(SHARED), len(SHARED) + 4
+)  # places in the shared vector
+MODULUS, THICKNESS, SIZE = (
+    SHARED.tolist().index(name) for name in (at.MODULUS, at.THICKNESS, at.SIZE)
+)
+_FORM, _POLE = (
+    np.isin(SHARED, np.arange(len(at.NAMES))[place]).nonzero()[0]
+    for place in (at.FORM, at.POLE)
+)
 # Of the logarithm of the bed's compliance, m/N, the travel's shift, m, and the rigidity over the globe's mean.
 EXTRA_MEAN, EXTRA_SD = np.array([log(1 / 60.0), 0.0, 1.0]), np.array([1.0, 1e-3, 1e-3])
 TRAVEL_SD_M, TIP_SD = 10e-6, 0.01  # of a travel; its share for the library's dent
 FORCE_SD = 0.02  # of the logarithm of a known force: the level of real walls beside the library's
-EDGE_M = 0.7e-3  # at either end of a frame's surface, where the segmentation bends it up
+EDGE_M = (
+    0.7e-3  # at either end of a frame's surface, where the segmentation bends it up
+)
 COARSER = 2  # columns of a single frame's fit for one here
 # The discrepancy: knots along asinh(x/1 mm) and over the dent, lengths of correlation, share of the thickness.
-KNOTS, KNOT_TIPS_M = np.linspace(-np.arcsinh(6.5), np.arcsinh(6.5), 17), np.array([0.0, 1.3e-3, 2.8e-3, 4.8e-3])
+KNOTS, KNOT_TIPS_M = (
+    np.linspace(-np.arcsinh(6.5), np.arcsinh(6.5), 17),
+    np.array([0.0, 1.3e-3, 2.8e-3, 4.8e-3]),
+)
 ALONG, OVER_M, INNER_SHARE, REFERENCE_M, WARP_M = 0.5, 2e-3, 0.7, 2e-3, 1e-3
-ROUNDING, LEAST_SIZE_M = 1e-4, 0.3e-6  # of the kernel; of a part that differs between depths of dents
+ROUNDING, LEAST_SIZE_M = (
+    1e-4,
+    0.3e-6,
+)  # of the kernel; of a part that differs between depths of dents
 RESTING_SIZES_M = np.array([1e-6, 2e-6, 4e-6, 8e-6, 16e-6])
 GROWING_SIZES_M = np.array([4e-6, 8e-6, 16e-6, 32e-6])
 LEAST_NOISE = 0.8  # of the boundaries over their SDs
 # Of the standard deviation of ln E: rms of its errors over it, of 12 virtual eyes in three dimensions, a half of them
 # uneven, each with and without travel (benchmarks/README.md).
 WIDER = 1.4
-ROUNDS, SIZED_ROUNDS, SETTLED = 30, (2, 4, 6, 8, 10, 12), 2e-3  # of the fit; with sizes sought; of the cost
+ROUNDS, SIZED_ROUNDS, SETTLED = (
+    30,
+    (2, 4, 6, 8, 10, 12),
+    2e-3,
+)  # of the fit; with sizes sought; of the cost
 FIRST_DAMPING, RETRY_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-2, 1e-6, 1e6
 FARTHEST = 8.0  # standard deviations that unknowns may leave their prior by
 EXTRA_STEP, LEAST_N = 1e-5, 1e-6
-STEPS = np.where(np.isin(MOVING, (at.TIP, at.THICKNESS)), 1e-7, 1e-4)  # of derivatives of force and volume
+STEPS = np.where(
+    np.isin(MOVING, (at.TIP, at.THICKNESS)), 1e-7, 1e-4
+)  # of derivatives of force and volume
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,7 +121,9 @@ class JointFit:
     @property
     def log_modulus(self) -> tuple[float, float]:
         """Mean and standard deviation of the logarithm of E in Pa."""
-        return float(self.shared[MODULUS]), float(np.sqrt(self.covariance[MODULUS, MODULUS]))
+        return float(self.shared[MODULUS]), float(
+            np.sqrt(self.covariance[MODULUS, MODULUS])
+        )
 
 
 class _Frame:
@@ -111,14 +134,29 @@ class _Frame:
         seen, lateral_m = np.isfinite(shown.depth_bc), shown.lateral_m
         ends = lateral_m[seen[0]][[0, -1]] + EDGE_M * np.array([1.0, -1.0])
         inside = (lateral_m > ends[0]) & (lateral_m < ends[1])
-        inside[np.arange(len(inside)) % (COARSER * max(1, -(-len(lateral_m) // COLUMNS))) > 0] = False
+        inside[
+            np.arange(len(inside)) % (COARSER * max(1, -(-len(lateral_m) // COLUMNS)))
+            > 0
+        ] = False
         boundary, column = np.nonzero(seen & inside)
         self.at_m, self.depth_m = lateral_m[column], shown.depth_bc[boundary, column]
         self.is_inner, self.outer = boundary == 1, int((boundary == 0).sum())
         self.sd_m = np.where(self.is_inner, INNER_SD_M, OUTER_SD_M)
-        self.as_one = max(1.0, CORRELATED_M / float(np.median(np.diff(self.at_m[: self.outer]))))
-        lines, flags = [np.empty(len(column)) for _ in range(4)], np.empty(len(column), dtype=np.bool_)
-        self.depths = Depths(lines[0], lines[1], lines[2], lines[3], flags, np.empty((len(column), len(at.NAMES))))
+        self.as_one = max(
+            1.0, CORRELATED_M / float(np.median(np.diff(self.at_m[: self.outer])))
+        )
+        lines, flags = (
+            [np.empty(len(column)) for _ in range(4)],
+            np.empty(len(column), dtype=np.bool_),
+        )
+        self.depths = Depths(
+            lines[0],
+            lines[1],
+            lines[2],
+            lines[3],
+            flags,
+            np.empty((len(column), len(at.NAMES))),
+        )
 
 
 class _Seen(NamedTuple):
@@ -134,35 +172,78 @@ class _Problem:
     """The least-squares problem of an eye's frames."""
 
     def __init__(
-        self, library: Library, frames: Sequence[ShownFrame], known: Known, trained: ReaderStudy, smoothing_m: float
+        self,
+        library: Library,
+        frames: Sequence[ShownFrame],
+        known: Known,
+        trained: ReaderStudy,
+        smoothing_m: float,
     ) -> None:
         prior = prior_of(known, trained)
-        self.library, self.smoothing_m, self.globe, self.law = library, smoothing_m, prior.globe, law_of(prior.globe)
+        self.library, self.smoothing_m, self.globe, self.law = (
+            library,
+            smoothing_m,
+            prior.globe,
+            law_of(prior.globe),
+        )
         resting_pa = known.iop_pa or float(np.exp(prior.mean[at.IOP]))
-        self.about, own_gap_m = (float(prior.mean[at.GAP]), float(prior.mean[at.THICKNESS])), known.gap_m or 0.0
-        gaps_m = [0.0 if shown.gap_m is None else shown.gap_m - own_gap_m for shown in frames]
+        self.about, own_gap_m = (
+            (float(prior.mean[at.GAP]), float(prior.mean[at.THICKNESS])),
+            known.gap_m or 0.0,
+        )
+        gaps_m = [
+            0.0 if shown.gap_m is None else shown.gap_m - own_gap_m for shown in frames
+        ]
         logs = [log((shown.iop_pa or resting_pa) / resting_pa) for shown in frames]
-        self.frames = [_Frame(*of_frame) for of_frame in zip(frames, logs, gaps_m, strict=True)]
+        self.frames = [
+            _Frame(*of_frame) for of_frame in zip(frames, logs, gaps_m, strict=True)
+        ]
         self.own_mean, self.own_sd = prior.mean[OWN], prior.sd[OWN]
-        self.mean = np.concatenate([prior.mean[SHARED], EXTRA_MEAN, np.zeros(2 * len(KNOTS) * len(KNOT_TIPS_M))])
+        self.mean = np.concatenate(
+            [
+                prior.mean[SHARED],
+                EXTRA_MEAN,
+                np.zeros(2 * len(KNOTS) * len(KNOT_TIPS_M)),
+            ]
+        )
         self.sd = np.concatenate([prior.sd[SHARED], EXTRA_SD])
-        if known.modulus is not None:  # E has these moments, and its logarithm is normal
+        if (
+            known.modulus is not None
+        ):  # E has these moments, and its logarithm is normal
             variance = float(np.log1p(known.modulus.relative_sd**2))
-            self.mean[MODULUS], self.sd[MODULUS] = log(known.modulus.mean_pa) - 0.5 * variance, np.sqrt(variance)
+            self.mean[MODULUS], self.sd[MODULUS] = (
+                log(known.modulus.mean_pa) - 0.5 * variance,
+                np.sqrt(variance),
+            )
         if not self.law.is_open:
             self.sd[RIGIDITY] = prior.globe.sd / prior.globe.mean
-        self.is_heavy = np.append(np.isin(SHARED, [*HEAVY, at.THICKNESS]), np.zeros(len(EXTRA_SD), dtype=np.bool_))
-        self.noise, self.resting_m, self.growing_m = 1.0, float(RESTING_SIZES_M[1]), float(GROWING_SIZES_M[0])
+        self.is_heavy = np.append(
+            np.isin(SHARED, [*HEAVY, at.THICKNESS]),
+            np.zeros(len(EXTRA_SD), dtype=np.bool_),
+        )
+        self.noise, self.resting_m, self.growing_m = (
+            1.0,
+            float(RESTING_SIZES_M[1]),
+            float(GROWING_SIZES_M[0]),
+        )
         self.precision = self.weights_precision()
 
     def weights_precision(self) -> Floats:
         """Return the inverse covariance of the discrepancy's weights: of both boundaries, then of the inner one."""
-        along = np.exp(-0.5 * ((KNOTS[:, None] - KNOTS) / ALONG) ** 2) + ROUNDING * np.eye(len(KNOTS))
+        along = np.exp(
+            -0.5 * ((KNOTS[:, None] - KNOTS) / ALONG) ** 2
+        ) + ROUNDING * np.eye(len(KNOTS))
         over = np.exp(-0.5 * ((KNOT_TIPS_M[:, None] - KNOT_TIPS_M) / OVER_M) ** 2)
         grown = self.growing_m * (KNOT_TIPS_M / REFERENCE_M) ** 2
-        sizes = self.resting_m**2 + np.outer(grown, grown) * over + LEAST_SIZE_M**2 * np.eye(len(grown))
+        sizes = (
+            self.resting_m**2
+            + np.outer(grown, grown) * over
+            + LEAST_SIZE_M**2 * np.eye(len(grown))
+        )
         one = np.linalg.inv(np.kron(along, sizes))
-        return np.asarray(np.kron(np.diag([1.0, INNER_SHARE**-2]), one), dtype=np.float64)
+        return np.asarray(
+            np.kron(np.diag([1.0, INNER_SHARE**-2]), one), dtype=np.float64
+        )
 
     def unknown(self, frame: _Frame, shared: Floats, own: Floats) -> Floats:
         """Return a frame's unknowns in the order of `NAMES`."""
@@ -174,53 +255,98 @@ class _Problem:
 
     def basis(self, frame: _Frame, unknown: Floats) -> Floats:
         """Return how the weights move the columns (column, weight): linear between knots."""
-        along, over = np.arcsinh((frame.at_m - unknown[at.LATERAL]) / WARP_M), np.array([unknown[at.TIP]])
+        along, over = (
+            np.arcsinh((frame.at_m - unknown[at.LATERAL]) / WARP_M),
+            np.array([unknown[at.TIP]]),
+        )
         at_knots = _hats(KNOTS, along)[:, :, None] * _hats(KNOT_TIPS_M, over)
         both = at_knots.reshape(len(along), -1)
         return np.concatenate([both, both * frame.is_inner[:, None]], axis=1)
 
     def forces_volumes(self, unknown_su: Floats) -> tuple[Floats, Floats]:
         """Return forces, N, and displaced volumes, m^3, of states (state, unknown)."""
-        size, wall = np.exp(unknown_su[:, at.SIZE]), library_walls(self.library, unknown_su, self.law.pressure)
-        forces = np.exp(unknown_su[:, at.MODULUS]) * size**2 * self.library.forces(*wall)
+        size, wall = (
+            np.exp(unknown_su[:, at.SIZE]),
+            library_walls(self.library, unknown_su, self.law.pressure),
+        )
+        forces = (
+            np.exp(unknown_su[:, at.MODULUS]) * size**2 * self.library.forces(*wall)
+        )
         return forces, size**3 * self.library.displaced_m3(*wall)
 
     def numbers(self, frame: _Frame, unknown_su: Floats, extra: Floats) -> Floats:
         """Return how far law, travel and force are off, in standard deviations (state, number); `extra`: (3,)."""
-        shown, (compliance, shift_m, rigidity), found = frame.shown, extra, list[Floats]()
+        shown, (compliance, shift_m, rigidity), found = (
+            frame.shown,
+            extra,
+            list[Floats](),
+        )
         forces, volumes = self.forces_volumes(unknown_su)
-        pressure, resting = np.exp(unknown_su[:, self.law.pressure]), np.exp(unknown_su[:, at.IOP])
+        pressure, resting = (
+            np.exp(unknown_su[:, self.law.pressure]),
+            np.exp(unknown_su[:, at.IOP]),
+        )
         if not self.law.is_open:
             globe = self.globe.globe(self.globe.mean * rigidity)
-            risen, slope = globe.level(pressure) - globe.level(resting), resting[0] * globe.level_slope(resting[0])
+            risen, slope = (
+                globe.level(pressure) - globe.level(resting),
+                resting[0] * globe.level_slope(resting[0]),
+            )
             found.append((globe.rate * volumes - risen) / (LEAST_SD * slope))
-        if shown.travel_m is not None:  # under more pressure the wall rises as a sphere does
-            stiffness = 2.0 * np.exp(unknown_su[:, at.MODULUS]) * unknown_su[:, at.THICKNESS]
-            rise = (pressure - resting) * self.library.radius_m**2 * (1.0 - self.library.poisson_ratio) / stiffness
+        if (
+            shown.travel_m is not None
+        ):  # under more pressure the wall rises as a sphere does
+            stiffness = (
+                2.0 * np.exp(unknown_su[:, at.MODULUS]) * unknown_su[:, at.THICKNESS]
+            )
+            rise = (
+                (pressure - resting)
+                * self.library.radius_m**2
+                * (1.0 - self.library.poisson_ratio)
+                / stiffness
+            )
             gone = unknown_su[:, at.TIP] - rise + np.exp(compliance) * forces + shift_m
-            found.append((shown.travel_m - gone) / np.hypot(TRAVEL_SD_M, TIP_SD * shown.travel_m))
+            found.append(
+                (shown.travel_m - gone) / np.hypot(TRAVEL_SD_M, TIP_SD * shown.travel_m)
+            )
         if shown.force_n is not None:
             sd = np.hypot(FORCE_SD, shown.force_sd_n / shown.force_n)
-            found.append((log(shown.force_n) - np.log(np.maximum(forces, LEAST_N))) / sd)
+            found.append(
+                (log(shown.force_n) - np.log(np.maximum(forces, LEAST_N))) / sd
+            )
         return np.stack(found, axis=1) if found else np.empty((len(unknown_su), 0))
 
-    def look(self, frame: _Frame, shared: Floats, own: Floats, derive: bool = True) -> _Seen:
+    def look(
+        self, frame: _Frame, shared: Floats, own: Floats, derive: bool = True
+    ) -> _Seen:
         """Return a frame beside the wall of unknowns; without normal matrix and gradient if they are not asked for."""
-        unknown, depths, extra = self.unknown(frame, shared, own), frame.depths, shared[COMPLIANCE:WEIGHTS]
+        unknown, depths, extra = (
+            self.unknown(frame, shared, own),
+            frame.depths,
+            shared[COMPLIANCE:WEIGHTS],
+        )
         section = np.empty((2, 2 * len(self.library.node_angles()), 2))
         places = frame.at_m, frame.outer, self.smoothing_m
         about = self.about[0] + frame.gap_m, self.about[1]
         predict(self.library.tables, self.law, places, *about, unknown, depths, section)
-        basis, unit_m = self.basis(frame, unknown), frame.sd_m * np.sqrt(1.0 + depths.slope**2)
+        basis, unit_m = (
+            self.basis(frame, unknown),
+            frame.sd_m * np.sqrt(1.0 + depths.slope**2),
+        )
         off = (frame.depth_m - depths.depth_m - basis @ shared[WEIGHTS:]) / unit_m
         lost = np.where(depths.seen, np.log1p((off / CAUCHY) ** 2), UNSEEN_LOSS).sum()
-        away, numbers = (own - self.own_mean) / self.own_sd, self.numbers(frame, unknown[None], extra)[0]
+        away, numbers = (
+            (own - self.own_mean) / self.own_sd,
+            self.numbers(frame, unknown[None], extra)[0],
+        )
         share = 1.0 / (frame.as_one * self.noise**2)
         cost = float(share * CAUCHY**2 * lost + away @ away + numbers @ numbers)
         if not derive:
             return _Seen(cost, np.empty(0), np.empty(0), off)
         unused = np.zeros((len(off), len(EXTRA_SD)))
-        rows = np.concatenate([depths.jacobian[:, SHARED], unused, basis, depths.jacobian[:, OWN]], axis=1)
+        rows = np.concatenate(
+            [depths.jacobian[:, SHARED], unused, basis, depths.jacobian[:, OWN]], axis=1
+        )
         weight = np.where(depths.seen, share / (1.0 + (off / CAUCHY) ** 2), 0.0)
         rows /= unit_m[:, None]
         by_numbers = self._by_numbers(frame, unknown, extra, numbers, rows.shape[1])
@@ -230,14 +356,24 @@ class _Problem:
         gradient[len(shared) :] -= away / self.own_sd
         return _Seen(cost, normal, gradient, off)
 
-    def _by_numbers(self, frame: _Frame, unknown: Floats, extra: Floats, numbers: Floats, count: int) -> Floats:
+    def _by_numbers(
+        self, frame: _Frame, unknown: Floats, extra: Floats, numbers: Floats, count: int
+    ) -> Floats:
         """Return the derivatives of the predicted numbers (number, shared and own)."""
         found, moving = np.zeros((len(numbers), count)), list(MOVING)
         if len(numbers):
-            by_unknown, varied = np.zeros((len(numbers), len(unknown))), np.tile(unknown, (len(moving), 1))
+            by_unknown, varied = (
+                np.zeros((len(numbers), len(unknown))),
+                np.tile(unknown, (len(moving), 1)),
+            )
             varied[np.arange(len(moving)), moving] += STEPS
-            by_unknown[:, moving] = (numbers - self.numbers(frame, varied, extra)).T / STEPS
-            found[:, : len(SHARED)], found[:, -len(OWN) :] = by_unknown[:, SHARED], by_unknown[:, OWN]
+            by_unknown[:, moving] = (
+                numbers - self.numbers(frame, varied, extra)
+            ).T / STEPS
+            found[:, : len(SHARED)], found[:, -len(OWN) :] = (
+                by_unknown[:, SHARED],
+                by_unknown[:, OWN],
+            )
             for place, one in enumerate(np.eye(len(extra)) * EXTRA_STEP):
                 moved = self.numbers(frame, unknown[None], extra + one)[0]
                 found[:, COMPLIANCE + place] = (numbers - moved) / EXTRA_STEP
@@ -248,25 +384,42 @@ class _Problem:
         away = (shared[:WEIGHTS] - self.mean[:WEIGHTS]) / self.sd
         bent = 1.0 + (away / HEAVY_CAUCHY) ** 2
         lost = np.where(self.is_heavy, HEAVY_CAUCHY**2 * np.log(bent), away**2)
-        precision, weights = np.where(self.is_heavy, 1.0 / bent, 1.0) / self.sd**2, shared[WEIGHTS:]
+        precision, weights = (
+            np.where(self.is_heavy, 1.0 / bent, 1.0) / self.sd**2,
+            shared[WEIGHTS:],
+        )
         normal = np.zeros((len(shared), len(shared)))
-        normal[:WEIGHTS, :WEIGHTS], normal[WEIGHTS:, WEIGHTS:] = np.diag(precision), self.precision
-        gradient = -np.concatenate([precision * away * self.sd, self.precision @ weights])
+        normal[:WEIGHTS, :WEIGHTS], normal[WEIGHTS:, WEIGHTS:] = (
+            np.diag(precision),
+            self.precision,
+        )
+        gradient = -np.concatenate(
+            [precision * away * self.sd, self.precision @ weights]
+        )
         return float(lost.sum() + weights @ self.precision @ weights), normal, gradient
 
     def total(self, shared: Floats, own: Floats) -> float:
         """Return the cost of all frames and of leaving the prior."""
         each = zip(self.frames, own, strict=True)
-        return self.prior(shared)[0] + sum(self.look(frame, shared, one, derive=False).cost for frame, one in each)
+        return self.prior(shared)[0] + sum(
+            self.look(frame, shared, one, derive=False).cost for frame, one in each
+        )
 
     def inside(self, shared: Floats, own: Floats) -> tuple[Floats, Floats]:
         """Return unknowns within the ranges where walls can be cut."""
         shared, own = shared.copy(), own.copy()
         away = FARTHEST * self.sd
-        shared[:WEIGHTS] = np.clip(shared[:WEIGHTS], self.mean[:WEIGHTS] - away, self.mean[:WEIGHTS] + away)
+        shared[:WEIGHTS] = np.clip(
+            shared[:WEIGHTS], self.mean[:WEIGHTS] - away, self.mean[:WEIGHTS] + away
+        )
         shared[_FORM] = np.clip(shared[_FORM], *at.FORM_ENDS)
-        shared[_POLE] *= HIGHEST_POLE / max(float(np.hypot(*shared[_POLE])), HIGHEST_POLE)
-        low, high = self.own_mean - FARTHEST * self.own_sd, self.own_mean + FARTHEST * self.own_sd
+        shared[_POLE] *= HIGHEST_POLE / max(
+            float(np.hypot(*shared[_POLE])), HIGHEST_POLE
+        )
+        low, high = (
+            self.own_mean - FARTHEST * self.own_sd,
+            self.own_mean + FARTHEST * self.own_sd,
+        )
         low[0], high[0] = 0.0, self.library.tip_m[-1] * np.exp(shared[SIZE])
         return shared, np.clip(own, low, high)
 
@@ -277,16 +430,27 @@ class _Problem:
         normal, gradient = _eliminated(seen, len(shared), 0.0)[:2]
         _, own_normal, own_gradient = self.prior(shared)
         own_normal[WEIGHTS:, WEIGHTS:], own_gradient[WEIGHTS:] = 0.0, 0.0
-        normal, gradient, weights, best = normal + own_normal, gradient + own_gradient, shared[WEIGHTS:], np.inf
+        normal, gradient, weights, best = (
+            normal + own_normal,
+            gradient + own_gradient,
+            shared[WEIGHTS:],
+            np.inf,
+        )
         chosen = self.resting_m, self.growing_m, self.precision
-        for self.resting_m, self.growing_m in product(RESTING_SIZES_M.tolist(), GROWING_SIZES_M.tolist()):
+        for self.resting_m, self.growing_m in product(
+            RESTING_SIZES_M.tolist(), GROWING_SIZES_M.tolist()
+        ):
             self.precision = precision = self.weights_precision()
             with_weights, pull = normal.copy(), gradient.copy()
             with_weights[WEIGHTS:, WEIGHTS:] += precision
             pull[WEIGHTS:] -= precision @ weights
             lower = np.linalg.cholesky(with_weights)
             gained = np.linalg.solve(lower, pull)
-            loss = weights @ precision @ weights - gained @ gained + 2.0 * np.log(np.diag(lower)).sum()
+            loss = (
+                weights @ precision @ weights
+                - gained @ gained
+                + 2.0 * np.log(np.diag(lower)).sum()
+            )
             loss -= np.linalg.slogdet(precision)[1]
             if loss < best:
                 best, chosen = loss, (self.resting_m, self.growing_m, precision)
@@ -295,25 +459,45 @@ class _Problem:
 
 def _hats(knots: Floats, values: Floats) -> Floats:
     """Return the linear interpolation from knots to values (value, knot)."""
-    return np.stack([np.interp(values, knots, one) for one in np.eye(len(knots))], axis=1)
+    return np.stack(
+        [np.interp(values, knots, one) for one in np.eye(len(knots))], axis=1
+    )
 
 
-def _eliminated(seen: Sequence[_Seen], shared: int, damping: float) -> tuple[Floats, Floats, list[Floats]]:
+def _eliminated(
+    seen: Sequence[_Seen], shared: int, damping: float
+) -> tuple[Floats, Floats, list[Floats]]:
     """Return the frames' normal matrix and gradient of the shared unknowns, and how each frame's own ones follow."""
-    normal, gradient, follow = np.zeros((shared, shared)), np.zeros(shared), list[Floats]()
+    normal, gradient, follow = (
+        np.zeros((shared, shared)),
+        np.zeros(shared),
+        list[Floats](),
+    )
     for one in seen:
-        own = one.normal[shared:, shared:] + damping * np.diag(np.diag(one.normal)[shared:])
+        own = one.normal[shared:, shared:] + damping * np.diag(
+            np.diag(one.normal)[shared:]
+        )
         right = np.column_stack([one.normal[shared:, :shared], one.gradient[shared:]])
         follow.append(np.asarray(np.linalg.solve(own, right), dtype=np.float64))
-        normal += one.normal[:shared, :shared] - one.normal[:shared, shared:] @ follow[-1][:, :shared]
-        gradient += one.gradient[:shared] - one.normal[:shared, shared:] @ follow[-1][:, shared]
+        normal += (
+            one.normal[:shared, :shared]
+            - one.normal[:shared, shared:] @ follow[-1][:, :shared]
+        )
+        gradient += (
+            one.gradient[:shared] - one.normal[:shared, shared:] @ follow[-1][:, shared]
+        )
     return normal, gradient, follow
 
 
 def fit_jointly(
-    library: Library, frames: Sequence[ShownFrame], known: Known, trained: ReaderStudy, smoothing_m: float, own: Floats,
+    library: Library,
+    frames: Sequence[ShownFrame],
+    known: Known,
+    trained: ReaderStudy,
+    smoothing_m: float,
+    own: Floats,
     shared: Floats | None = None,
-) -> JointFit:  # fmt: skip
+) -> JointFit:
     """Fit the library to all frames of an eye at once, from each frame's unknowns `own` (frame, `OWN`).
 
     `known` is the eye, its modulus the prior; `library` that of its contact; `shared`: of an earlier fit, to begin at.
@@ -322,15 +506,23 @@ def fit_jointly(
     shared, own = problem.inside(problem.mean if shared is None else shared, own)
     damping, cost = FIRST_DAMPING, np.inf
     for number in range(ROUNDS):
-        seen = [problem.look(frame, shared, one) for frame, one in zip(problem.frames, own, strict=True)]
+        seen = [
+            problem.look(frame, shared, one)
+            for frame, one in zip(problem.frames, own, strict=True)
+        ]
         if number in SIZED_ROUNDS:
             problem.size(shared, seen)
-            seen = [problem.look(frame, shared, one) for frame, one in zip(problem.frames, own, strict=True)]
+            seen = [
+                problem.look(frame, shared, one)
+                for frame, one in zip(problem.frames, own, strict=True)
+            ]
         lost, normal, gradient = problem.prior(shared)
         before = lost + sum(one.cost for one in seen)
         while True:
             of_frames, pull, follow = _eliminated(seen, len(shared), damping)
-            step = np.linalg.solve(_damped(normal + of_frames, damping), gradient + pull)
+            step = np.linalg.solve(
+                _damped(normal + of_frames, damping), gradient + pull
+            )
             moves = np.array([one[:, -1] - one[:, :-1] @ step for one in follow])
             trial = problem.inside(shared + step, own + moves)
             cost = problem.total(*trial)
@@ -341,16 +533,26 @@ def fit_jointly(
             (shared, own), damping = trial, max(damping / 10.0, LEAST_DAMPING)
         if number > max(SIZED_ROUNDS) and before - cost < SETTLED:
             break
-    seen = [problem.look(frame, shared, one) for frame, one in zip(problem.frames, own, strict=True)]
+    seen = [
+        problem.look(frame, shared, one)
+        for frame, one in zip(problem.frames, own, strict=True)
+    ]
     precision = problem.prior(shared)[1] + _eliminated(seen, len(shared), 0.0)[0]
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-    wider = min(WIDER, problem.sd[MODULUS] / float(np.sqrt(covariance[MODULUS, MODULUS])))  # never beyond the prior's
+    wider = min(
+        WIDER, problem.sd[MODULUS] / float(np.sqrt(covariance[MODULUS, MODULUS]))
+    )  # never beyond the prior's
     covariance[MODULUS] *= wider
     covariance[:, MODULUS] *= wider
-    each = [problem.unknown(frame, shared, one) for frame, one in zip(problem.frames, own, strict=True)]
+    each = [
+        problem.unknown(frame, shared, one)
+        for frame, one in zip(problem.frames, own, strict=True)
+    ]
     forces_n, _ = problem.forces_volumes(np.array(each))
     sizes = problem.noise, problem.resting_m, problem.growing_m
-    return JointFit(shared, covariance, own, *sizes, problem.total(shared, own), forces_n)
+    return JointFit(
+        shared, covariance, own, *sizes, problem.total(shared, own), forces_n
+    )
 
 
 def _damped(normal: Floats, damping: float) -> Floats:

@@ -48,13 +48,17 @@ class Placed:
     seen: Flags
 
 
-def place_curves(curves: Floats, lateral_m: float, depth_m: float, rotation_rad: float) -> Floats:
+def place_curves(
+    curves: Floats, lateral_m: float, depth_m: float, rotation_rad: float
+) -> Floats:
     """Return curves (..., sample, 2) in the frame: turned about the section's origin, then shifted."""
     c, s = np.cos(rotation_rad), np.sin(rotation_rad)
     return curves @ np.array([[c, s], [-s, c]]) + np.array([lateral_m, depth_m])
 
 
-def pose_derivatives(places: Places, depth_m: Floats, slope: Floats, pose: tuple[float, float]) -> tuple[Floats, ...]:
+def pose_derivatives(
+    places: Places, depth_m: Floats, slope: Floats, pose: tuple[float, float]
+) -> tuple[Floats, ...]:
     """Return the derivatives of depths (place,) by lateral shift, depth and rotation of the pose, (place,) each."""
     across, down = places.lateral_m - pose[0], depth_m - pose[1]
     return -slope, np.ones_like(depth_m), across + slope * down
@@ -74,10 +78,16 @@ def depths_along(curve_sc: Floats, at: Floats) -> tuple[Floats, Floats, Flags]:
     """Interpolate a polyline without the parts that fold back; nothing is seen of one that only folds back."""
     lateral, down = curve_sc.T
     if (lateral[1:] <= lateral[:-1]).any():
-        ahead = np.concatenate([[True], lateral[1:] > np.maximum.accumulate(lateral)[:-1]])
+        ahead = np.concatenate(
+            [[True], lateral[1:] > np.maximum.accumulate(lateral)[:-1]]
+        )
         lateral, down = lateral[ahead], down[ahead]
         if len(lateral) == 1:
-            return np.full(at.shape, down[0]), np.zeros(at.shape), np.zeros(at.shape, dtype=np.bool_)
+            return (
+                np.full(at.shape, down[0]),
+                np.zeros(at.shape),
+                np.zeros(at.shape, dtype=np.bool_),
+            )
     segment = np.minimum(np.maximum(lateral.searchsorted(at) - 1, 0), len(lateral) - 2)
     left, top = lateral[segment], down[segment]
     slope = (down[segment + 1] - top) / (lateral[segment + 1] - left)
@@ -85,9 +95,13 @@ def depths_along(curve_sc: Floats, at: Floats) -> tuple[Floats, Floats, Flags]:
 
 
 CAUCHY = 2.5  # standard deviations at which a column's weight is halved
-UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
+UNSEEN_LOSS = (
+    3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
+)
 FIRST_DAMPING = 1e-3
-NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over the median of its size
+NORMAL_MEDIAN = (
+    1.4826  # standard deviation of a normal distribution over the median of its size
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,14 +123,20 @@ class Columns:
     def loss(self, placed: Placed) -> float:
         """Return Cauchy's loss of all columns."""
         size = self.residual(placed)[placed.seen]
-        lost = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(~placed.seen)
+        lost = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(
+            ~placed.seen
+        )
         return float(CAUCHY**2 * lost / self.as_one)
 
-    def normal_equations(self, placed: Placed, scale: float = 1.0) -> tuple[Floats, Floats]:
+    def normal_equations(
+        self, placed: Placed, scale: float = 1.0
+    ) -> tuple[Floats, Floats]:
         """Return the weighted normal matrix (unknown, unknown) and gradient (unknown,), SDs times `scale`."""
         jacobian = placed.jacobian / self._depth_sd_m(placed)[:, None]
         residual = self.residual(placed)
-        weight = np.where(placed.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (self.as_one * scale**2)
+        weight = np.where(placed.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (
+            self.as_one * scale**2
+        )
         weighted = jacobian * weight[:, None]
         return jacobian.T @ weighted, weighted.T @ residual
 
@@ -134,7 +154,9 @@ class Problem(Protocol[Prediction]):
     def evaluate(self, unknown: Floats) -> tuple[Prediction, float]:
         """Return the prediction and its cost."""
 
-    def normal_equations(self, unknown: Floats, placed: Prediction) -> tuple[Floats, Floats]:
+    def normal_equations(
+        self, unknown: Floats, placed: Prediction
+    ) -> tuple[Floats, Floats]:
         """Return the normal matrix (unknown, unknown) and the gradient (unknown,), with the prior."""
 
     def inside(self, unknown: Floats) -> Floats:
@@ -155,9 +177,11 @@ class Stopping(NamedTuple):
 
 
 def gauss_newton(
-    problem: Problem[Prediction], start: Floats, stopping: Stopping,
+    problem: Problem[Prediction],
+    start: Floats,
+    stopping: Stopping,
     step_of: Callable[[Floats, Floats], Floats] | None = None,
-) -> tuple[Floats, Prediction, float]:  # fmt: skip
+) -> tuple[Floats, Prediction, float]:
     """Return the fitted unknowns, their prediction and their cost; `step_of` solves the damped equations."""
     unknown, damping = start, FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)

@@ -17,12 +17,25 @@ from scleraforce.mechanics.material import burst_tension
 from scleraforce.plain_json import parse_json
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
-METHOD = 1  # number of the way in which load paths are computed: raise it when they move
+METHOD = (
+    1  # number of the way in which load paths are computed: raise it when they move
+)
 TIP_GRADING = 1.5  # tips are like the numbers 0, 1, 2 ... to this power
 LARGEST_POLAR_DEG = 55.0  # of a contact
-SUPPORTS_DEG = (35.0, 40.0, 55.0, 70.0, 110.0, 125.0, 140.0, 145.0)  # beside 90: where its base may lie
+SUPPORTS_DEG = (
+    35.0,
+    40.0,
+    55.0,
+    70.0,
+    110.0,
+    125.0,
+    140.0,
+    145.0,
+)  # beside 90: where its base may lie
 SUPPORT_THICKNESSES, SUPPORT_TENSIONS = 4, 6  # at most, of the library's
-LITTLE_STIFFENING = 0.2  # b, below which states change evenly with it, and above with its logarithm
+LITTLE_STIFFENING = (
+    0.2  # b, below which states change evenly with it, and above with its logarithm
+)
 SUPPORT_TIP_M = 6e-3  # deeper dents run into the base where it is nearest: the factor stays as it is there
 
 
@@ -52,7 +65,9 @@ class LibraryPlan:
         """Stiffenings b (b,): even in ln(1 + 5 b)."""
         low, high = stiffening_place(np.array(self.grid.stiffening.bounds))
         places = np.linspace(low, high, self.grid.stiffenings)
-        return np.clip(LITTLE_STIFFENING * np.expm1(places), *self.grid.stiffening.bounds)
+        return np.clip(
+            LITTLE_STIFFENING * np.expm1(places), *self.grid.stiffening.bounds
+        )
 
     @property
     def thickness_m(self) -> Floats:
@@ -64,13 +79,17 @@ class LibraryPlan:
         """Tensions p R/(E t) (p,): even in log(tension / (burst - tension))."""
         low, high = self.grid.tension.bounds
         burst = burst_tension(self.poisson_ratio)
-        odds = np.geomspace(low / (burst - low), high / (burst - high), self.grid.tensions)
+        odds = np.geomspace(
+            low / (burst - low), high / (burst - high), self.grid.tensions
+        )
         return np.clip(burst * odds / (1.0 + odds), low, high)
 
     @property
     def tip_m(self) -> Floats:
         """Tips at which every path is stored (d,), m; the first is 0."""
-        return self.grid.max_tip_m * np.linspace(0.0, 1.0, self.grid.tips) ** TIP_GRADING
+        return (
+            self.grid.max_tip_m * np.linspace(0.0, 1.0, self.grid.tips) ** TIP_GRADING
+        )
 
     @property
     def nodes(self) -> int:
@@ -97,7 +116,9 @@ class LibraryPlan:
     def _with_supports(self) -> tuple[Places, Places]:
         """Indices of the thicknesses and tensions that have paths with other supports."""
         grid = self.grid
-        return evenly_picked(grid.thicknesses, SUPPORT_THICKNESSES), evenly_picked(grid.tensions, SUPPORT_TENSIONS)
+        return evenly_picked(grid.thicknesses, SUPPORT_THICKNESSES), evenly_picked(
+            grid.tensions, SUPPORT_TENSIONS
+        )
 
     @property
     def support_tips(self) -> int:
@@ -107,7 +128,11 @@ class LibraryPlan:
     def place(self, unit: int) -> tuple[int, ...]:
         """Return the place of a unit: (stiffening, thickness, tension), or (support, thickness, tension)."""
         shape = self.grid.stiffenings, self.grid.thicknesses, self.grid.tensions
-        within = (unit, shape) if unit < self.paths else (unit - self.paths, self.support_shape)
+        within = (
+            (unit, shape)
+            if unit < self.paths
+            else (unit - self.paths, self.support_shape)
+        )
         return tuple(int(number) for number in np.unravel_index(*within))
 
     def path(self, unit: int) -> PlannedPath:
@@ -118,17 +143,28 @@ class LibraryPlan:
         '0.00035 5.83e-06'
         """
         first, thickness, tension = self.place(unit)
-        stiffening, support_rad, tip_m = float(self.stiffening[0]), 0.5 * np.pi, self.tip_m
+        stiffening, support_rad, tip_m = (
+            float(self.stiffening[0]),
+            0.5 * np.pi,
+            self.tip_m,
+        )
         if unit < self.paths:
             stiffening = float(self.stiffening[first])
         else:
-            support_rad, tip_m = float(np.radians(SUPPORTS_DEG[first])), tip_m[: self.support_tips]
+            support_rad, tip_m = (
+                float(np.radians(SUPPORTS_DEG[first])),
+                tip_m[: self.support_tips],
+            )
             thicknesses, tensions = self._with_supports
             thickness, tension = int(thicknesses[thickness]), int(tensions[tension])
         thickness_m = float(self.thickness_m[thickness])
         iop_ratio = float(self.tension[tension]) * thickness_m / self.radius_m
         return PlannedPath(
-            thickness_m=thickness_m, iop_ratio=iop_ratio, stiffening=stiffening, support_rad=support_rad, tip_m=tip_m
+            thickness_m=thickness_m,
+            iop_ratio=iop_ratio,
+            stiffening=stiffening,
+            support_rad=support_rad,
+            tip_m=tip_m,
         )
 
     @property
@@ -150,14 +186,21 @@ class LibraryPlan:
 def plan_library(study: Study) -> LibraryPlan:
     """Return the plan of a study: `[library]`, sizes and nu, and the middle of the needle's polar angles."""
     eye, needle = study.eye, study.needle
-    middle_rad = min(0.5 * sum(needle.polar_angle_rad.bounds), float(np.radians(LARGEST_POLAR_DEG)))
+    middle_rad = min(
+        0.5 * sum(needle.polar_angle_rad.bounds), float(np.radians(LARGEST_POLAR_DEG))
+    )
     highest, burst = study.library.tension.bounds[1], burst_tension(eye.poisson_ratio)
     if not highest < burst:
-        raise InputError(f"library.tension: up to {highest:g}; must stay below {burst:.3g}, at which the wall bursts")
+        raise InputError(
+            f"library.tension: up to {highest:g}; must stay below {burst:.3g}, at which the wall bursts"
+        )
     return LibraryPlan(
-        radius_m=eye.radius_m, poisson_ratio=eye.poisson_ratio, needle_radius_m=0.5 * needle.outer_diameter_m,
-        contact_polar_rad=middle_rad, grid=study.library,
-    )  # fmt: skip
+        radius_m=eye.radius_m,
+        poisson_ratio=eye.poisson_ratio,
+        needle_radius_m=0.5 * needle.outer_diameter_m,
+        contact_polar_rad=middle_rad,
+        grid=study.library,
+    )
 
 
 def parse_plan(recipe: str, name: str) -> LibraryPlan:
@@ -165,19 +208,31 @@ def parse_plan(recipe: str, name: str) -> LibraryPlan:
     try:
         given = parse_json(recipe)
         entries = given["grid"].items()
-        grid: dict[str, Any] = {key: _sampled(entry) if isinstance(entry, dict) else entry for key, entry in entries}
+        grid: dict[str, Any] = {
+            key: _sampled(entry) if isinstance(entry, dict) else entry
+            for key, entry in entries
+        }
         plan = LibraryPlan(**{**given, "grid": LibraryStudy(**grid)})
     except (InputError, ValueError, TypeError, LookupError, AttributeError) as fault:
         raise InputError(f"{name}: not the plan of a library ({fault})") from fault
     sizes = (plan.radius_m, plan.poisson_ratio, plan.needle_radius_m)
-    if plan.recipe != recipe or not _numbers(plan) or not _numbers(plan.grid) or not min(sizes) > 0.0:
+    if (
+        plan.recipe != recipe
+        or not _numbers(plan)
+        or not _numbers(plan.grid)
+        or not min(sizes) > 0.0
+    ):
         raise InputError(f"{name}: not the plan of a library")
     return plan
 
 
 def _numbers(record: LibraryPlan | LibraryStudy) -> bool:
     """Return True if every number field has its own type."""
-    return all(type(getattr(record, item.name)) is item.type for item in fields(record) if item.type in (int, float))
+    return all(
+        type(getattr(record, item.name)) is item.type
+        for item in fields(record)
+        if item.type in (int, float)
+    )
 
 
 def _sampled(value: dict[str, Any]) -> Sampled:

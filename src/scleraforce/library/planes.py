@@ -17,7 +17,14 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.library import fit_frame, unknowns as at
-from scleraforce.library.fit import BoundaryFit, doubt_of, empty_fit, fit_boundaries, fit_of, law_of
+from scleraforce.library.fit import (
+    BoundaryFit,
+    doubt_of,
+    empty_fit,
+    fit_boundaries,
+    fit_of,
+    law_of,
+)
 from scleraforce.library.fit_frame import TO_THE_END
 from scleraforce.library.placement import Stopping, gauss_newton
 from scleraforce.library.prior import FREE_SD, Prior
@@ -25,12 +32,21 @@ from scleraforce.library.responses import Library
 from scleraforce.library.search_loops import Belief
 
 TILT = len(at.NAMES)  # place of the tilt's tangent, after the unknowns of a plane
-OWN = [at.DEPTH, at.INNER_OFFSET, at.SHINE, *range(at.FORM.start, at.FORM.stop)]  # of each further plane; depth: beside
+OWN = [
+    at.DEPTH,
+    at.INNER_OFFSET,
+    at.SHINE,
+    *range(at.FORM.start, at.FORM.stop),
+]  # of each further plane; depth: beside
 DEPTH_SD_M = 20e-6  # by which an eye moves between two planes
 FARTHEST_SD_M = 1e-3  # of the contact from the scanner's axis, either way
 STARTS = 3
-LEAST_CROSSING = 0.5  # least singular value of directions that tell a lean: two 42 degrees apart
-STOPPING = Stopping(iterations=25, converged_sd=0.02, settled_cost=0.002, retry_damping=1e-2)
+LEAST_CROSSING = (
+    0.5  # least singular value of directions that tell a lean: two 42 degrees apart
+)
+STOPPING = Stopping(
+    iterations=25, converged_sd=0.02, settled_cost=0.002, retry_damping=1e-2
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +86,13 @@ class SpatialPlace:
     def at_depth(self, depth_m: float, sd_m: float) -> "SpatialPlace":
         """Return the place with the contact at a depth."""
         (x_m, y_m, _), (x_sd_m, y_sd_m, _) = self.contact_m, self.contact_sd_m
-        return replace(self, contact_m=(x_m, y_m, depth_m), contact_sd_m=(x_sd_m, y_sd_m, sd_m))
+        return replace(
+            self, contact_m=(x_m, y_m, depth_m), contact_sd_m=(x_sd_m, y_sd_m, sd_m)
+        )
 
-    def with_shafts(self, directions_rad: Sequence[float], angles_rad: Sequence[float]) -> "SpatialPlace":
+    def with_shafts(
+        self, directions_rad: Sequence[float], angles_rad: Sequence[float]
+    ) -> "SpatialPlace":
         """Return the place with the lean of a needle whose shaft is seen at angles, towards growing columns, in planes.
 
         >>> upright = SpatialPlace((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.1), (0.0, 0.0))
@@ -83,7 +103,9 @@ class SpatialPlace:
         if len(axes) < 2 or np.linalg.svd(axes, compute_uv=False)[1] < LEAST_CROSSING:
             return self
         beside = np.tan(angles_rad) - axes @ np.tan(self.tilt_rad)
-        shaft = np.array([*np.linalg.lstsq(axes, beside, rcond=None)[0] + np.tan(self.tilt_rad), 1.0])
+        shaft = np.array(
+            [*np.linalg.lstsq(axes, beside, rcond=None)[0] + np.tan(self.tilt_rad), 1.0]
+        )
         normal = np.array([*np.tan(self.tilt_rad), 1.0])
         cosine = shaft @ normal / np.linalg.norm(shaft) / np.linalg.norm(normal)
         return replace(self, lean_rad=float(np.arccos(min(cosine, 1.0))))
@@ -97,7 +119,10 @@ def beside(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
     for along, across in ((at.ROTATION, TILT), (at.POLE.start, at.POLE.start + 1)):
         matrix[np.ix_([along, across], [along, across])] = [[c, s], [-s, c]]
     matrix[np.ix_([at.LATERAL, at.GAP], [at.LATERAL, at.GAP])] = [[c, -s], [s, c]]
-    shift[at.LATERAL], shift[at.GAP] = s * first.offset_m, other.offset_m - c * first.offset_m
+    shift[at.LATERAL], shift[at.GAP] = (
+        s * first.offset_m,
+        other.offset_m - c * first.offset_m,
+    )
     return matrix, shift
 
 
@@ -128,7 +153,9 @@ class _Problem:
     maps: Sequence[tuple[Floats, Floats]]
 
     @classmethod
-    def of(cls, library: Library, planes: Sequence[SeenPlane], smoothing_m: float) -> "_Problem":
+    def of(
+        cls, library: Library, planes: Sequence[SeenPlane], smoothing_m: float
+    ) -> "_Problem":
         """The problem."""
         count, maps, beliefs = TILT + 1 + len(OWN) * (len(planes) - 1), [], []
         for number, plane in enumerate(planes):
@@ -150,7 +177,16 @@ class _Problem:
                 held[at.GAP] = precision[at.GAP, at.GAP] * (plane.gap_sd_m is not None)
                 precision, calibrated = np.diag(held), np.zeros((2, 2))
             maps.append((mapped, shift))
-            beliefs.append(Belief(mean, sd, precision, prior.same_force * (not number), calibrated, prior.wall_sd_m))
+            beliefs.append(
+                Belief(
+                    mean,
+                    sd,
+                    precision,
+                    prior.same_force * (not number),
+                    calibrated,
+                    prior.wall_sd_m,
+                )
+            )
         return cls(library, planes, smoothing_m, beliefs, maps)
 
     def of_plane(self, number: int, unknown: Floats) -> tuple[Floats, float]:
@@ -162,7 +198,11 @@ class _Problem:
     def terms(self, unknown: Floats, scales: Sequence[float]) -> tuple[_Terms, float]:
         """Return the normal equations and the cost; the columns' SDs of a plane count `scales` times."""
         count, cost = len(unknown), 0.0
-        normal, gradient, misfits = np.zeros((count, count)), np.zeros(count), list[float]()
+        normal, gradient, misfits = (
+            np.zeros((count, count)),
+            np.zeros(count),
+            list[float](),
+        )
         for number, scale in enumerate(scales):
             own, own_gradient = np.empty((TILT + 1, TILT + 1)), np.empty(TILT + 1)
             matrix, fitted = self.maps[number][0], empty_fit(self.library)
@@ -171,7 +211,10 @@ class _Problem:
             normal += matrix.T @ own @ matrix
             gradient += matrix.T @ own_gradient
             misfits.append(float(fitted.numbers[3]))
-        for place, sd in ((TILT, FREE_SD[at.ROTATION]), *((place, DEPTH_SD_M) for place in self._depths)):
+        for place, sd in (
+            (TILT, FREE_SD[at.ROTATION]),
+            *((place, DEPTH_SD_M) for place in self._depths),
+        ):
             normal[place, place] += sd**-2.0
             gradient[place] -= unknown[place] / sd**2
             cost += float((unknown[place] / sd) ** 2)
@@ -182,20 +225,40 @@ class _Problem:
         return range(TILT + 1, TILT + 1 + len(OWN) * (len(self.planes) - 1), len(OWN))
 
     def _look(
-        self, number: int, tilt: float, scale: float, normal: Floats, gradient: Floats, fitted: fit_frame.Fitted
+        self,
+        number: int,
+        tilt: float,
+        scale: float,
+        normal: Floats,
+        gradient: Floats,
+        fitted: fit_frame.Fitted,
     ) -> float:
         """Write a plane's normal equations, or its fit (`fit_frame.fit_plane`); return its cost."""
         plane, prior = self.planes[number], self.planes[number].prior
         return fit_frame.fit_plane(
-            self.library.tables, law_of(prior.globe), plane.lateral_m, plane.depth_bc, self.smoothing_m,
-            self.beliefs[number], doubt_of(prior), tilt, scale, normal, gradient, fitted,
-        )  # fmt: skip
+            self.library.tables,
+            law_of(prior.globe),
+            plane.lateral_m,
+            plane.depth_bc,
+            self.smoothing_m,
+            self.beliefs[number],
+            doubt_of(prior),
+            tilt,
+            scale,
+            normal,
+            gradient,
+            fitted,
+        )
 
     def evaluate(self, unknown: Floats) -> tuple[_Terms, float]:
         """Return the normal equations and the cost."""
         return self.terms(unknown, [1.0] * len(self.planes))
 
-    def normal_equations(self, unknown: Floats, placed: _Terms) -> tuple[Floats, Floats]:  # noqa: ARG002
+    def normal_equations(
+        self,
+        unknown: Floats,  # noqa: ARG002 - the protocol's
+        placed: _Terms,
+    ) -> tuple[Floats, Floats]:
         """Return the normal matrix and the gradient."""
         return placed.normal, placed.gradient
 
@@ -212,15 +275,23 @@ class _Problem:
 
     def starts(self, alone: Sequence[BoundaryFit]) -> list[Floats]:
         """Return starts: each plane's own fit, with the needle on either side, and where the lateral places meet."""
-        axes = [(np.cos(plane.direction_rad), np.sin(plane.direction_rad)) for plane in self.planes]
+        axes = [
+            (np.cos(plane.direction_rad), np.sin(plane.direction_rad))
+            for plane in self.planes
+        ]
         weights = np.array([1.0 / (fit.sd[at.LATERAL] + 1e-6) for fit in alone])
-        design = np.concatenate([np.array(axes) * weights[:, None], np.eye(2) / FARTHEST_SD_M])
-        wanted = np.concatenate([[fit.unknown[at.LATERAL] for fit in alone] * weights, np.zeros(2)])
+        design = np.concatenate(
+            [np.array(axes) * weights[:, None], np.eye(2) / FARTHEST_SD_M]
+        )
+        wanted = np.concatenate(
+            [[fit.unknown[at.LATERAL] for fit in alone] * weights, np.zeros(2)]
+        )
         meeting = np.linalg.lstsq(design, wanted, rcond=None)[0]
         turned = np.linalg.lstsq(
             np.concatenate([axes, 0.1 * np.eye(2)]),
-            np.array([*(fit.unknown[at.ROTATION] for fit in alone), 0.0, 0.0]), rcond=None,
-        )[0]  # fmt: skip
+            np.array([*(fit.unknown[at.ROTATION] for fit in alone), 0.0, 0.0]),
+            rcond=None,
+        )[0]
         found = list[Floats]()
         for fit, plane in zip(alone, self.planes, strict=True):
             sides = [fit.unknown.copy(), fit.unknown.copy()]
@@ -229,31 +300,60 @@ class _Problem:
             found += [self._start(alone, fit, place, turned) for place in places]
         return found
 
-    def _start(self, alone: Sequence[BoundaryFit], fit: BoundaryFit, place: Floats, turned: Floats) -> Floats:
+    def _start(
+        self,
+        alone: Sequence[BoundaryFit],
+        fit: BoundaryFit,
+        place: Floats,
+        turned: Floats,
+    ) -> Floats:
         first, start = self.planes[0], np.zeros(self.maps[0][0].shape[1])
         c, s = np.cos(first.direction_rad), np.sin(first.direction_rad)
         start[:TILT] = fit.unknown
         start[at.POLE] = self.planes[0].prior.mean[at.POLE]
-        start[[at.LATERAL, at.ROTATION]] = c * place[0] + s * place[1], c * turned[0] + s * turned[1]
-        start[[at.GAP, TILT]] = first.offset_m + s * place[0] - c * place[1], -s * turned[0] + c * turned[1]
+        start[[at.LATERAL, at.ROTATION]] = (
+            c * place[0] + s * place[1],
+            c * turned[0] + s * turned[1],
+        )
+        start[[at.GAP, TILT]] = (
+            first.offset_m + s * place[0] - c * place[1],
+            -s * turned[0] + c * turned[1],
+        )
         for number, own in enumerate(alone):
             if number:
-                start[self._depths[number - 1] + 1 :][: len(OWN) - 1] = own.unknown[OWN[1:]]
+                start[self._depths[number - 1] + 1 :][: len(OWN) - 1] = own.unknown[
+                    OWN[1:]
+                ]
             else:
                 start[OWN] = own.unknown[OWN]
         return self.inside(start)
 
     def begun(self, fits: Sequence[BoundaryFit], place: SpatialPlace) -> Floats:
         """Return the start at a fit with other priors, with the modulus of this one."""
-        start = self._start(fits, fits[0], np.array(place.contact_m[:2]), np.array(place.tilt_rad))
-        start[at.POLE], start[at.MODULUS] = fits[0].unknown[at.POLE], self.beliefs[0].mean[at.MODULUS]
-        start[self._depths] = [fit.unknown[at.DEPTH] - fits[0].unknown[at.DEPTH] for fit in fits[1:]]
+        start = self._start(
+            fits, fits[0], np.array(place.contact_m[:2]), np.array(place.tilt_rad)
+        )
+        start[at.POLE], start[at.MODULUS] = (
+            fits[0].unknown[at.POLE],
+            self.beliefs[0].mean[at.MODULUS],
+        )
+        start[self._depths] = [
+            fit.unknown[at.DEPTH] - fits[0].unknown[at.DEPTH] for fit in fits[1:]
+        ]
         return self.inside(start)
 
-    def conclude(self, unknown: Floats, terms: _Terms) -> tuple[tuple[BoundaryFit, ...], SpatialPlace]:
+    def conclude(
+        self, unknown: Floats, terms: _Terms
+    ) -> tuple[tuple[BoundaryFit, ...], SpatialPlace]:
         """Return the fit with its uncertainty."""
-        least = 1.0 if any(plane.prior.wall_sd_m for plane in self.planes) else fit_frame.LEAST_NOISE
-        scales = [min(max(misfit, least), fit_frame.MOST_NOISE) for misfit in terms.misfits]
+        least = (
+            1.0
+            if any(plane.prior.wall_sd_m for plane in self.planes)
+            else fit_frame.LEAST_NOISE
+        )
+        scales = [
+            min(max(misfit, least), fit_frame.MOST_NOISE) for misfit in terms.misfits
+        ]
         normal = self.terms(unknown, scales)[0].normal
         sd = 1.0 / np.sqrt(np.diag(normal))
         covariance = np.linalg.inv(normal * np.outer(sd, sd)) * np.outer(sd, sd)
@@ -262,12 +362,17 @@ class _Problem:
             matrix, fitted = self.maps[number][0][:TILT], empty_fit(self.library)
             fitted.unknown[:], tilt = self.of_plane(number, unknown)
             own = plane.prior.sd
-            size, ways = np.linalg.eigh(matrix @ covariance @ matrix.T / np.outer(own, own))
+            size, ways = np.linalg.eigh(
+                matrix @ covariance @ matrix.T / np.outer(own, own)
+            )
             fitted.spread[:] = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T * own
             self._look(number, tilt, 1.0, np.empty((0, 0)), np.empty(0), fitted)
             fit = fit_of(self.library, plane.prior.globe, fitted)
             if found:
-                shared = {name: getattr(found[0], name) for name in ("force_n", "interval_n", "draws_n")}
+                shared = {
+                    name: getattr(found[0], name)
+                    for name in ("force_n", "interval_n", "draws_n")
+                }
                 fit = replace(fit, **shared)
             found.append(fit)
         return tuple(found), self._place(unknown, covariance)
@@ -282,7 +387,9 @@ class _Problem:
         values = ways @ unknown
         values[:2] += turned[:, 1] * first.offset_m
         sds = np.sqrt(np.diag(ways @ covariance @ ways.T))
-        return SpatialPlace(tuple(values[:3]), tuple(sds[:3]), tuple(values[3:]), tuple(sds[3:]))
+        return SpatialPlace(
+            tuple(values[:3]), tuple(sds[:3]), tuple(values[3:]), tuple(sds[3:])
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,14 +403,24 @@ class PlanesFit:
     @property
     def whole(self) -> BoundaryFit:
         """The first plane's fit, with the worst misfit and the mean loss of all."""
-        misfit_m, loss = max(fit.misfit_m for fit in self.fits), float(np.mean([fit.loss for fit in self.fits]))
+        misfit_m, loss = (
+            max(fit.misfit_m for fit in self.fits),
+            float(np.mean([fit.loss for fit in self.fits])),
+        )
         return replace(self.fits[0], misfit_m=misfit_m, loss=loss)
 
-    def with_priors(self, library: Library, priors: Sequence[Prior], smoothing_m: float) -> "PlanesFit":
+    def with_priors(
+        self, library: Library, priors: Sequence[Prior], smoothing_m: float
+    ) -> "PlanesFit":
         """Return the fit with other priors, which starts from this one and goes to the end."""
-        planes = tuple(replace(plane, prior=prior) for plane, prior in zip(self.planes, priors, strict=True))
+        planes = tuple(
+            replace(plane, prior=prior)
+            for plane, prior in zip(self.planes, priors, strict=True)
+        )
         problem = _Problem.of(library, planes, smoothing_m)
-        unknown, terms, _ = gauss_newton(problem, problem.begun(self.fits, self.place), TO_THE_END, _step)
+        unknown, terms, _ = gauss_newton(
+            problem, problem.begun(self.fits, self.place), TO_THE_END, _step
+        )
         return PlanesFit(planes, *problem.conclude(unknown, terms))
 
 
@@ -316,7 +433,12 @@ def fit_planes(
     plane. There are no fits if a plane shows too few columns. The gap among a plane's unknowns has a sign: above 0, the
     plane lies towards its normal from the needle's axis.
     """
-    fits = [fit_boundaries(library, plane.lateral_m, plane.depth_bc, plane.prior, smoothing_m) for plane in planes]
+    fits = [
+        fit_boundaries(
+            library, plane.lateral_m, plane.depth_bc, plane.prior, smoothing_m
+        )
+        for plane in planes
+    ]
     alone = [fit for fit in fits if fit is not None]
     if len(alone) < len(planes):
         return (), None

@@ -6,18 +6,34 @@ from math import log, radians, sin, sqrt
 import numpy as np
 
 from scleraforce.arrays import Floats
-from scleraforce.known import LEAST_MODULUS_SD, NO_DISCREPANCY, UNKNOWN, ForceDiscrepancy, Known, KnownGlobe
+from scleraforce.known import (
+    LEAST_MODULUS_SD,
+    NO_DISCREPANCY,
+    UNKNOWN,
+    ForceDiscrepancy,
+    Known,
+    KnownGlobe,
+)
 from scleraforce.library import unknowns as at
 from scleraforce.library.base import pole_directions
 from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.study import ReaderStudy
 
-FREE_SD = {at.TIP: 10e-3, at.LATERAL: 1e-3, at.DEPTH: 2e-3, at.ROTATION: 0.05, at.SIZE: 0.03, at.INNER_OFFSET: 15e-6}
+FREE_SD = {
+    at.TIP: 10e-3,
+    at.LATERAL: 1e-3,
+    at.DEPTH: 2e-3,
+    at.ROTATION: 0.05,
+    at.SIZE: 0.03,
+    at.INNER_OFFSET: 15e-6,
+}
 # Where the surface faces the light its mirror reflection moves the edge found up: by 3.0 +- 2.7 um in 716 frames
 # of 60 drawn eyes, with the noise of the fit to each (`benchmarks/bench_boundary_errors.py 30`, seeds 21, 22).
 SHINE_MEAN_M, SHINE_SD_M = 3e-6, 2.3e-6
 KNOWN_SD = {at.GAP: 30e-6, at.THICKNESS: 15e-6, at.IOP: 0.05}  # of a stated value
-PRESSURE_SD = 3.0  # of the logarithm of that under the needle: the globe's rigidity ties it
+PRESSURE_SD = (
+    3.0  # of the logarithm of that under the needle: the globe's rigidity ties it
+)
 # At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
 FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
 # Place, angle and curvature of either side, and the wedge (`resting_form.FORMS`).
@@ -61,21 +77,37 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     mean[at.SHINE], sd[at.SHINE] = SHINE_MEAN_M, SHINE_SD_M
     mean[at.FORM], sd[at.FORM] = FORM_MEAN, FORM_SD
     mean[at.POLE], sd[at.POLE] = _pole(known)
-    mean[at.GAP], sd[at.GAP] = _stated(known.gap_m, trained.gap_m.bounds, KNOWN_SD[at.GAP])
+    mean[at.GAP], sd[at.GAP] = _stated(
+        known.gap_m, trained.gap_m.bounds, KNOWN_SD[at.GAP]
+    )
     mean[at.THICKNESS], sd[at.THICKNESS] = _stated(
         known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[at.THICKNESS]
     )
     iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
-    mean[at.IOP], sd[at.IOP] = _stated(iop, _logs(trained.iop_pa.bounds), KNOWN_SD[at.IOP])
+    mean[at.IOP], sd[at.IOP] = _stated(
+        iop, _logs(trained.iop_pa.bounds), KNOWN_SD[at.IOP]
+    )
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
-    modulus_sd, discrepancy = known.modulus.relative_sd if known.modulus else 0.0, known.discrepancy or NO_DISCREPANCY
-    if known.modulus is not None and known.modulus.source == "shape":  # frames do not tell it once more
-        modulus_sd, discrepancy = LEAST_MODULUS_SD, replace(NO_DISCREPANCY, level_sd=modulus_sd)
-    mean[at.MODULUS], sd[at.MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
+    modulus_sd, discrepancy = (
+        known.modulus.relative_sd if known.modulus else 0.0,
+        known.discrepancy or NO_DISCREPANCY,
+    )
+    if (
+        known.modulus is not None and known.modulus.source == "shape"
+    ):  # frames do not tell it once more
+        modulus_sd, discrepancy = (
+            LEAST_MODULUS_SD,
+            replace(NO_DISCREPANCY, level_sd=modulus_sd),
+        )
+    mean[at.MODULUS], sd[at.MODULUS] = _stated(
+        modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd
+    )
     mean[at.PRESSURE], sd[at.PRESSURE] = mean[at.IOP], PRESSURE_SD
     own = known.has_own_modulus
     same_force = _same_force(mean, sd) if own else np.zeros(len(at.NAMES))
-    precision = np.diag(np.where(own & (np.arange(len(at.NAMES)) == at.MODULUS), 0.0, sd**-2.0))
+    precision = np.diag(
+        np.where(own & (np.arange(len(at.NAMES)) == at.MODULUS), 0.0, sd**-2.0)
+    )
     globe = UNKNOWN if known.globe is None else known.globe
     correlation = globe.correlation if own else 0.0
     calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
@@ -84,10 +116,16 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
 
 def _pole(known: Known) -> tuple[Floats | float, float]:
     """Return the pole's direction and its standard deviation: anywhere around if the direction is not stated."""
-    polar_rad = TYPICAL_POLAR_RAD if known.polar_rad is None else min(max(known.polar_rad, 0.0), FARTHEST_RAD)
+    polar_rad = (
+        TYPICAL_POLAR_RAD
+        if known.polar_rad is None
+        else min(max(known.polar_rad, 0.0), FARTHEST_RAD)
+    )
     if known.direction_rad is None:
         return 0.0, max(sin(polar_rad) / sqrt(2.0), POLE_SD)
-    return pole_directions(polar_rad, known.direction_rad), POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
+    return pole_directions(
+        polar_rad, known.direction_rad
+    ), POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
 
 
 def _same_force(mean: Floats, sd: Floats) -> Floats:
@@ -97,14 +135,24 @@ def _same_force(mean: Floats, sd: Floats) -> Floats:
     and yet the force that belongs to a dent is right: that force is known.
     """
     along = np.zeros(len(at.NAMES))
-    along[[at.MODULUS, at.THICKNESS, at.IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[at.THICKNESS], FORCE_BY_LOG_IOP
+    along[[at.MODULUS, at.THICKNESS, at.IOP]] = (
+        1.0,
+        FORCE_BY_LOG_THICKNESS / mean[at.THICKNESS],
+        FORCE_BY_LOG_IOP,
+    )
     return np.asarray(along / sd[at.MODULUS])
 
 
-def _stated(value: float | None, bounds: tuple[float, float], sd: float) -> tuple[float, float]:
+def _stated(
+    value: float | None, bounds: tuple[float, float], sd: float
+) -> tuple[float, float]:
     """Return mean and standard deviation of a stated value, else of its range."""
     low, high = bounds
-    return ((low + high) / 2, max((high - low) / sqrt(12), sd)) if value is None else (value, sd)
+    return (
+        ((low + high) / 2, max((high - low) / sqrt(12), sd))
+        if value is None
+        else (value, sd)
+    )
 
 
 def _logs(bounds: tuple[float, float]) -> tuple[float, float]:

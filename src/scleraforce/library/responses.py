@@ -20,7 +20,13 @@ import numpy as np
 from scleraforce.arrays import Flags, Floats, Places
 from scleraforce.errors import InputError
 from scleraforce.library import splines
-from scleraforce.library.base import base_bulge, contact_rises, meridian_angles, rise_slope, undented_motion
+from scleraforce.library.base import (
+    base_bulge,
+    contact_rises,
+    meridian_angles,
+    rise_slope,
+    undented_motion,
+)
 from scleraforce.library.splines import Curves, SplineTables, curves_of, values_at
 from scleraforce.library.stiffened import StiffenedWalls
 from scleraforce.mechanics.globe import sealed_globe
@@ -35,15 +41,25 @@ SLACK = 1e-9  # relative: two formulas for an end of a range may round otherwise
 
 
 def check_inside(
-    name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "", whose: str = "the library's"
+    name: str,
+    values: Floats,
+    low: float,
+    high: float,
+    unit: HumanUnit,
+    printed: str = "",
+    whose: str = "the library's",
 ) -> None:
     """Raise `InputError` for a value outside a range, or that is not a number; `printed` is the unit's name."""
     values = np.asarray(values)
-    outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
+    outside = ~(
+        (values >= low - SLACK * high) & (values <= high * (1.0 + SLACK))
+    )  # NaN is outside, too
     if outside.any():
         found = from_si(float(values[outside].flat[0]), unit)
-        raise InputError(f"{name}: {found:.4g} {printed or unit} is outside {whose} range, {from_si(low, unit):.4g} to "
-                         f"{from_si(high, unit):.4g} {printed or unit}")  # fmt: skip
+        raise InputError(
+            f"{name}: {found:.4g} {printed or unit} is outside {whose} range, {from_si(low, unit):.4g} to "
+            f"{from_si(high, unit):.4g} {printed or unit}"
+        )
 
 
 def inside_ends(values: Floats, axis: Floats) -> Floats:
@@ -56,31 +72,62 @@ def check_arrays(library: "Library") -> None:
     shape = (len(library.thickness_m), len(library.tension), len(library.tip_m))
     polar_rad = library.polar_rad
     if min(*shape, len(polar_rad)) < splines.SUPPORT:
-        raise InputError(f"library: {shape} thicknesses, tensions, tips and {len(polar_rad)} polar angles; must be at "
-                         f"least {splines.SUPPORT} of each")  # fmt: skip
+        raise InputError(
+            f"library: {shape} thicknesses, tensions, tips and {len(polar_rad)} polar angles; must be at "
+            f"least {splines.SUPPORT} of each"
+        )
     walls, at_pole = library.walls, (len(library.walls.stiffening), *shape)
     for name, found, wanted in (
         ("force_ratio_btpd", walls.force_ratio_btpd.shape, at_pole),
         ("displaced_btpd", walls.displaced_btpd.shape, at_pole),
         ("stiffness_atpd", library.stiffness_atpd.shape, (len(polar_rad), *shape)),
-        ("undented_btpbnc", walls.undented_btpbnc.shape, (*at_pole[:3], 2, max(walls.undented_btpbnc.shape[-2], 2), 2)),
-        ("curves", walls.curves.shape, (*at_pole, 2, max(walls.curves.shape[-2], 2), 2)),
+        (
+            "undented_btpbnc",
+            walls.undented_btpbnc.shape,
+            (*at_pole[:3], 2, max(walls.undented_btpbnc.shape[-2], 2), 2),
+        ),
+        (
+            "curves",
+            walls.curves.shape,
+            (*at_pole, 2, max(walls.curves.shape[-2], 2), 2),
+        ),
     ):
         if found != wanted:
-            raise InputError(f"library: {name} {found}: two points at least, of the axes {shape}")
+            raise InputError(
+                f"library: {name} {found}: two points at least, of the axes {shape}"
+            )
     axes = (polar_rad, library.thickness_m, library.tension, library.tip_m)
-    check_inside("polar angle", np.asarray(library.contact_polar_rad), polar_rad[0], polar_rad[-1], "deg")
+    check_inside(
+        "polar angle",
+        np.asarray(library.contact_polar_rad),
+        polar_rad[0],
+        polar_rad[-1],
+        "deg",
+    )
     if not all((np.diff(axis) > 0.0).all() for axis in axes):
         raise InputError("library: an axis that does not increase")
-    sizes = library.radius_m, library.needle_radius_m, library.max_force_ratio, axes[1][0], axes[2][0]
-    if not all(0.0 < size < np.inf for size in sizes) or not 0.0 <= library.poisson_ratio < 0.5:
-        raise InputError(f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
-                         f"Poisson's ratio {library.poisson_ratio}: impossible")  # fmt: skip
+    sizes = (
+        library.radius_m,
+        library.needle_radius_m,
+        library.max_force_ratio,
+        axes[1][0],
+        axes[2][0],
+    )
+    if (
+        not all(0.0 < size < np.inf for size in sizes)
+        or not 0.0 <= library.poisson_ratio < 0.5
+    ):
+        raise InputError(
+            f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
+            f"Poisson's ratio {library.poisson_ratio}: impossible"
+        )
     if not all(np.isfinite(array).all() for array in (*axes, library.stiffness_atpd)):
         raise InputError("library: values that are not finite")
 
 
-Walls = tuple[Places, Floats]  # rows of (thickness, tension) and their weights, each (sample, 16)
+Walls = tuple[
+    Places, Floats
+]  # rows of (thickness, tension) and their weights, each (sample, 16)
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
 OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 20 MB
@@ -125,14 +172,20 @@ class Library:
     polar_rad: Floats
     stiffness_atpd: Floats
     contact_polar_rad: float
-    same_walls: InitVar["Library | None"] = None  # has the spline weights of its walls already
+    same_walls: InitVar["Library | None"] = (
+        None  # has the spline weights of its walls already
+    )
 
     def __repr__(self) -> str:
         return f"<Library: {len(self.thickness_m) * len(self.tension)} load paths of {len(self.tip_m)} dents>"
 
     _same_walls: "Library | None" = field(init=False, repr=False, compare=False)
-    _mix_b: Floats = field(init=False, repr=False, compare=False)  # of the walls, for its stiffening
-    _others: "OrderedDict[float, Library]" = field(default_factory=OrderedDict, init=False, repr=False, compare=False)
+    _mix_b: Floats = field(
+        init=False, repr=False, compare=False
+    )  # of the walls, for its stiffening
+    _others: "OrderedDict[float, Library]" = field(
+        default_factory=OrderedDict, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self, same_walls: "Library | None") -> None:
         check_arrays(self)
@@ -152,18 +205,28 @@ class Library:
     @cached_property
     def undented_tpbnc(self) -> Curves:
         """Walls without the needle (t, p, boundary, node, 2), m."""
-        return np.tensordot(self._mix_b, self.walls.undented_btpbnc.astype(np.float64), axes=1).astype(np.float32)
+        return np.tensordot(
+            self._mix_b, self.walls.undented_btpbnc.astype(np.float64), axes=1
+        ).astype(np.float32)
 
     def curves_tpdbnc(self) -> Curves:
         """Return the curves of all its states (t, p, d, boundary, node, 2), m."""
         return self.walls.curves.mixed(self._mix_b)
 
-    def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
+    def curves(
+        self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats
+    ) -> Responses:
         """Return the first state on loading (sample,) of walls, m, at IOP/E that carries a force F/E, m^2."""
         tip_m = self.tips(thickness_m, iop_ratio, force_ratio)
-        return Responses(self._curves(thickness_m, iop_ratio, tip_m), tip_m, np.asarray(force_ratio, dtype=np.float64))
+        return Responses(
+            self._curves(thickness_m, iop_ratio, tip_m),
+            tip_m,
+            np.asarray(force_ratio, dtype=np.float64),
+        )
 
-    def at_tip(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Responses:
+    def at_tip(
+        self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats
+    ) -> Responses:
         """Return the states at given tips (sample,), m; twice continuously differentiable in all three arguments."""
         forces = self.forces(thickness_m, iop_ratio, tip_m)
         tips = np.asarray(tip_m, dtype=np.float64)
@@ -178,16 +241,26 @@ class Library:
         """Return F/E (sample,), m^2, of `at_tip` without the curves, at a hundredth of the cost."""
         return self._at_tips(self.tables.forces, thickness_m, iop_ratio, tip_m)
 
-    def displaced_m3(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
+    def displaced_m3(
+        self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats
+    ) -> Floats:
         """Return the volume between the wall without the needle and with it, at one pressure, (sample,), m^3."""
         return self._at_tips(self.tables.volumes, thickness_m, iop_ratio, tip_m)
 
-    def base_bulge(self, thickness_m: Floats, iop_ratio: Floats, places_sbpc: Floats, pole_s2: Floats) -> Floats:
+    def base_bulge(
+        self,
+        thickness_m: Floats,
+        iop_ratio: Floats,
+        places_sbpc: Floats,
+        pole_s2: Floats,
+    ) -> Floats:
         """Return the motion of walls beside the pole by the base (sample, boundary, place, 3), m; see `base`."""
         rows, weights = self._walls(thickness_m, iop_ratio)
         undented = (weights[:, None] @ self._undented_weights[rows])[:, 0]
         undented_sbnc = undented.reshape(len(rows), *self.undented_tpbnc.shape[2:])
-        motion = undented_motion(undented_sbnc, self._angles, self.radius_m, np.asarray(thickness_m))
+        motion = undented_motion(
+            undented_sbnc, self._angles, self.radius_m, np.asarray(thickness_m)
+        )
         return base_bulge(motion, self._angles, places_sbpc, pole_s2)
 
     def node_angles(self) -> Floats:
@@ -197,33 +270,51 @@ class Library:
     @cached_property
     def _angles(self) -> Floats:
         """Angles from the axis of the nodes of the walls without the needle."""
-        return meridian_angles(self.undented_tpbnc[0, 0].astype(np.float64), self.radius_m)
+        return meridian_angles(
+            self.undented_tpbnc[0, 0].astype(np.float64), self.radius_m
+        )
 
     def iop_ratio_ends(self, thickness_m: Floats) -> tuple[Floats, Floats]:
         """Return the lowest and the highest IOP ratio (sample,) that the library holds for walls."""
         per_tension = np.asarray(thickness_m) / self.radius_m
         return self.tension[0] * per_tension, self.tension[-1] * per_tension
 
-    def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
+    def tips(
+        self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats
+    ) -> Floats:
         """Return the tips (sample,), m, at which loading first reaches the forces; arguments as for `curves`."""
         paths = self._paths(thickness_m, iop_ratio)
         check_inside("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
-        tips = splines.first_crossing(self.tip_m, paths, np.array(force_ratio, dtype=np.float64))
+        tips = splines.first_crossing(
+            self.tip_m, paths, np.array(force_ratio, dtype=np.float64)
+        )
         if np.isnan(tips).any():
             sample = int(np.argmax(np.isnan(tips)))
-            raise InputError(f"F/E: {from_si(force_ratio[sample], 'mm2'):.4g} mm^2 dents a wall of "
-                             f"{from_si(thickness_m[sample], 'um'):.0f} µm with IOP/E {iop_ratio[sample]:.3g} by more "
-                             f"than the library's {from_si(self.tip_m[-1], 'mm'):g} mm")  # fmt: skip
+            raise InputError(
+                f"F/E: {from_si(force_ratio[sample], 'mm2'):.4g} mm^2 dents a wall of "
+                f"{from_si(thickness_m[sample], 'um'):.0f} µm with IOP/E {iop_ratio[sample]:.3g} by more "
+                f"than the library's {from_si(self.tip_m[-1], 'mm'):g} mm"
+            )
         return tips
 
-    def covers(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Flags:
+    def covers(
+        self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats
+    ) -> Flags:
         """Return which samples `curves` answers (sample,)."""
-        values = np.broadcast_arrays(thickness_m, self._tension(thickness_m, iop_ratio), force_ratio)
-        ranges = (self._ends(self.thickness_m), self._ends(self.tension), (0.0, self.max_force_ratio))
+        values = np.broadcast_arrays(
+            thickness_m, self._tension(thickness_m, iop_ratio), force_ratio
+        )
+        ranges = (
+            self._ends(self.thickness_m),
+            self._ends(self.tension),
+            (0.0, self.max_force_ratio),
+        )
         known = np.ones(values[0].shape, dtype=bool)
         for value, (low, high) in zip(values, ranges, strict=True):
             known &= (value >= low - SLACK * high) & (value <= high * (1.0 + SLACK))
-        thickness, tension, force = (value[known].astype(np.float64) for value in values)
+        thickness, tension, force = (
+            value[known].astype(np.float64) for value in values
+        )
         paths = self._paths(thickness, tension * thickness / self.radius_m)
         known[known] = np.isfinite(splines.first_crossing(self.tip_m, paths, force))
         return known
@@ -235,7 +326,9 @@ class Library:
 
     def for_contact(self, polar_rad: float) -> "Library":
         """Return the library of needles at a polar angle; it shares the arrays that do not depend on it."""
-        return replace(self, contact_polar_rad=polar_rad, same_walls=self._same_walls or self)
+        return replace(
+            self, contact_polar_rad=polar_rad, same_walls=self._same_walls or self
+        )
 
     def for_stiffening(self, stiffening: float) -> "Library":
         """Return the library of tissue that stiffens by b, at the same contact; the last few are cached."""
@@ -255,9 +348,16 @@ class Library:
         return self.for_contact(min(max(polar_rad, 0.0), float(self.polar_rad[-1])))
 
     def eye(
-        self, *, thickness_m: float, youngs_modulus_pa: float, iop_pa: float, rigidity_pa13_per_m3: float = 0.0,
-        rigidity_law: str = RIGIDITY_LAWS[0], polar_angle_rad: float | None = None, stiffening: float | None = None,
-    ) -> "LibraryEye":  # fmt: skip
+        self,
+        *,
+        thickness_m: float,
+        youngs_modulus_pa: float,
+        iop_pa: float,
+        rigidity_pa13_per_m3: float = 0.0,
+        rigidity_law: str = RIGIDITY_LAWS[0],
+        polar_angle_rad: float | None = None,
+        stiffening: float | None = None,
+    ) -> "LibraryEye":
         """Return one eye, which answers with the force of a dent and the dent of a force.
 
         `iop_pa`: without the needle; `rigidity_pa13_per_m3`: of a sealed globe, 0 is an open one; `polar_angle_rad`: of
@@ -270,9 +370,16 @@ class Library:
 
         library = self if stiffening is None else self.for_stiffening(stiffening)
         if polar_angle_rad is not None:
-            check_inside("polar angle", np.array(polar_angle_rad), *self._ends(self.polar_rad), "deg")
+            check_inside(
+                "polar angle",
+                np.array(polar_angle_rad),
+                *self._ends(self.polar_rad),
+                "deg",
+            )
             library = library.for_contact(polar_angle_rad)
-        library.check_walls(np.array([thickness_m]), np.array([iop_pa / youngs_modulus_pa]))
+        library.check_walls(
+            np.array([thickness_m]), np.array([iop_pa / youngs_modulus_pa])
+        )
         globe = sealed_globe(rigidity_pa13_per_m3, rigidity_law)
         return LibraryEye(library, thickness_m, youngs_modulus_pa, iop_pa, globe)
 
@@ -281,64 +388,113 @@ class Library:
 
         One node beyond is kept. It is smaller and faster, for slices that do not show the rest.
         """
-        near = (self.curves_tpdbnc()[..., 0].min(axis=(0, 1, 2)) < distance_m).any(axis=0)
-        return replace(self, walls=self.walls.within(min(int(np.flatnonzero(near)[-1]) + 2, len(near))))
+        near = (self.curves_tpdbnc()[..., 0].min(axis=(0, 1, 2)) < distance_m).any(
+            axis=0
+        )
+        return replace(
+            self,
+            walls=self.walls.within(min(int(np.flatnonzero(near)[-1]) + 2, len(near))),
+        )
 
     @cached_property
-    def _splines(self) -> tuple[splines.CubicSpline, splines.CubicSpline, splines.CubicSpline]:
+    def _splines(
+        self,
+    ) -> tuple[splines.CubicSpline, splines.CubicSpline, splines.CubicSpline]:
         """Splines over log thickness, log tension, tip."""
-        thickness, tension, tip = map(splines.CubicSpline, (np.log(self.thickness_m), np.log(self.tension), self.tip_m))
+        thickness, tension, tip = map(
+            splines.CubicSpline,
+            (np.log(self.thickness_m), np.log(self.tension), self.tip_m),
+        )
         return thickness, tension, tip
 
     @cached_property
     def _curve_weights(self) -> Curves:
         """Spline weights of the curves (t p d, b n c)."""
         shared = self._same_walls
-        return shared._curve_weights if shared else self.walls.curves.coefficients(self._mix_b, self._splines)
+        return (
+            shared._curve_weights
+            if shared
+            else self.walls.curves.coefficients(self._mix_b, self._splines)
+        )
 
     @cached_property
     def _undented_weights(self) -> Floats:
         """Spline weights of the walls without the needle (t p, b n c)."""
         if self._same_walls:
             return self._same_walls._undented_weights
-        weights = splines.tensor_coefficients(self._splines[:2], self.undented_tpbnc.astype(np.float64))
+        weights = splines.tensor_coefficients(
+            self._splines[:2], self.undented_tpbnc.astype(np.float64)
+        )
         return weights.reshape(len(self.thickness_m) * len(self.tension), -1)
 
     @cached_property
     def tables(self) -> SplineTables:
         """Tables that the loops of `splines` interpolate; they share the library's arrays."""
-        along, forces, volumes = self._splines, self._contact_forces, self._contact_volumes
+        along, forces, volumes = (
+            self._splines,
+            self._contact_forces,
+            self._contact_volumes,
+        )
         thickness, tension, tip = (spline.pieces for spline in along)
         return SplineTables(
-            thickness=thickness, tension=tension, tip=tip, tensions=len(self.tension), tips=len(self.tip_m),
-            curves=self._curve_weights, undented=self._undented_weights,
+            thickness=thickness,
+            tension=tension,
+            tip=tip,
+            tensions=len(self.tension),
+            tips=len(self.tip_m),
+            curves=self._curve_weights,
+            undented=self._undented_weights,
             forces=splines.tensor_coefficients(along, forces).reshape(-1),
             volumes=splines.tensor_coefficients(along, volumes).reshape(-1),
             paths=splines.values_and_slopes(along, forces, axis=2),
-            volumes_along_tension=splines.values_and_slopes(along, volumes, axis=1), log_tension=np.log(self.tension),
-            tip_m=self.tip_m, thickness_ends_m=self._ends(self.thickness_m), tension_ends=self._ends(self.tension),
-            angles=self._angles, radius_m=self.radius_m, poisson_ratio=self.poisson_ratio,
-        )  # fmt: skip
+            volumes_along_tension=splines.values_and_slopes(along, volumes, axis=1),
+            log_tension=np.log(self.tension),
+            tip_m=self.tip_m,
+            thickness_ends_m=self._ends(self.thickness_m),
+            tension_ends=self._ends(self.tension),
+            angles=self._angles,
+            radius_m=self.radius_m,
+            poisson_ratio=self.poisson_ratio,
+        )
 
     @cached_property
     def _contact_forces(self) -> Floats:
         """F/E at the contact's polar angle (t, p, d)."""
         spline = splines.CubicSpline(self.polar_rad)
-        (shares,) = spline.shares(inside_ends(np.array([self.contact_polar_rad]), self.polar_rad))
+        (shares,) = spline.shares(
+            inside_ends(np.array([self.contact_polar_rad]), self.polar_rad)
+        )
         return self.force_ratio_tpd * np.tensordot(shares, self.stiffness_atpd, axes=1)
 
     @cached_property
     def _contact_volumes(self) -> Floats:
         """The displaced volume at the contact's polar angle (t, p, d), m^3."""
-        rises = contact_rises(self.undented_tpbnc, np.array([0.0, self.contact_polar_rad]), self.radius_m)
-        pole, beside = (rise_slope(rise, self.thickness_m / self.radius_m, self.tension)[..., None] for rise in rises)
-        return self.displaced_tpd + self._contact_forces * beside - self.force_ratio_tpd * pole
+        rises = contact_rises(
+            self.undented_tpbnc, np.array([0.0, self.contact_polar_rad]), self.radius_m
+        )
+        pole, beside = (
+            rise_slope(rise, self.thickness_m / self.radius_m, self.tension)[..., None]
+            for rise in rises
+        )
+        return (
+            self.displaced_tpd
+            + self._contact_forces * beside
+            - self.force_ratio_tpd * pole
+        )
 
-    def _at_tips(self, coefficients: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
+    def _at_tips(
+        self,
+        coefficients: Floats,
+        thickness_m: Floats,
+        iop_ratio: Floats,
+        tip_m: Floats,
+    ) -> Floats:
         """Values (sample,) at given tips of the spline over (t p d,) with these coefficients."""
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         self.check_walls(thickness_m, iop_ratio)
-        return values_at(self.tables, coefficients, *_samples(thickness_m, iop_ratio, tip_m))
+        return values_at(
+            self.tables, coefficients, *_samples(thickness_m, iop_ratio, tip_m)
+        )
 
     def _paths(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         """Force, and then its slope, at the library's tips for walls (sample, 2 d)."""
@@ -356,26 +512,38 @@ class Library:
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return the walls' places between the nodes of the library."""
         tension = self.check_walls(thickness_m, iop_ratio)
-        t, of_t = self._splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
+        t, of_t = self._splines[0].weights(
+            np.log(inside_ends(thickness_m, self.thickness_m))
+        )
         p, of_p = self._splines[1].weights(np.log(inside_ends(tension, self.tension)))
         support, shape = np.arange(splines.SUPPORT), (len(t), splines.SUPPORT**2)
-        rows = (t[:, None] + support)[:, :, None] * len(self.tension) + (p[:, None] + support)[:, None]
+        rows = (t[:, None] + support)[:, :, None] * len(self.tension) + (
+            p[:, None] + support
+        )[:, None]
         return rows.reshape(shape), (of_t[:, :, None] * of_p[:, None]).reshape(shape)
 
     def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         """Return the tensions of walls (sample,); one outside the library raises `InputError`, with its IOP/E."""
-        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm")
+        check_inside(
+            "thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm"
+        )
         tension, ends = self._tension(thickness_m, iop_ratio), self._ends(self.tension)
-        inside = (tension >= ends[0] * (1.0 - SLACK)) & (tension <= ends[1] * (1.0 + SLACK))
+        inside = (tension >= ends[0] * (1.0 - SLACK)) & (
+            tension <= ends[1] * (1.0 + SLACK)
+        )
         if inside.all():
             return tension
         worst = int(np.argmin(inside))  # NaN is outside, too
         thickness = float(np.broadcast_to(thickness_m, tension.shape)[worst])
         per_tension = thickness / self.radius_m
-        low, high, burst = (value * per_tension for value in (*ends, burst_tension(self.poisson_ratio)))
-        raise InputError(f"IOP/E: {tension[worst] * per_tension:.4g} is outside the library's range for a wall of "
-                         f"{from_si(thickness, 'um'):.0f} µm, {low:.3g} to {high:.3g}; "
-                         f"it bursts at {burst:.3g}")  # fmt: skip
+        low, high, burst = (
+            value * per_tension for value in (*ends, burst_tension(self.poisson_ratio))
+        )
+        raise InputError(
+            f"IOP/E: {tension[worst] * per_tension:.4g} is outside the library's range for a wall of "
+            f"{from_si(thickness, 'um'):.0f} µm, {low:.3g} to {high:.3g}; "
+            f"it bursts at {burst:.3g}"
+        )
 
     def _tension(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         return np.asarray(iop_ratio) * (self.radius_m / np.asarray(thickness_m))
@@ -387,4 +555,7 @@ class Library:
 
 def _samples(*values: Floats) -> list[Floats]:
     """Return values (sample,) each, of the one type that the loops are compiled for."""
-    return [np.ascontiguousarray(value, dtype=np.float64) for value in np.broadcast_arrays(*values)]
+    return [
+        np.ascontiguousarray(value, dtype=np.float64)
+        for value in np.broadcast_arrays(*values)
+    ]

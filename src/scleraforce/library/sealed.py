@@ -18,7 +18,13 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled, compiled_in_place, compiled_part
 from scleraforce.library.responses import Library, check_inside, inside_ends
-from scleraforce.library.splines import SUPPORT, SplineTables, first_place, spline_weights, value_of
+from scleraforce.library.splines import (
+    SUPPORT,
+    SplineTables,
+    first_place,
+    spline_weights,
+    value_of,
+)
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import HumanUnit
@@ -26,16 +32,26 @@ from scleraforce.units import HumanUnit
 
 @compiled
 def pressures_at_dents(
-    tables: SplineTables, thickness_m: Floats, tip_m: Floats, rate: Floats, is_logarithmic: bool, ratio: Floats
+    tables: SplineTables,
+    thickness_m: Floats,
+    tip_m: Floats,
+    rate: Floats,
+    is_logarithmic: bool,
+    ratio: Floats,
 ) -> None:
     """Put the pressures over E at dents (sample,) in place of those without the needle."""
     for n in range(len(ratio)):
-        ratio[n] = pressure_at_dent(tables, (thickness_m[n], ratio[n], tip_m[n]), rate[n], is_logarithmic)
+        ratio[n] = pressure_at_dent(
+            tables, (thickness_m[n], ratio[n], tip_m[n]), rate[n], is_logarithmic
+        )
 
 
 @compiled_part
 def pressure_at_dent(
-    tables: SplineTables, state: tuple[float, float, float], rate: float, is_logarithmic: bool
+    tables: SplineTables,
+    state: tuple[float, float, float],
+    rate: float,
+    is_logarithmic: bool,
 ) -> float:
     """Return the pressure over E at a dent; NaN where none of the library solves the law.
 
@@ -49,12 +65,22 @@ def pressure_at_dent(
     tensions, path = tables.tensions, np.zeros(2 * tables.tensions)
     for i in range(SUPPORT):
         for j in range(SUPPORT):
-            path -= rate * of_t[i] * of_d[j] * tables.volumes_along_tension[(t + i) * tables.tips + d + j]
+            path -= (
+                rate
+                * of_t[i]
+                * of_d[j]
+                * tables.volumes_along_tension[(t + i) * tables.tips + d + j]
+            )
     for p in range(tensions):
-        level = level_of(np.exp(tables.log_tension[p]) * thickness_m / tables.radius_m, is_logarithmic)
+        level = level_of(
+            np.exp(tables.log_tension[p]) * thickness_m / tables.radius_m,
+            is_logarithmic,
+        )
         path[p] += level
         path[tensions + p] += 1.0 if is_logarithmic else level / 3.0
-    log_tension = first_place(tables.log_tension, path, level_of(resting, is_logarithmic))
+    log_tension = first_place(
+        tables.log_tension, path, level_of(resting, is_logarithmic)
+    )
     return float(np.exp(log_tension) * thickness_m / tables.radius_m)
 
 
@@ -78,7 +104,11 @@ class SealedEye(NamedTuple):
 
 @compiled
 def pressures_under_forces(
-    tables: SplineTables, eyes_ns: Floats, is_logarithmic: bool, tolerance: float, found: Floats
+    tables: SplineTables,
+    eyes_ns: Floats,
+    is_logarithmic: bool,
+    tolerance: float,
+    found: Floats,
 ) -> None:
     """Write the pressure over E of each eye (sample,); `tolerance` is that of its logarithm.
 
@@ -89,17 +119,32 @@ def pressures_under_forces(
     for n in range(len(found)):
         thickness_m, resting, force_ratio, rate, lowest, highest = eyes_ns[:, n]
         _paths_of_thickness(tables, thickness_m, along)
-        eye = SealedEye(thickness_m, resting, force_ratio, rate, is_logarithmic, along, path)
+        eye = SealedEye(
+            thickness_m, resting, force_ratio, rate, is_logarithmic, along, path
+        )
         found[n] = _pressure(tables, eye, lowest, highest, tolerance)
 
 
 @compiled_part
-def _pressure(tables: SplineTables, eye: SealedEye, lowest: float, highest: float, tolerance: float) -> float:
+def _pressure(
+    tables: SplineTables,
+    eye: SealedEye,
+    lowest: float,
+    highest: float,
+    tolerance: float,
+) -> float:
     resting, rate = eye.resting, eye.rate
     most = _displaced(tables, eye, resting)
-    bound = pressure_of_level(level_of(resting, eye.is_logarithmic) + rate * (1.0 + SPARE) * most, eye.is_logarithmic)
+    bound = pressure_of_level(
+        level_of(resting, eye.is_logarithmic) + rate * (1.0 + SPARE) * most,
+        eye.is_logarithmic,
+    )
     if rate > 0.0:
-        low, high, below = np.log(resting), np.log(min(max(bound, resting), highest)), -rate * most
+        low, high, below = (
+            np.log(resting),
+            np.log(min(max(bound, resting), highest)),
+            -rate * most,
+        )
     else:
         low, high = np.log(lowest), np.log(resting)
         below = _missing(tables, eye, low)
@@ -125,14 +170,18 @@ def _pressure(tables: SplineTables, eye: SealedEye, lowest: float, highest: floa
 def _missing(tables: SplineTables, eye: SealedEye, log_ratio: float) -> float:
     """Return the error of the law at a pressure."""
     ratio = np.exp(log_ratio)
-    risen = level_of(ratio, eye.is_logarithmic) - level_of(eye.resting, eye.is_logarithmic)
+    risen = level_of(ratio, eye.is_logarithmic) - level_of(
+        eye.resting, eye.is_logarithmic
+    )
     return float(risen - eye.rate * _displaced(tables, eye, ratio))
 
 
 @compiled_part
 def _displaced(tables: SplineTables, eye: SealedEye, ratio: float) -> float:
     """Return the volume that the force displaces at a pressure over E, m^3."""
-    first, weights = spline_weights(tables.tension, np.log(ratio * tables.radius_m / eye.thickness_m))
+    first, weights = spline_weights(
+        tables.tension, np.log(ratio * tables.radius_m / eye.thickness_m)
+    )
     path, eye.path[:] = eye.path, 0.0
     for number in range(SUPPORT):
         for column in range(len(path)):
@@ -143,7 +192,9 @@ def _displaced(tables: SplineTables, eye: SealedEye, ratio: float) -> float:
 
 
 @compiled_part
-def _paths_of_thickness(tables: SplineTables, thickness_m: float, along: Floats) -> None:
+def _paths_of_thickness(
+    tables: SplineTables, thickness_m: float, along: Floats
+) -> None:
     """Write the weights over the tension of a wall's paths (p, 2 d)."""
     first, weights = spline_weights(tables.thickness, np.log(thickness_m))
     along[:] = 0.0
@@ -167,7 +218,12 @@ def pressure_of_level(level: float, is_logarithmic: bool) -> float:
 
 
 def iop_ratio_under_force(
-    library: Library, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats, globe: Globe, tolerance: float = 1e-7
+    library: Library,
+    thickness_m: Floats,
+    iop_ratio: Floats,
+    force_ratio: Floats,
+    globe: Globe,
+    tolerance: float = 1e-7,
 ) -> Floats:
     """Return the pressure over E under forces F/E (sample,), m^2; the library's highest where it rises beyond.
 
@@ -181,13 +237,24 @@ def iop_ratio_under_force(
         return found
     eyes_ns = np.array([values[sealed] for values in walls], dtype=np.float64)
     library.check_walls(eyes_ns[0], eyes_ns[1])
-    eyes_ns, pressures = np.vstack([eyes_ns, library.iop_ratio_ends(eyes_ns[0])]), np.empty(len(sealed))
-    pressures_under_forces(library.tables, eyes_ns, globe.law == RIGIDITY_LAWS[1], tolerance, pressures)
+    eyes_ns, pressures = (
+        np.vstack([eyes_ns, library.iop_ratio_ends(eyes_ns[0])]),
+        np.empty(len(sealed)),
+    )
+    pressures_under_forces(
+        library.tables, eyes_ns, globe.law == RIGIDITY_LAWS[1], tolerance, pressures
+    )
     found[sealed] = pressures
     return found
 
 
-def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe) -> Floats:
+def iop_ratio_at_dent(
+    library: Library,
+    thickness_m: Floats,
+    iop_ratio: Floats,
+    tip_m: Floats,
+    globe: Globe,
+) -> Floats:
     """Return the pressure over E at dents (sample,); NaN where no pressure of the library solves the law.
 
     It then runs away (`mechanics.equilibrium.SealedDent`), or rises beyond the library. Dents count from the undented
@@ -196,7 +263,10 @@ def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, 
     """
     library.check_walls(thickness_m, iop_ratio)
     check_inside("tip", tip_m, 0.0, float(library.tip_m[-1]), "mm")
-    inside = inside_ends(thickness_m, library.thickness_m), inside_ends(tip_m, library.tip_m)
+    inside = (
+        inside_ends(thickness_m, library.thickness_m),
+        inside_ends(tip_m, library.tip_m),
+    )
     eyes = np.broadcast_arrays(*inside, globe.rate, iop_ratio)
     thickness, tip, rate, ratio = (np.array(part, dtype=np.float64) for part in eyes)
     is_logarithmic = globe.law == RIGIDITY_LAWS[1]
@@ -204,7 +274,10 @@ def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, 
     return ratio
 
 
-DENTS, ROUNDS = 400, 2  # of the search for the deepest dent: each round divides the interval around it
+DENTS, ROUNDS = (
+    400,
+    2,
+)  # of the search for the deepest dent: each round divides the interval around it
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,26 +309,39 @@ class LibraryEye:
     def max_force_n(self) -> float:
         """Largest force of the dents up to `max_dent_m`, N, at most the library's F/E."""
         forces_n = self.force_n(np.linspace(0.0, self.max_dent_m, DENTS))
-        return min(float(forces_n.max()), self.library.max_force_ratio * self.youngs_modulus_pa)
+        return min(
+            float(forces_n.max()), self.library.max_force_ratio * self.youngs_modulus_pa
+        )
 
     def force_n(self, dent_m: Floats | float) -> Floats:
         """Return the force, N, on dents, m; beyond `max_dent_m` raise `InputError`."""
         dents_m = self._checked("dent", dent_m, self.max_dent_m, "mm", "mm")
-        forces: Floats = self.library.forces(*self._walls(self._ratios(dents_m)), dents_m)
+        forces: Floats = self.library.forces(
+            *self._walls(self._ratios(dents_m)), dents_m
+        )
         return (forces * self.youngs_modulus_pa).reshape(np.shape(dent_m))[()]
 
     def dent_m(self, force_n: Floats | float) -> Floats:
         """Return the dent, m, under forces, N: the first one on loading; above `max_force_n` raise `InputError`."""
-        ratios = self._checked("force", force_n, self.max_force_n, "mn", "mN") / self.youngs_modulus_pa
+        ratios = (
+            self._checked("force", force_n, self.max_force_n, "mn", "mN")
+            / self.youngs_modulus_pa
+        )
         resting = np.full(len(ratios), self.iop_pa / self.youngs_modulus_pa)
         globe = self.globe.over(self.youngs_modulus_pa)
-        under = iop_ratio_under_force(self.library, *self._walls(resting), ratios, globe)
-        dents_m = np.minimum(self.library.tips(*self._walls(under), ratios), self.max_dent_m)
+        under = iop_ratio_under_force(
+            self.library, *self._walls(resting), ratios, globe
+        )
+        dents_m = np.minimum(
+            self.library.tips(*self._walls(under), ratios), self.max_dent_m
+        )
         return dents_m.reshape(np.shape(force_n))[()]
 
     def pressure_pa(self, dent_m: Floats | float) -> Floats:
         """Return the pressure under the needle, Pa, at dents, m; errors as of `force_n`."""
-        ratios = self._ratios(self._checked("dent", dent_m, self.max_dent_m, "mm", "mm"))
+        ratios = self._ratios(
+            self._checked("dent", dent_m, self.max_dent_m, "mm", "mm")
+        )
         return (ratios * self.youngs_modulus_pa).reshape(np.shape(dent_m))[()]
 
     def _walls(self, iop_ratio: Floats) -> tuple[Floats, Floats]:
@@ -263,10 +349,17 @@ class LibraryEye:
 
     def _ratios(self, dents_m: Floats) -> Floats:
         resting = np.full(len(dents_m), self.iop_pa / self.youngs_modulus_pa)
-        return iop_ratio_at_dent(self.library, *self._walls(resting), dents_m, self.globe.over(self.youngs_modulus_pa))
+        return iop_ratio_at_dent(
+            self.library,
+            *self._walls(resting),
+            dents_m,
+            self.globe.over(self.youngs_modulus_pa),
+        )
 
     @staticmethod
-    def _checked(name: str, values: Floats | float, most: float, unit: HumanUnit, printed: str) -> Floats:
+    def _checked(
+        name: str, values: Floats | float, most: float, unit: HumanUnit, printed: str
+    ) -> Floats:
         found = np.asarray(values, dtype=np.float64).reshape(-1)
         check_inside(name, found, 0.0, most, unit, printed, "this eye's")
         return np.clip(found, 0.0, most)

@@ -10,7 +10,16 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.compiled import compiled_in_place, compiled_part
 from scleraforce.library import unknowns as at
-from scleraforce.library.fit_loops import Depths, Law, Scene, Wall, derive, empty_wall, off_the_law, show_wall
+from scleraforce.library.fit_loops import (
+    Depths,
+    Law,
+    Scene,
+    Wall,
+    derive,
+    empty_wall,
+    off_the_law,
+    show_wall,
+)
 from scleraforce.library.placement import CAUCHY, FIRST_DAMPING, UNSEEN_LOSS, Stopping
 from scleraforce.library.prior import HEAVY
 from scleraforce.library.splines import SplineTables
@@ -78,11 +87,26 @@ def work_of(scene: Scene) -> Work:
     """Return a workspace without values."""
     count, square = len(scene.at_m), (UNKNOWNS, UNKNOWNS)
     seen, jacobian = np.empty(count, dtype=np.bool_), np.empty((count, UNKNOWNS))
-    depths = Depths(np.empty(count), np.empty(count), np.empty(count), np.empty(count), seen, jacobian)
+    depths = Depths(
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        np.empty(count),
+        seen,
+        jacobian,
+    )
     return Work(
-        empty_wall(scene), empty_wall(scene), depths, np.empty(square), np.empty(UNKNOWNS), np.empty(square),
-        np.empty(UNKNOWNS), np.empty((BLOCK, UNKNOWNS)), np.empty(count), np.full(UNKNOWNS + 2, np.nan),
-    )  # fmt: skip
+        empty_wall(scene),
+        empty_wall(scene),
+        depths,
+        np.empty(square),
+        np.empty(UNKNOWNS),
+        np.empty(square),
+        np.empty(UNKNOWNS),
+        np.empty((BLOCK, UNKNOWNS)),
+        np.empty(count),
+        np.full(UNKNOWNS + 2, np.nan),
+    )
 
 
 @compiled_part
@@ -94,17 +118,27 @@ def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]
         is_last = is_last and work.last[place] == unknown[place]
     if is_last:
         return work.last[UNKNOWNS], int(work.last[UNKNOWNS + 1])
-    count, (seen, slope) = show_wall(problem.scene, unknown, work.wall, depths), (depths.seen, depths.slope)
-    off[:] = (problem.depth_m - depths.depth_m) / (problem.sd_m * np.sqrt(1.0 + slope**2))
+    count, (seen, slope) = (
+        show_wall(problem.scene, unknown, work.wall, depths),
+        (depths.seen, depths.slope),
+    )
+    off[:] = (problem.depth_m - depths.depth_m) / (
+        problem.sd_m * np.sqrt(1.0 + slope**2)
+    )
     for place in range(len(off)):
         lost += np.log1p((off[place] / CAUCHY) ** 2) if seen[place] else UNSEEN_LOSS
     away, apart = unknown - belief.mean, deviations(problem, unknown)
     for place in HEAVY:
-        known += HEAVY_CAUCHY**2 * np.log1p((away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2)
+        known += HEAVY_CAUCHY**2 * np.log1p(
+            (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
+        )
         away[place] = 0.0
     known += _square(belief.precision, away) + _square(belief.calibrated, apart)
     work.last[:UNKNOWNS] = unknown
-    work.last[UNKNOWNS], work.last[UNKNOWNS + 1] = CAUCHY**2 * lost / problem.as_one + known, count
+    work.last[UNKNOWNS], work.last[UNKNOWNS + 1] = (
+        CAUCHY**2 * lost / problem.as_one + known,
+        count,
+    )
     return work.last[UNKNOWNS], count
 
 
@@ -144,26 +178,45 @@ def deviations(problem: Problem, unknown: Floats) -> Floats:
 
 
 @compiled_part
-def find_normal(problem: Problem, unknown: Floats, count: int, work: Work, scale: float) -> None:
+def find_normal(
+    problem: Problem, unknown: Floats, count: int, work: Work, scale: float
+) -> None:
     """Write normal matrix and gradient of the wall that was evaluated last, the columns' SDs times `scale`."""
-    belief, law, normal, gradient, away = problem.belief, problem.law, work.normal, work.gradient, unknown.copy()
+    belief, law, normal, gradient, away = (
+        problem.belief,
+        problem.law,
+        work.normal,
+        work.gradient,
+        unknown.copy(),
+    )
     derive(problem.scene, unknown, count, work.wall, work.other, work.depths)
     normal[:], away[:] = belief.precision, unknown - belief.mean
     for place in HEAVY:
-        normal[place, place] /= 1.0 + (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
-    slopes, off, varied = np.zeros((2, UNKNOWNS)), deviations(problem, unknown), unknown.copy()
+        normal[place, place] /= (
+            1.0 + (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
+        )
+    slopes, off, varied = (
+        np.zeros((2, UNKNOWNS)),
+        deviations(problem, unknown),
+        unknown.copy(),
+    )
     slopes[0] = belief.same_force
     if not law.is_open:
         here, sd = off_the_law(problem.scene.tables, law, unknown)
         for place in MOVING:
             step = LENGTH_STEP_M if place in (at.TIP, at.THICKNESS) else LOG_STEP
             varied[place] += step
-            slopes[1, place] = (off_the_law(problem.scene.tables, law, varied)[0] - here) / (step * sd)
+            slopes[1, place] = (
+                off_the_law(problem.scene.tables, law, varied)[0] - here
+            ) / (step * sd)
             varied[place] = unknown[place]
     for i in range(UNKNOWNS):
         gradient[i] = -dot(normal[i], away)
         for m in range(2):
-            weighted = slopes[0, i] * belief.calibrated[0, m] + slopes[1, i] * belief.calibrated[1, m]
+            weighted = (
+                slopes[0, i] * belief.calibrated[0, m]
+                + slopes[1, i] * belief.calibrated[1, m]
+            )
             gradient[i] -= weighted * off[m]
             _add(normal[i], weighted, slopes[m])
     _add_columns(problem, scale, work)
@@ -172,10 +225,18 @@ def find_normal(problem: Problem, unknown: Floats, count: int, work: Work, scale
 @compiled_part
 def _add_columns(problem: Problem, scale: float, work: Work) -> None:
     """Add the columns' normal matrix and gradient, by blocks: the matrix is touched once for several columns."""
-    normal, gradient, rows, rest = work.normal, work.gradient, work.rows, np.empty(BLOCK)
+    normal, gradient, rows, rest = (
+        work.normal,
+        work.gradient,
+        work.rows,
+        np.empty(BLOCK),
+    )
     off, jacobian = work.off, work.depths.jacobian
     weight = 1.0 / np.sqrt((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
-    per_m, seen = weight / (problem.sd_m * np.sqrt(1.0 + work.depths.slope**2)), work.depths.seen
+    per_m, seen = (
+        weight / (problem.sd_m * np.sqrt(1.0 + work.depths.slope**2)),
+        work.depths.seen,
+    )
     for first in range(0, len(off), BLOCK):
         rows[:], rest[:] = 0.0, 0.0
         for place in range(first, min(first + BLOCK, len(off))):
@@ -187,11 +248,23 @@ def _add_columns(problem: Problem, scale: float, work: Work) -> None:
             gradient[i] += a * rest[0] + b * rest[1] + c * rest[2] + d * rest[3]
             if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
                 for j in range(UNKNOWNS):
-                    normal[i, j] += a * rows[0, j] + b * rows[1, j] + c * rows[2, j] + d * rows[3, j]
+                    normal[i, j] += (
+                        a * rows[0, j]
+                        + b * rows[1, j]
+                        + c * rows[2, j]
+                        + d * rows[3, j]
+                    )
 
 
 @compiled_in_place
-def add_tilt(problem: Problem, unknown: Floats, scale: float, work: Work, normal: Floats, gradient: Floats) -> None:
+def add_tilt(
+    problem: Problem,
+    unknown: Floats,
+    scale: float,
+    work: Work,
+    normal: Floats,
+    gradient: Floats,
+) -> None:
     """Write the last row of normal equations that end with the tilt of the plane.
 
     With the depth the gap grows by it, and the way down the plane is longer than that along the needle axis.
@@ -203,9 +276,16 @@ def add_tilt(problem: Problem, unknown: Floats, scale: float, work: Work, normal
             row, off = depths.jacobian[place], work.off[place]
             weight = 1.0 / ((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
             sd_m = problem.sd_m[place] * np.sqrt(1.0 + depths.slope[place] ** 2)
-            across, down = problem.scene.at_m[place] - unknown[at.LATERAL], depths.even_m[place] - unknown[at.DEPTH]
+            across, down = (
+                problem.scene.at_m[place] - unknown[at.LATERAL],
+                depths.even_m[place] - unknown[at.DEPTH],
+            )
             deep = c * down - s * across
-            by_tilt = (row[at.GAP] + (c + depths.even_slope[place] * s) * work.wall.pushed[2]) * deep / sd_m
+            by_tilt = (
+                (row[at.GAP] + (c + depths.even_slope[place] * s) * work.wall.pushed[2])
+                * deep
+                / sd_m
+            )
             gradient[tilt] += weight * off * by_tilt
             normal[tilt, tilt] += weight * by_tilt**2
             _add(normal[tilt, :tilt], weight * by_tilt / sd_m, row)
@@ -217,16 +297,31 @@ def add_tilt(problem: Problem, unknown: Floats, scale: float, work: Work, normal
 def keep_inside(tables: SplineTables, unknown: Floats) -> None:
     """Keep dent and pressure within the library; a search strides beyond, even to walls of no thickness."""
     unknown[at.SIZE] = min(max(unknown[at.SIZE], -LARGEST_LOG_SIZE), LARGEST_LOG_SIZE)
-    size, (low, high), modulus = np.exp(unknown[at.SIZE]), tables.thickness_ends_m, unknown[at.MODULUS]
+    size, (low, high), modulus = (
+        np.exp(unknown[at.SIZE]),
+        tables.thickness_ends_m,
+        unknown[at.MODULUS],
+    )
     unknown[at.TIP] = min(max(unknown[at.TIP], 0.0), tables.tip_m[-1] * size)
     per_tension = min(max(unknown[at.THICKNESS] / size, low), high) / tables.radius_m
-    least, most = np.log(tables.tension_ends[0] * per_tension), np.log(tables.tension_ends[1] * per_tension)
-    unknown[at.PRESSURE] = min(max(unknown[at.PRESSURE], least + modulus), most + modulus)
+    least, most = (
+        np.log(tables.tension_ends[0] * per_tension),
+        np.log(tables.tension_ends[1] * per_tension),
+    )
+    unknown[at.PRESSURE] = min(
+        max(unknown[at.PRESSURE], least + modulus), most + modulus
+    )
     for place in range(at.FORM_ENDS.shape[1]):
         form, least, most = FORM + place, at.FORM_ENDS[0, place], at.FORM_ENDS[1, place]
         unknown[form] = min(max(unknown[form], least), most)
-    farthest = min(1.0, HIGHEST_POLE / max(np.hypot(unknown[POLE], unknown[POLE + 1]), HIGHEST_POLE))
-    unknown[POLE], unknown[POLE + 1] = unknown[POLE] * farthest, unknown[POLE + 1] * farthest
+    farthest = min(
+        1.0,
+        HIGHEST_POLE / max(np.hypot(unknown[POLE], unknown[POLE + 1]), HIGHEST_POLE),
+    )
+    unknown[POLE], unknown[POLE + 1] = (
+        unknown[POLE] * farthest,
+        unknown[POLE + 1] * farthest,
+    )
 
 
 @compiled_part
@@ -266,8 +361,16 @@ def _find_step(work: Work, damping: float) -> None:
     solve(lower, step)
     farther = np.hypot(step[POLE], step[POLE + 1]) / POLE_STRIDE
     if farther > 1.0:
-        rest, along, across = step[:POLE], step[POLE] / farther, step[POLE + 1] / farther
-        rest[:] = work.gradient[:POLE] - work.normal[:POLE, POLE] * along - work.normal[:POLE, POLE + 1] * across
+        rest, along, across = (
+            step[:POLE],
+            step[POLE] / farther,
+            step[POLE + 1] / farther,
+        )
+        rest[:] = (
+            work.gradient[:POLE]
+            - work.normal[:POLE, POLE] * along
+            - work.normal[:POLE, POLE + 1] * across
+        )
         solve(lower[:POLE], rest)
         step[POLE], step[POLE + 1] = along, across
 
@@ -277,7 +380,9 @@ def factorise(matrix: Floats) -> None:
     """Write the Cholesky factor of a symmetric matrix into its lower half; what it does not determine becomes 0."""
     for i in range(len(matrix)):
         for j in range(i):
-            matrix[i, j] = (matrix[i, j] - dot(matrix[i, :j], matrix[j, :j])) / matrix[j, j]
+            matrix[i, j] = (matrix[i, j] - dot(matrix[i, :j], matrix[j, :j])) / matrix[
+                j, j
+            ]
         rest = matrix[i, i] - dot(matrix[i, :i], matrix[i, :i])
         matrix[i, i] = np.sqrt(rest) if rest > NO_PIVOT * matrix[i, i] else np.inf
 
@@ -293,10 +398,20 @@ def solve(lower: Floats, values: Floats) -> None:
 
 
 @compiled_part
-def find_spread(problem: Problem, unknown: Floats, count: int, scale: float, work: Work, spread: Floats) -> None:
+def find_spread(
+    problem: Problem,
+    unknown: Floats,
+    count: int,
+    scale: float,
+    work: Work,
+    spread: Floats,
+) -> None:
     """Write how standard normal numbers draw about the unknowns (number, unknown)."""
     find_normal(problem, unknown, count, work, scale)
-    sd, lower = problem.belief.sd, work.lower  # in these units the matrix is well conditioned
+    sd, lower = (
+        problem.belief.sd,
+        work.lower,
+    )  # in these units the matrix is well conditioned
     for i in range(UNKNOWNS):
         lower[i] = sd[i] * work.normal[i] * sd
     factorise(lower)

@@ -34,12 +34,17 @@ PARTS = 4  # points of a section for each ring of the surface
 PARTS_MIDDLE = 12  # between X = 0 and the first ring that the plane meets
 
 
-def cut_rings(curves: Reals, gap_m: Floats | float, tilt_rad: Floats | float) -> tuple[Floats, Floats]:
+def cut_rings(
+    curves: Reals, gap_m: Floats | float, tilt_rad: Floats | float
+) -> tuple[Floats, Floats]:
     """Return X^2 (..., node), m^2, and Y (..., node), m, of the rings; X^2 is negative where the plane misses one.
 
     The curves are distance from the needle axis and depth of the rings (..., node, 2), m; gap and tilt broadcast.
     """
-    distance, deep = curves[..., 0].astype(np.float64), curves[..., 1].astype(np.float64)
+    distance, deep = (
+        curves[..., 0].astype(np.float64),
+        curves[..., 1].astype(np.float64),
+    )
     return distance**2 - (gap_m + deep * np.tan(tilt_rad)) ** 2, deep / np.cos(tilt_rad)
 
 
@@ -50,7 +55,12 @@ def cut_surfaces(curves_bnc: Reals, gap_m: float, tilt_rad: float = 0.0) -> Sect
     surface raises `InputError`, here and below.
     """
     square_bn, depth_bn = cut_rings(curves_bnc, gap_m, tilt_rad)
-    return Section(*(section_curve(square_bn[boundary], depth_bn[boundary]) for boundary in (OUTER, INNER)))
+    return Section(
+        *(
+            section_curve(square_bn[boundary], depth_bn[boundary])
+            for boundary in (OUTER, INNER)
+        )
+    )
 
 
 def highest_depths(curves_snc: Reals, gap_m: Floats, tilt_rad: Floats) -> Floats:
@@ -65,12 +75,17 @@ def _middle(square: Floats, depth: Floats) -> tuple[Places, Floats]:
     """Return the last node before X = 0 (...), and the depth there (...)."""
     missed = square < 0.0
     if missed[..., -1].any():
-        raise InputError("the B-scan plane misses a surface of the wall; its gap or tilt is too large")
+        raise InputError(
+            "the B-scan plane misses a surface of the wall; its gap or tilt is too large"
+        )
     nodes = square.shape[-1]
-    before = np.where(missed.any(axis=-1), nodes - 1 - np.argmax(missed[..., ::-1], axis=-1), 0)
+    before = np.where(
+        missed.any(axis=-1), nodes - 1 - np.argmax(missed[..., ::-1], axis=-1), 0
+    )
     pair = before[..., None] + np.arange(2)
     (low, high), (start, end) = (
-        np.moveaxis(np.take_along_axis(values, pair, axis=-1), -1, 0) for values in (square, depth)
+        np.moveaxis(np.take_along_axis(values, pair, axis=-1), -1, 0)
+        for values in (square, depth)
     )
     part = np.clip(-low / np.where(high > low, high - low, 1.0), 0.0, 1.0)
     return before, start + part * (end - start)
@@ -86,7 +101,9 @@ def section_curve(square: Floats, depth: Floats) -> Floats:
     ring = np.repeat(np.arange(len(steps)), steps)
     part = (np.arange(len(ring)) - (np.cumsum(steps) - steps)[ring]) / steps[ring]
     lateral = np.sqrt(squares)
-    lateral = np.append(lateral[ring] + part * np.diff(lateral)[ring], lateral[-1])  # equal steps in each interval
+    lateral = np.append(
+        lateral[ring] + part * np.diff(lateral)[ring], lateral[-1]
+    )  # equal steps in each interval
     rise = np.diff(squares)
     part = (lateral[:-1] ** 2 - squares[ring]) / np.where(rise == 0.0, 1.0, rise)[ring]
     deep = np.append(depths[ring] + part * np.diff(depths)[ring], depths[-1])
@@ -94,7 +111,9 @@ def section_curve(square: Floats, depth: Floats) -> Floats:
     return np.concatenate([half[:0:-1] * [-1.0, 1.0], half])
 
 
-PLACE_M = 1.2e-3  # between places; the motion is smooth, and linear between them to 1 um
+PLACE_M = (
+    1.2e-3  # between places; the motion is smooth, and linear between them to 1 um
+)
 GROWN_RAD = 0.4  # from the axis, where it counts how much wider a wall has become: a dent hardly reaches so far
 BLOCK = 128  # samples together: their arrays stay in the cache
 ALONG, ACROSS, DOWN = range(3)
@@ -118,7 +137,9 @@ class SectionMotion:
     def at(self, lateral_t: Floats) -> Floats:
         """Return the motion at other places (sample, boundary, place, 3), m."""
         step = self.lateral_p[1] - self.lateral_p[0]
-        from_first = np.clip((lateral_t - self.lateral_p[0]) / step, 0.0, len(self.lateral_p) - 1)
+        from_first = np.clip(
+            (lateral_t - self.lateral_p[0]) / step, 0.0, len(self.lateral_p) - 1
+        )
         left = np.minimum(from_first.astype(np.intp), len(self.lateral_p) - 2)
         weights = np.zeros((len(lateral_t), len(self.lateral_p)))
         rows, share = np.arange(len(lateral_t)), from_first - left
@@ -132,7 +153,12 @@ class SectionMotion:
 
 
 def section_motion(
-    library: Library, walls: Responses, place: tuple[Floats, Floats], gap_m: Floats, pole_s2: Floats, reach_m: float
+    library: Library,
+    walls: Responses,
+    place: tuple[Floats, Floats],
+    gap_m: Floats,
+    pole_s2: Floats,
+    reach_m: float,
 ) -> SectionMotion:
     """Return the motion of the sections of a library's states by pressure and force.
 
@@ -142,15 +168,25 @@ def section_motion(
     thickness_m, iop_ratio = place
     angles = library.node_angles()
     node = min(int(np.searchsorted(angles, GROWN_RAD)), len(angles) - 1)
-    grown_s: Floats = walls.curves_sbnc[:, OUTER, node, 0] / (library.radius_m * np.sin(angles[node]))
+    grown_s: Floats = walls.curves_sbnc[:, OUTER, node, 0] / (
+        library.radius_m * np.sin(angles[node])
+    )
     lateral = reach_m * np.linspace(-1.0, 1.0, 2 * int(np.ceil(reach_m / PLACE_M)) + 1)
-    radii_sb = library.radius_m - np.stack([np.zeros_like(thickness_m), thickness_m], axis=1)
-    per_rest = 1.0 / (radii_sb * grown_s[:, None])[..., None]  # from here to unit vectors at rest
+    radii_sb = library.radius_m - np.stack(
+        [np.zeros_like(thickness_m), thickness_m], axis=1
+    )
+    per_rest = (
+        1.0 / (radii_sb * grown_s[:, None])[..., None]
+    )  # from here to unit vectors at rest
     moved = np.empty((len(gap_m), 2, len(lateral), 3))
     for start in range(0, len(gap_m), BLOCK):
         some = slice(start, start + BLOCK)
-        places = section_places(lateral * per_rest[some], gap_m[some, None, None] * per_rest[some])
-        moved[some] = library.base_bulge(thickness_m[some], iop_ratio[some], places, pole_s2[some])
+        places = section_places(
+            lateral * per_rest[some], gap_m[some, None, None] * per_rest[some]
+        )
+        moved[some] = library.base_bulge(
+            thickness_m[some], iop_ratio[some], places, pole_s2[some]
+        )
     pushed = base_push(walls.force_ratio, thickness_m, library.poisson_ratio)
     moved[..., :DOWN] += (pushed[:, None] * pole_s2)[:, None, None, :]
     return SectionMotion(lateral, moved)
@@ -162,9 +198,12 @@ MIN_NODES = 2
 
 
 def depths_at_columns(
-    square_sbn: Floats, depth_sbn: Floats, columns_sc: Floats, turn_s: Floats,
+    square_sbn: Floats,
+    depth_sbn: Floats,
+    columns_sc: Floats,
+    turn_s: Floats,
     moved: tuple[Floats, SectionMotion] | None = None,
-) -> tuple[Floats, Flags]:  # fmt: skip
+) -> tuple[Floats, Flags]:
     """Return the depth of boundaries in the columns of their slices, and which samples fold over (sample,).
 
     The depths (sample, boundary, column), m, are after the turn (sample,) of the section about its frame's origin: NaN
@@ -173,12 +212,16 @@ def depths_at_columns(
     the planes (sample,), m, and the motion; X^2 includes the motion of the contact across the plane.
     """
     reach_m = np.abs(columns_sc).max(axis=1)
-    reach_m = reach_m + np.where(turn_s != 0.0, np.abs(np.sin(turn_s)) * np.abs(depth_sbn).max(axis=(1, 2)), 0.0)
+    reach_m = reach_m + np.where(
+        turn_s != 0.0, np.abs(np.sin(turn_s)) * np.abs(depth_sbn).max(axis=(1, 2)), 0.0
+    )
     if moved:
         reach_m = reach_m + np.abs(moved[1].moved_sbpc[..., ALONG]).max(axis=(1, 2))
     low, high = square_sbn[..., :-1], square_sbn[..., 1:]
     shown = (np.maximum(low, high) >= 0.0) & (low < reach_m[:, None, None] ** 2)
-    folds_sb = (shown & (high <= low)).any(axis=2)  # boundaries that run back where they are shown
+    folds_sb = (shown & (high <= low)).any(
+        axis=2
+    )  # boundaries that run back where they are shown
     curves = _Stations.along(square_sbn, depth_sbn, float(reach_m.max()))
     if moved:
         curves = curves.moved(*moved)
@@ -186,15 +229,26 @@ def depths_at_columns(
     found = np.empty((*folds_sb.shape, columns_sc.shape[1]))
     upright, turned = np.flatnonzero(turn_s == 0.0), np.flatnonzero(turn_s)
     if len(upright):
-        found[upright] = curves.of(upright).at(np.broadcast_to(columns_sc[upright, None], found[upright].shape))
+        found[upright] = curves.of(upright).at(
+            np.broadcast_to(columns_sc[upright, None], found[upright].shape)
+        )
     if len(turned):
-        found[turned] = curves.of(turned).at_turned(columns_sc[turned, None], turn_s[turned, None, None])
+        found[turned] = curves.of(turned).at_turned(
+            columns_sc[turned, None], turn_s[turned, None, None]
+        )
     for sample, boundary in np.argwhere(folds_sb):
         curve = section_curve(square_sbn[sample, boundary], depth_sbn[sample, boundary])
         if moved:
-            curve += moved[1].of(slice(sample, sample + 1)).at(curve[:, 0])[0, boundary][:, [ALONG, DOWN]]
+            curve += (
+                moved[1]
+                .of(slice(sample, sample + 1))
+                .at(curve[:, 0])[0, boundary][:, [ALONG, DOWN]]
+            )
         c, s = np.cos(turn_s[sample]), np.sin(turn_s[sample])
-        place, depth = c * curve[:, 0] - s * curve[:, 1], s * curve[:, 0] + c * curve[:, 1]
+        place, depth = (
+            c * curve[:, 0] - s * curve[:, 1],
+            s * curve[:, 0] + c * curve[:, 1],
+        )
         found[sample, boundary] = _seen_from_above(columns_sc[sample], place, depth)
     return found, np.asarray(folds_sb.any(axis=1))
 
@@ -212,14 +266,24 @@ class _Stations:
         self.slope_sbt = np.diff(depth_sbt, axis=2) / np.diff(self.lateral_t**2)
 
     @classmethod
-    def along(cls, square_sbn: Floats, depth_sbn: Floats, reach_m: float) -> "_Stations":
+    def along(
+        cls, square_sbn: Floats, depth_sbn: Floats, reach_m: float
+    ) -> "_Stations":
         stations = int(reach_m / STATION_M) + 2
         nodes, rows = square_sbn.shape[2], square_sbn.shape[0] * square_sbn.shape[1]
         # The last ring at or before each station: count the rings up to it.
-        first = np.ceil(np.sqrt(np.maximum(square_sbn, 0.0)) / STATION_M).clip(0, stations).astype(np.intp)
+        first = (
+            np.ceil(np.sqrt(np.maximum(square_sbn, 0.0)) / STATION_M)
+            .clip(0, stations)
+            .astype(np.intp)
+        )
         flat = first.reshape(rows, nodes) + np.arange(rows)[:, None] * (stations + 1)
-        count = np.bincount(flat.ravel(), minlength=rows * (stations + 1)).reshape(rows, -1)[:, :stations]
-        ring = (np.cumsum(count, axis=1) - 1).clip(0, nodes - 2) + np.arange(rows)[:, None] * nodes
+        count = np.bincount(flat.ravel(), minlength=rows * (stations + 1)).reshape(
+            rows, -1
+        )[:, :stations]
+        ring = (np.cumsum(count, axis=1) - 1).clip(0, nodes - 2) + np.arange(rows)[
+            :, None
+        ] * nodes
         square, depth = square_sbn.ravel(), depth_sbn.ravel()
         rise = np.diff(square, append=square[-1])
         slope = np.diff(depth, append=depth[-1]) / np.where(rise == 0.0, 1.0, rise)
@@ -239,15 +303,30 @@ class _Stations:
         lateral = np.arange(-last, last + 1) * STATION_M
         moved = motion.at(lateral)
         # r^2 = (X - along)^2 + (gap - across)^2, and the rings were cut where the contact has come from.
-        gap, contact, across = gap_s[:, None, None], motion.across_contact[:, None, None], moved[..., ACROSS]
-        square = (lateral - moved[..., ALONG]) ** 2 + (contact - across) * (2.0 * gap - contact - across)
-        return _Stations(self.at(np.sqrt(np.maximum(square, 0.0))) + moved[..., DOWN], middle=last)
+        gap, contact, across = (
+            gap_s[:, None, None],
+            motion.across_contact[:, None, None],
+            moved[..., ACROSS],
+        )
+        square = (lateral - moved[..., ALONG]) ** 2 + (contact - across) * (
+            2.0 * gap - contact - across
+        )
+        return _Stations(
+            self.at(np.sqrt(np.maximum(square, 0.0))) + moved[..., DOWN], middle=last
+        )
 
     def hang_over(self, turn_s: Floats, reach_m: Floats) -> Flags:
         """Return True for boundaries that run back, on either side, once they are turned (sample, boundary)."""
         steepest = np.abs(np.diff(self.depth_sbt, axis=2)) / STATION_M
-        shown = np.minimum(np.abs(self.lateral_t[:-1]), np.abs(self.lateral_t[1:])) < reach_m[:, None, None]
-        return np.asarray((shown & (steepest * np.abs(np.tan(turn_s))[:, None, None] >= 1.0)).any(axis=2))
+        shown = (
+            np.minimum(np.abs(self.lateral_t[:-1]), np.abs(self.lateral_t[1:]))
+            < reach_m[:, None, None]
+        )
+        return np.asarray(
+            (shown & (steepest * np.abs(np.tan(turn_s))[:, None, None] >= 1.0)).any(
+                axis=2
+            )
+        )
 
     def at(self, lateral_sbc: Floats) -> Floats:
         """Return Y at X (sample, boundary, column)."""
@@ -256,17 +335,25 @@ class _Stations:
     def at_turned(self, columns_sbc: Floats, turn_sbc: Floats) -> Floats:
         """Return the depth at the columns of sections that are turned."""
         c, s = np.cos(turn_sbc), np.sin(turn_sbc)
-        lateral = np.broadcast_to(columns_sbc, (*self.depth_sbt.shape[:2], columns_sbc.shape[2]))
+        lateral = np.broadcast_to(
+            columns_sbc, (*self.depth_sbt.shape[:2], columns_sbc.shape[2])
+        )
         for _ in range(NEWTON_STEPS):
             depth, slope = self._at(lateral)
-            lateral = lateral - (c * lateral - s * depth - columns_sbc) / (c - s * slope)
+            lateral = lateral - (c * lateral - s * depth - columns_sbc) / (
+                c - s * slope
+            )
         depth, _ = self._at(lateral)
         return np.asarray(s * lateral + c * depth)
 
     def _at(self, lateral_sbc: Floats) -> tuple[Floats, Floats]:
         """Y and dY/dX at X (sample, boundary, column)."""
         samples, boundaries, stations = self.depth_sbt.shape
-        from_first = lateral_sbc / STATION_M + self.middle if self.middle else np.abs(lateral_sbc) / STATION_M
+        from_first = (
+            lateral_sbc / STATION_M + self.middle
+            if self.middle
+            else np.abs(lateral_sbc) / STATION_M
+        )
         left = np.nan_to_num(from_first, nan=stations).astype(np.intp)
         outside = (left > stations - 2) | (from_first < 0.0)
         np.clip(left, 0, stations - 2, out=left)
@@ -288,7 +375,10 @@ def _seen_from_above(wanted: Floats, place: Floats, depth: Floats) -> Floats:
         if len(ends) < MIN_NODES:
             continue
         order = ends if place[ends[-1]] > place[ends[0]] else ends[::-1]
-        smallest = np.fmin(smallest, np.interp(wanted, place[order], depth[order], left=np.nan, right=np.nan))
+        smallest = np.fmin(
+            smallest,
+            np.interp(wanted, place[order], depth[order], left=np.nan, right=np.nan),
+        )
     return smallest
 
 
@@ -315,7 +405,9 @@ class Framing:
         """Return points (point, 2) of a sample's plane, lateral and depth in m, in its slice."""
         c, s = np.cos(self.turn_rad[sample]), np.sin(self.turn_rad[sample])
         turned = points @ np.array([[c, s], [-s, c]])
-        return np.asarray(self.scale[sample] * turned + [self.lateral_m[sample], self.depth_m[sample]])
+        return np.asarray(
+            self.scale[sample] * turned + [self.lateral_m[sample], self.depth_m[sample]]
+        )
 
 
 @dataclass(frozen=True)
@@ -333,26 +425,38 @@ class WallBoundaries:
 
 def column_laterals(study: SliceStudy) -> Floats:
     """Return the centres of a slice's columns (column,), m from its middle."""
-    return np.asarray((np.arange(study.columns) + 0.5 - 0.5 * study.columns) * study.pixel_m)
+    return np.asarray(
+        (np.arange(study.columns) + 0.5 - 0.5 * study.columns) * study.pixel_m
+    )
 
 
 def wall_boundaries(
-    curves_sbnc: Reals, gap_m: Floats, tilt_rad: Floats, framing: Framing, study: SliceStudy,
+    curves_sbnc: Reals,
+    gap_m: Floats,
+    tilt_rad: Floats,
+    framing: Framing,
+    study: SliceStudy,
     motion: SectionMotion | None = None,
-) -> WallBoundaries:  # fmt: skip
+) -> WallBoundaries:
     """Cut walls by their B-scan planes and return the boundaries in the columns of the slices.
 
     `curves_sbnc` must include all material that the slice shows; `motion` moves the points that the planes meet.
     """
-    columns_sc = (column_laterals(study) - framing.lateral_m[:, None]) / framing.scale[:, None]
+    columns_sc = (column_laterals(study) - framing.lateral_m[:, None]) / framing.scale[
+        :, None
+    ]
     depth_sbc = np.empty((*curves_sbnc.shape[:2], study.columns))
     folded = np.empty(len(depth_sbc), dtype=bool)
     for start in range(0, len(depth_sbc), BLOCK):
         block = slice(start, start + BLOCK)
         moved = (gap_m[block], motion.of(block)) if motion else None
         from_m = gap_m[block] - moved[1].across_contact if moved else gap_m[block]
-        rings = cut_rings(curves_sbnc[block], from_m[:, None, None], tilt_rad[block, None, None])
-        depth_sbc[block], folded[block] = depths_at_columns(*rings, columns_sc[block], framing.turn_rad[block], moved)
+        rings = cut_rings(
+            curves_sbnc[block], from_m[:, None, None], tilt_rad[block, None, None]
+        )
+        depth_sbc[block], folded[block] = depths_at_columns(
+            *rings, columns_sc[block], framing.turn_rad[block], moved
+        )
     depth_sbc *= framing.scale[:, None, None]
     depth_sbc += framing.depth_m[:, None, None]
     return WallBoundaries(depth_sbc, folded)
@@ -373,7 +477,13 @@ def fill_boundaries(depth_sbc: Floats, study: SliceStudy) -> Bytes:
     return inside.view(np.uint8) * np.uint8(WALL)
 
 
-def draw_slices(curves_sbnc: Reals, gap_m: Floats, tilt_rad: Floats, framing: Framing, study: SliceStudy) -> Bytes:
+def draw_slices(
+    curves_sbnc: Reals,
+    gap_m: Floats,
+    tilt_rad: Floats,
+    framing: Framing,
+    study: SliceStudy,
+) -> Bytes:
     """Return the slices of walls, shape (sample, rows, columns), 255 = wall; arguments of `wall_boundaries`.
 
     A plane that misses a wall that folds over raises `InputError`.
@@ -382,7 +492,11 @@ def draw_slices(curves_sbnc: Reals, gap_m: Floats, tilt_rad: Floats, framing: Fr
     images = fill_boundaries(boundaries.depth_sbc, study)
     window = slice_window(study, study.margin_m)
     for sample in np.flatnonzero(boundaries.folded):
-        section = cut_surfaces(curves_sbnc[sample], float(gap_m[sample]), float(tilt_rad[sample]))
-        placed = (framing.place(sample, curve) for curve in (section.outer, section.inner))
+        section = cut_surfaces(
+            curves_sbnc[sample], float(gap_m[sample]), float(tilt_rad[sample])
+        )
+        placed = (
+            framing.place(sample, curve) for curve in (section.outer, section.inner)
+        )
         images[sample] = fill_section(Section(*placed), window)
     return images

@@ -76,9 +76,13 @@ class CubicSpline:
     def slopes(self, coefficients: Floats) -> Floats:
         """Return the spline's derivative at the nodes; `coefficients` and result have the nodes as last axis."""
         knots, degree = self.knots, SUPPORT - 1
-        of_slope = np.diff(coefficients, axis=-1) * (degree / (knots[SUPPORT:-1] - knots[1:-SUPPORT]))
+        of_slope = np.diff(coefficients, axis=-1) * (
+            degree / (knots[SUPPORT:-1] - knots[1:-SUPPORT])
+        )
         first, weights = Pieces.of(knots[1:-1], degree - 1).weights(self.nodes)
-        return (of_slope[..., first[:, None] + np.arange(degree)] * weights).sum(axis=-1)
+        return (of_slope[..., first[:, None] + np.arange(degree)] * weights).sum(
+            axis=-1
+        )
 
     @cached_property
     def pieces(self) -> "Pieces":
@@ -115,7 +119,9 @@ class Pieces(NamedTuple):
         ends = knots[degree : len(knots) - degree]
         start, step = ends[:-1], np.diff(ends)
         span = degree + np.arange(len(start))
-        found = np.zeros((degree + 1, degree + 1, len(start)))  # B-spline, power, interval
+        found = np.zeros(
+            (degree + 1, degree + 1, len(start))
+        )  # B-spline, power, interval
         found[0, 0] = 1.0
         for order in range(1, degree + 1):
             rest = np.zeros_like(found[0])
@@ -152,7 +158,9 @@ def tensor_coefficients(splines: Sequence[CubicSpline], values: Floats) -> Float
     return values
 
 
-def values_and_slopes(splines: Sequence[CubicSpline], values: Floats, axis: int) -> Floats:
+def values_and_slopes(
+    splines: Sequence[CubicSpline], values: Floats, axis: int
+) -> Floats:
     """Return the weights over two axes of the values and their slopes at the nodes of the third.
 
     `values` are at the nodes (node, node, node) of the splines' axes; the nodes of `axis` stay. There is a row for each
@@ -191,7 +199,12 @@ def first_place(tip_m: Floats, path: Floats, wanted: float) -> float:
         step = tip_m[tip + 1] - tip_m[tip]
         start, end = path[tips + tip] * step, path[tips + tip + 1] * step
         rise = path[tip + 1] - path[tip]
-        cubic = path[tip], start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
+        cubic = (
+            path[tip],
+            start,
+            3.0 * rise - 2.0 * start - end,
+            start + end - 2.0 * rise,
+        )
         place, peak = _peak(cubic)
         if max(peak, path[tip + 1]) >= wanted:
             return float(tip_m[tip] + step * _rising_root(cubic, wanted, place))
@@ -214,7 +227,9 @@ def _peak(cubic: tuple[float, float, float, float]) -> tuple[float, float]:
 
 
 @compiled_part
-def _rising_root(cubic: tuple[float, float, float, float], wanted: float, high: float) -> float:
+def _rising_root(
+    cubic: tuple[float, float, float, float], wanted: float, high: float
+) -> float:
     """Return where a cubic reaches a value from below."""
     low, place = 0.0, 0.5 * high
     for _ in range(MOST_STEPS):
@@ -269,7 +284,9 @@ class SplineTables(NamedTuple):
 
 
 @compiled_in_place
-def spline_weights(pieces: Pieces, place: float) -> tuple[int, tuple[float, float, float, float]]:
+def spline_weights(
+    pieces: Pieces, place: float
+) -> tuple[int, tuple[float, float, float, float]]:
     """Return the first of four B-splines that are not zero at a place, and their weights (`CubicSpline.weights`)."""
     interval, after = 0, len(pieces.start)
     while after - interval > 1:
@@ -278,7 +295,10 @@ def spline_weights(pieces: Pieces, place: float) -> tuple[int, tuple[float, floa
             interval = middle
         else:
             after = middle
-    share, powers = (place - pieces.start[interval]) / pieces.step[interval], pieces.coefficient_ikb[interval]
+    share, powers = (
+        (place - pieces.start[interval]) / pieces.step[interval],
+        pieces.coefficient_ikb[interval],
+    )
     first, second = _power(powers, 0, share), _power(powers, 1, share)
     return interval, (first, second, _power(powers, 2, share), _power(powers, 3, share))
 
@@ -286,17 +306,26 @@ def spline_weights(pieces: Pieces, place: float) -> tuple[int, tuple[float, floa
 @compiled_in_place
 def _power(powers: Floats, number: int, share: float) -> float:
     return float(
-        ((powers[3, number] * share + powers[2, number]) * share + powers[1, number]) * share + powers[0, number]
+        ((powers[3, number] * share + powers[2, number]) * share + powers[1, number])
+        * share
+        + powers[0, number]
     )
 
 
 @compiled_in_place
 def state_weights(
-    tables: SplineTables, thickness_m: float, iop_ratio: float, tip_m: float, rows: Places, weights: Floats
+    tables: SplineTables,
+    thickness_m: float,
+    iop_ratio: float,
+    tip_m: float,
+    rows: Places,
+    weights: Floats,
 ) -> None:
     """Write the rows (64,) of the state tables that a state lies between, and their weights."""
     t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
-    p, of_p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m))
+    p, of_p = spline_weights(
+        tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m)
+    )
     d, of_d = spline_weights(tables.tip, tip_m)
     for i in range(SUPPORT):
         row = ((t + i) * tables.tensions + p) * tables.tips + d
@@ -313,23 +342,43 @@ Weights = tuple[float, float, float, float]
 
 
 @compiled_in_place
-def value_of(tables: SplineTables, values: Floats, thickness_m: float, iop_ratio: float, tip_m: float) -> float:
+def value_of(
+    tables: SplineTables,
+    values: Floats,
+    thickness_m: float,
+    iop_ratio: float,
+    tip_m: float,
+) -> float:
     """Return the value of a table (t p d,) at a state."""
     t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
-    p, of_p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m))
+    p, of_p = spline_weights(
+        tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m)
+    )
     d, of_d = spline_weights(tables.tip, tip_m)
     tips, row = tables.tips, (t * tables.tensions + p) * tables.tips + d
-    step = tips * tables.tensions  # written out: a loop over a tuple takes three times as long
-    first, second = _over_tensions(values, row, tips, of_p, of_d), _over_tensions(values, row + step, tips, of_p, of_d)
+    step = (
+        tips * tables.tensions
+    )  # written out: a loop over a tuple takes three times as long
+    first, second = (
+        _over_tensions(values, row, tips, of_p, of_d),
+        _over_tensions(values, row + step, tips, of_p, of_d),
+    )
     third = _over_tensions(values, row + 2 * step, tips, of_p, of_d)
     fourth = _over_tensions(values, row + 3 * step, tips, of_p, of_d)
-    return float(of_t[0] * first + of_t[1] * second + of_t[2] * third + of_t[3] * fourth)
+    return float(
+        of_t[0] * first + of_t[1] * second + of_t[2] * third + of_t[3] * fourth
+    )
 
 
 @compiled_in_place
-def _over_tensions(values: Floats, row: int, tips: int, of_p: Weights, of_d: Weights) -> float:
+def _over_tensions(
+    values: Floats, row: int, tips: int, of_p: Weights, of_d: Weights
+) -> float:
     first, second = _over_tips(values, row, of_d), _over_tips(values, row + tips, of_d)
-    third, fourth = _over_tips(values, row + 2 * tips, of_d), _over_tips(values, row + 3 * tips, of_d)
+    third, fourth = (
+        _over_tips(values, row + 2 * tips, of_d),
+        _over_tips(values, row + 3 * tips, of_d),
+    )
     return of_p[0] * first + of_p[1] * second + of_p[2] * third + of_p[3] * fourth
 
 
@@ -340,54 +389,113 @@ def _over_tips(values: Floats, row: int, of_d: Weights) -> float:
 
 
 @compiled_in_place
-def curves_at(curves: Curves, rows: Places, weights: Floats, first: int, found: Floats) -> None:
+def curves_at(
+    curves: Curves, rows: Places, weights: Floats, first: int, found: Floats
+) -> None:
     """Write values of the curves (b n c,) of a state, from `first` on; four rows follow one another."""
     found[:] = 0.0
     for place in range(0, len(rows), SUPPORT):
         row, end = rows[place], first + len(found)
-        a, b, c, d = weights[place], weights[place + 1], weights[place + 2], weights[place + 3]
+        a, b, c, d = (
+            weights[place],
+            weights[place + 1],
+            weights[place + 2],
+            weights[place + 3],
+        )
         _add_rows(
-            found, a, curves[row, first:end], b, curves[row + 1, first:end],
-            c, curves[row + 2, first:end], d, curves[row + 3, first:end],
-        )  # fmt: skip
+            found,
+            a,
+            curves[row, first:end],
+            b,
+            curves[row + 1, first:end],
+            c,
+            curves[row + 2, first:end],
+            d,
+            curves[row + 3, first:end],
+        )
 
 
 @compiled_in_place
-def undented_at(tables: SplineTables, thickness_m: float, iop_ratio: float, found: Floats) -> None:
+def undented_at(
+    tables: SplineTables, thickness_m: float, iop_ratio: float, found: Floats
+) -> None:
     """Write the wall without the needle (b n c,)."""
     t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
-    p, of_p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m))
+    p, of_p = spline_weights(
+        tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m)
+    )
     undented, found[:] = tables.undented, 0.0
     for i in range(SUPPORT):
         row = (t + i) * tables.tensions + p
         _add_rows(
-            found, of_t[i] * of_p[0], undented[row], of_t[i] * of_p[1], undented[row + 1],
-            of_t[i] * of_p[2], undented[row + 2], of_t[i] * of_p[3], undented[row + 3],
-        )  # fmt: skip
+            found,
+            of_t[i] * of_p[0],
+            undented[row],
+            of_t[i] * of_p[1],
+            undented[row + 1],
+            of_t[i] * of_p[2],
+            undented[row + 2],
+            of_t[i] * of_p[3],
+            undented[row + 3],
+        )
 
 
 @compiled_in_place
 def _add_rows(
-    found: Floats, a: float, of_a: Reals, b: float, of_b: Reals, c: float, of_c: Reals, d: float, of_d: Reals
+    found: Floats,
+    a: float,
+    of_a: Reals,
+    b: float,
+    of_b: Reals,
+    c: float,
+    of_c: Reals,
+    d: float,
+    of_d: Reals,
 ) -> None:
     for value in range(len(found)):
-        found[value] = found[value] + a * of_a[value] + b * of_b[value] + c * of_c[value] + d * of_d[value]
+        found[value] = (
+            found[value]
+            + a * of_a[value]
+            + b * of_b[value]
+            + c * of_c[value]
+            + d * of_d[value]
+        )
 
 
 @compiled
-def values_at(tables: SplineTables, values: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
+def values_at(
+    tables: SplineTables,
+    values: Floats,
+    thickness_m: Floats,
+    iop_ratio: Floats,
+    tip_m: Floats,
+) -> Floats:
     """Return the values of a table (t p d,) at states (sample,)."""
     found = np.empty(len(tip_m))
     for sample in range(len(found)):
-        found[sample] = value_of(tables, values, thickness_m[sample], iop_ratio[sample], tip_m[sample])
+        found[sample] = value_of(
+            tables, values, thickness_m[sample], iop_ratio[sample], tip_m[sample]
+        )
     return found
 
 
 @compiled
-def curves_of(tables: SplineTables, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, found: Curves) -> None:
+def curves_of(
+    tables: SplineTables,
+    thickness_m: Floats,
+    iop_ratio: Floats,
+    tip_m: Floats,
+    found: Curves,
+) -> None:
     """Write the curves (sample, b n c) of states (sample,)."""
-    rows, weights, curves = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3), np.empty(found.shape[1])
+    rows, weights, curves = (
+        np.empty(SUPPORT**3, dtype=np.intp),
+        np.empty(SUPPORT**3),
+        np.empty(found.shape[1]),
+    )
     for sample in range(len(found)):
-        state_weights(tables, thickness_m[sample], iop_ratio[sample], tip_m[sample], rows, weights)
+        state_weights(
+            tables, thickness_m[sample], iop_ratio[sample], tip_m[sample], rows, weights
+        )
         curves_at(tables.curves, rows, weights, 0, curves)
         found[sample] = curves

@@ -20,11 +20,20 @@ from numpy.typing import NDArray
 from scleraforce.arrays import Floats, Reals
 from scleraforce.errors import InputError
 from scleraforce.library.plan import stiffening_place
-from scleraforce.library.splines import SUPPORT, CubicSpline, Curves, tensor_coefficients
+from scleraforce.library.splines import (
+    SUPPORT,
+    CubicSpline,
+    Curves,
+    tensor_coefficients,
+)
 
 Steps = NDArray[np.signedinteger]
 
-STEP_TYPES = ("int32", "int16", "int8")  # of whole numbers of steps: the smallest one that holds a part's
+STEP_TYPES = (
+    "int32",
+    "int16",
+    "int8",
+)  # of whole numbers of steps: the smallest one that holds a part's
 STEP = 0.5  # of the error that is allowed; smaller ones need fewer parts and more bytes for each
 BLOCK = 64  # rows that are worked on together: they stay in the cache
 
@@ -42,13 +51,20 @@ class ReducedRows:
 
     def rows(self) -> Floats:
         """Return the rows (row, value)."""
-        steps_rk = np.concatenate([part.astype(np.float64) for part in self.steps], axis=1)
+        steps_rk = np.concatenate(
+            [part.astype(np.float64) for part in self.steps], axis=1
+        )
         return steps_rk @ self.basis_kv.astype(np.float64)
 
     def share(self, number: int, shares: int) -> "ReducedRows":
         """Return one of equal shares of the rows."""
         size = len(self.steps[0]) // shares
-        return replace(self, steps=tuple(steps[number * size : (number + 1) * size] for steps in self.steps))
+        return replace(
+            self,
+            steps=tuple(
+                steps[number * size : (number + 1) * size] for steps in self.steps
+            ),
+        )
 
 
 def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
@@ -58,7 +74,9 @@ def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
     directions, steps = [], []
     while found.max(initial=0.0) > largest_error:
         farthest = rest_rv[np.argmax(found)]
-        directions.append((step / np.linalg.norm(farthest) * farthest).astype(np.float32))
+        directions.append(
+            (step / np.linalg.norm(farthest) * farthest).astype(np.float32)
+        )
         steps.append(_taken_off(rest_rv, directions[-1].astype(np.float64)))
         found = _worst(rest_rv)
     return _by_size(rows_rv, directions, steps)
@@ -66,7 +84,9 @@ def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
 
 def _worst(rest_rv: Floats) -> Floats:
     """Return the largest absolute value of each row (row,)."""
-    return np.maximum(rest_rv.max(axis=1, initial=0.0), -rest_rv.min(axis=1, initial=0.0))
+    return np.maximum(
+        rest_rv.max(axis=1, initial=0.0), -rest_rv.min(axis=1, initial=0.0)
+    )
 
 
 def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
@@ -74,19 +94,28 @@ def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
     steps = np.empty(len(rest_rv))
     for start in range(0, len(rest_rv), BLOCK):
         block = slice(start, start + BLOCK)
-        steps[block] = np.rint(np.einsum("rv,v->r", rest_rv[block], direction) / np.sum(direction**2))
+        steps[block] = np.rint(
+            np.einsum("rv,v->r", rest_rv[block], direction) / np.sum(direction**2)
+        )
         rest_rv[block] -= steps[block, None] * direction
     return steps
 
 
-def _by_size(rows_rv: Reals, directions: list[NDArray[np.float32]], steps: list[Floats]) -> ReducedRows:
+def _by_size(
+    rows_rv: Reals, directions: list[NDArray[np.float32]], steps: list[Floats]
+) -> ReducedRows:
     """Put the parts with the largest integers first, and every integer into the smallest type that holds it."""
     rows, values = rows_rv.shape
-    basis_kv, steps_kr = np.reshape(np.array(directions, np.float32), (-1, values)), np.reshape(steps, (-1, rows))
+    basis_kv, steps_kr = (
+        np.reshape(np.array(directions, np.float32), (-1, values)),
+        np.reshape(steps, (-1, rows)),
+    )
     most = np.abs(steps_kr).max(axis=1, initial=0.0)
     ends = [float(np.iinfo(name).max) for name in STEP_TYPES]
     if most.max(initial=0.0) > ends[0]:
-        raise InputError(f"values up to {np.abs(rows_rv).max():.3g} cannot be stored by such small steps")
+        raise InputError(
+            f"values up to {np.abs(rows_rv).max():.3g} cannot be stored by such small steps"
+        )
     order = np.argsort(-most, kind="stable")
     bounds = [*(int(np.count_nonzero(most > end)) for end in ends), len(order)]
     tables = (
@@ -119,12 +148,16 @@ class WholeCurves:
         used = np.flatnonzero(weights_b)
         mixed: Curves = self.curves_btpdbnc[used[0]]
         if len(used) > 1:
-            mixed = np.tensordot(weights_b.astype(np.float32), self.curves_btpdbnc, axes=1)
+            mixed = np.tensordot(
+                weights_b.astype(np.float32), self.curves_btpdbnc, axes=1
+            )
         return mixed
 
     def coefficients(self, weights_b: Floats, splines: Splines) -> Curves:
         """Return the spline weights of `mixed` over the first three axes (t p d, b n c)."""
-        weights = tensor_coefficients(splines, self.mixed(weights_b).astype(np.float64)).astype(np.float32)
+        weights = tensor_coefficients(
+            splines, self.mixed(weights_b).astype(np.float64)
+        ).astype(np.float32)
         return weights.reshape(prod(self.shape[1:4]), -1)
 
     def within(self, nodes: int) -> "WholeCurves":
@@ -148,26 +181,41 @@ class ReducedCurves:
     _cached: dict[int, Curves] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        most = [float(np.iinfo(steps.dtype).max) * steps.shape[1] for steps in self.rows.steps]
-        if not np.abs(self.rows.basis_kv).max(initial=0.0) * max(most) < np.finfo(np.float32).max:
+        most = [
+            float(np.iinfo(steps.dtype).max) * steps.shape[1]
+            for steps in self.rows.steps
+        ]
+        if (
+            not np.abs(self.rows.basis_kv).max(initial=0.0) * max(most)
+            < np.finfo(np.float32).max
+        ):
             raise InputError("library: values that are not finite")
 
     def mixed(self, weights_b: Floats) -> Curves:
         """Return the sum of the curves by weights (t, p, d, boundary, node, 2), m."""
         used = np.flatnonzero(weights_b).tolist()
-        values = sum(weights_b[b] * self.rows.share(b, len(weights_b)).rows() for b in used)
+        values = sum(
+            weights_b[b] * self.rows.share(b, len(weights_b)).rows() for b in used
+        )
         return np.asarray(values, dtype=np.float32).reshape(self.shape[1:])
 
     def coefficients(self, weights_b: Floats, splines: Splines) -> Curves:
         """Return the spline weights of `mixed` over the first three axes (t p d, b n c), as exact as the curves."""
-        steps_rk = sum(np.float32(weights_b[b]) * self._steps(b, splines) for b in np.flatnonzero(weights_b).tolist())
+        steps_rk = sum(
+            np.float32(weights_b[b]) * self._steps(b, splines)
+            for b in np.flatnonzero(weights_b).tolist()
+        )
         return np.asarray(steps_rk @ self.rows.basis_kv)
 
     def _steps(self, b: int, splines: Splines) -> Curves:
         """Return the spline weights of the steps of one b (t p d, part)."""
         if b not in self._cached:
-            steps_rk = np.concatenate(self.rows.share(b, self.shape[0]).steps, axis=1, dtype=np.float64)
-            weights = tensor_coefficients(splines, steps_rk.reshape(*self.shape[1:4], -1))
+            steps_rk = np.concatenate(
+                self.rows.share(b, self.shape[0]).steps, axis=1, dtype=np.float64
+            )
+            weights = tensor_coefficients(
+                splines, steps_rk.reshape(*self.shape[1:4], -1)
+            )
             self._cached[b] = weights.astype(np.float32).reshape(steps_rk.shape)
         return self._cached[b]
 
@@ -175,7 +223,11 @@ class ReducedCurves:
         """Return the first nodes of the curves."""
         parts, shape = len(self.rows.basis_kv), (*self.shape[:5], nodes, 2)
         basis_kbnc = self.rows.basis_kv.reshape(parts, *self.shape[4:])[:, :, :nodes]
-        return replace(self, rows=replace(self.rows, basis_kv=basis_kbnc.reshape(parts, -1)), shape=shape)
+        return replace(
+            self,
+            rows=replace(self.rows, basis_kv=basis_kbnc.reshape(parts, -1)),
+            shape=shape,
+        )
 
     def whole(self) -> Curves:
         """Return all curves (b, t, p, d, boundary, node, 2), m."""
@@ -199,9 +251,15 @@ class StiffenedWalls:
 
     def __post_init__(self) -> None:
         count = len(self.stiffening)
-        shapes = {len(self.force_ratio_btpd), len(self.displaced_btpd), len(self.undented_btpbnc)}
+        shapes = {
+            len(self.force_ratio_btpd),
+            len(self.displaced_btpd),
+            len(self.undented_btpbnc),
+        }
         if shapes != {count} or 1 < count < SUPPORT or count == 0:
-            raise InputError(f"library: {count} stiffenings of walls of {shapes}; must be one, or at least {SUPPORT}")
+            raise InputError(
+                f"library: {count} stiffenings of walls of {shapes}; must be one, or at least {SUPPORT}"
+            )
         inside = np.isfinite(self.stiffening).all() and self.stiffening[0] >= 0.0
         if not inside or not (np.diff(self.stiffening) > 0.0).all():
             raise InputError("library: stiffenings that do not increase from 0 or more")
@@ -220,8 +278,12 @@ class StiffenedWalls:
             return here
         low, high = float(self.stiffening[0]), float(self.stiffening[-1])
         if low == high:
-            raise InputError(f"stiffening: the library only holds tissue of {low:g}, not of {stiffening:g}")
+            raise InputError(
+                f"stiffening: the library only holds tissue of {low:g}, not of {stiffening:g}"
+            )
         if not low <= stiffening <= high:  # nor is NaN
-            raise InputError(f"stiffening: {stiffening:g} is outside the library's range, {low:g} to {high:g}")
+            raise InputError(
+                f"stiffening: {stiffening:g} is outside the library's range, {low:g} to {high:g}"
+            )
         spline = CubicSpline(stiffening_place(self.stiffening))
         return np.asarray(spline.shares(stiffening_place(np.array([stiffening])))[0])

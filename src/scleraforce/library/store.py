@@ -35,20 +35,34 @@ from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study
 
-FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curves", "support_force_ratio"
+FORCES, DISPLACED, CURVES, SUPPORT_FORCES = (
+    "force_ratio",
+    "displaced_m3",
+    "curves",
+    "support_force_ratio",
+)
 AXES = ("stiffening", "thickness_m", "tension", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")
 KIND = StoreKind(
-    noun="library", command="library", parts="load paths", schema="scleraforce-library-4", recipe="plan",
-    others={"scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"},
+    noun="library",
+    command="library",
+    parts="load paths",
+    schema="scleraforce-library-4",
+    recipe="plan",
+    others={
+        "scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"
+    },
     error=InputError,
-)  # fmt: skip
+)
 
 
 def library_store(path: Path, plan: LibraryPlan) -> CheckedStore:
     """Return the store of a plan; each load path, free or supported, is a unit with a chunk of each of its arrays."""
     units = [
-        dict.fromkeys((CURVES, DISPLACED, FORCES) if unit < plan.paths else (SUPPORT_FORCES,), plan.place(unit))
+        dict.fromkeys(
+            (CURVES, DISPLACED, FORCES) if unit < plan.paths else (SUPPORT_FORCES,),
+            plan.place(unit),
+        )
         for unit in range(plan.units)
     ]
     return CheckedStore(KIND, path, _layouts(plan), units)
@@ -73,10 +87,22 @@ def create_library(path: Path, plan: LibraryPlan) -> CheckedStore:
 
 
 def write_library_unit(
-    store: CheckedStore, unit: int, force_d: Floats, displaced_d: Floats, curves_dbnc: NDArray[np.float32]
+    store: CheckedStore,
+    unit: int,
+    force_d: Floats,
+    displaced_d: Floats,
+    curves_dbnc: NDArray[np.float32],
 ) -> None:
     """Write the stored part of one load path (`SolvedPath`)."""
-    store.write(unit, {FORCES: force_d, DISPLACED: displaced_d, CURVES: curves_dbnc, SUPPORT_FORCES: force_d})
+    store.write(
+        unit,
+        {
+            FORCES: force_d,
+            DISPLACED: displaced_d,
+            CURVES: curves_dbnc,
+            SUPPORT_FORCES: force_d,
+        },
+    )
 
 
 def open_library(path: str | PathLike[str]) -> Library:
@@ -97,34 +123,62 @@ def open_library(path: str | PathLike[str]) -> Library:
     arrays = {name: store.read(name) for name in store.arrays}
     for name in AXES:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
-            raise InputError(f"{path / name}: not the values of its plan: the store is damaged; make it again")
+            raise InputError(
+                f"{path / name}: not the values of its plan: the store is damaged; make it again"
+            )
     walls = StiffenedWalls(
-        stiffening=arrays["stiffening"], force_ratio_btpd=arrays[FORCES], displaced_btpd=arrays[DISPLACED],
-        undented_btpbnc=np.ascontiguousarray(arrays[CURVES][:, :, :, 0]), curves=WholeCurves(arrays[CURVES]),
-    )  # fmt: skip
+        stiffening=arrays["stiffening"],
+        force_ratio_btpd=arrays[FORCES],
+        displaced_btpd=arrays[DISPLACED],
+        undented_btpbnc=np.ascontiguousarray(arrays[CURVES][:, :, :, 0]),
+        curves=WholeCurves(arrays[CURVES]),
+    )
     thickness_m, tension, tip_m = (arrays[name] for name in AXES[1:])
     forces, supported = arrays[FORCES][0], arrays[SUPPORT_FORCES]
-    polar_rad, stiffness_atpd = base_stiffness(thickness_m, tension, tip_m, forces, supported)
+    polar_rad, stiffness_atpd = base_stiffness(
+        thickness_m, tension, tip_m, forces, supported
+    )
     return Library(
-        thickness_m=thickness_m, tension=tension, tip_m=tip_m, walls=walls, stiffening=float(walls.stiffening[0]),
-        radius_m=plan.radius_m, poisson_ratio=plan.poisson_ratio, needle_radius_m=plan.needle_radius_m,
-        max_force_ratio=plan.grid.max_force_ratio_m2, polar_rad=polar_rad, stiffness_atpd=stiffness_atpd,
+        thickness_m=thickness_m,
+        tension=tension,
+        tip_m=tip_m,
+        walls=walls,
+        stiffening=float(walls.stiffening[0]),
+        radius_m=plan.radius_m,
+        poisson_ratio=plan.poisson_ratio,
+        needle_radius_m=plan.needle_radius_m,
+        max_force_ratio=plan.grid.max_force_ratio_m2,
+        polar_rad=polar_rad,
+        stiffness_atpd=stiffness_atpd,
         contact_polar_rad=plan.contact_polar_rad,
-    )  # fmt: skip
+    )
 
 
 def _layouts(plan: LibraryPlan) -> dict[str, Layout]:
     """Return the layouts of a library's arrays: the axes, and what a load path has a chunk of."""
-    shape = (len(plan.stiffening), len(plan.thickness_m), len(plan.tension), len(plan.tip_m))
+    shape = (
+        len(plan.stiffening),
+        len(plan.thickness_m),
+        len(plan.tension),
+        len(plan.tip_m),
+    )
     supports, path = (*plan.support_shape, plan.support_tips), (1, 1, 1, shape[3])
-    return {name: layout((size,), (size,), "float64") for name, size in zip(AXES, shape, strict=True)} | {
-        CURVES: layout((*shape, 2, plan.nodes, 2), (*path, 2, plan.nodes, 2), "float32"),
-        FORCES: layout(shape, path, "float64"), DISPLACED: layout(shape, path, "float64"),
+    return {
+        name: layout((size,), (size,), "float64")
+        for name, size in zip(AXES, shape, strict=True)
+    } | {
+        CURVES: layout(
+            (*shape, 2, plan.nodes, 2), (*path, 2, plan.nodes, 2), "float32"
+        ),
+        FORCES: layout(shape, path, "float64"),
+        DISPLACED: layout(shape, path, "float64"),
         SUPPORT_FORCES: layout(supports, (1, 1, 1, *supports[3:]), "float64"),
-    }  # fmt: skip
+    }
 
 
-SOLVED_FORCES = 2.0  # over the largest F/E of the library: what is done beyond it is not felt below
+SOLVED_FORCES = (
+    2.0  # over the largest F/E of the library: what is done beyond it is not felt below
+)
 
 
 class SolvedPath(NamedTuple):
@@ -148,9 +202,13 @@ PathSolver = Callable[[LibraryPlan, int], SolvedPath]
 
 
 def build_library(
-    study: Study, out: Path, *, workers: int | None = None, progress: Callable[[int], None] | None = None,
+    study: Study,
+    out: Path,
+    *,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
     solve: PathSolver | None = None,
-) -> Building:  # fmt: skip
+) -> Building:
     """Build the library of a study, or the remaining part of an interrupted run.
 
     The result is the same, byte for byte, for any number of workers and interruptions. Processes are spawned: a script
@@ -188,44 +246,80 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
     """Return the path of a unit in an open globe, extrapolated beyond twice the library's largest force."""
     planned = plan.path(unit)
     path = axisymmetric_path(
-        plan.radius_m, planned.thickness_m, plan.poisson_ratio, plan.needle_radius_m, planned.iop_ratio,
-        tips_m=planned.tip_m[1:], max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
-        support_rad=planned.support_rad, stiffening=planned.stiffening,
+        plan.radius_m,
+        planned.thickness_m,
+        plan.poisson_ratio,
+        plan.needle_radius_m,
+        planned.iop_ratio,
+        tips_m=planned.tip_m[1:],
+        max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
+        support_rad=planned.support_rad,
+        stiffening=planned.stiffening,
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
-    )  # fmt: skip
-    beyond_m, step_m = planned.tip_m[len(path.tip_m) :] - path.tip_m[-1], path.tip_m[-1] - path.tip_m[-2]
+    )
+    beyond_m, step_m = (
+        planned.tip_m[len(path.tip_m) :] - path.tip_m[-1],
+        path.tip_m[-1] - path.tip_m[-2],
+    )
 
     def extrapolated(values: Floats) -> Floats:
         """Return values (solved tip, ...) at all tips: beyond the last one on the line through the last two."""
-        return np.concatenate([values, values[-1] + np.multiply.outer(beyond_m, (values[-1] - values[-2]) / step_m)])
+        return np.concatenate(
+            [
+                values,
+                values[-1]
+                + np.multiply.outer(beyond_m, (values[-1] - values[-2]) / step_m),
+            ]
+        )
 
-    force_d, displaced_d = extrapolated(path.force_ratio_m2), extrapolated(path.displaced_m3)
-    return SolvedPath(force_d, displaced_d, extrapolated(path.curves_sbnc).astype(np.float32))
+    force_d, displaced_d = (
+        extrapolated(path.force_ratio_m2),
+        extrapolated(path.displaced_m3),
+    )
+    return SolvedPath(
+        force_d, displaced_d, extrapolated(path.curves_sbnc).astype(np.float32)
+    )
 
 
 KEY_LETTERS = 32  # of the key, in a file name
 
 
 def cached_library(
-    study: Study, *, folder: Path | None = None, workers: int | None = None,
-    progress: Callable[[int], None] | None = None, solve: PathSolver | None = None,
-) -> Library:  # fmt: skip
+    study: Study,
+    *,
+    folder: Path | None = None,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    solve: PathSolver | None = None,
+) -> Library:
     """Return the library of a study; the first time it is built, which takes a minute or two.
 
     `folder` is the cache, by default the user's; `progress` is called only if the library has to be built. Other
     arguments and errors as for `build_library`; a cache that cannot be written raises `InputError`.
     """
     folder = folder or user_cache_path("scleraforce") / "libraries"
-    place = folder / f"{version('scleraforce')}-{plan_library(study).key[:KEY_LETTERS]}.zarr"
+    place = (
+        folder
+        / f"{version('scleraforce')}-{plan_library(study).key[:KEY_LETTERS]}.zarr"
+    )
     if found := _stored(place):
         return found
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with FileLock(place.with_suffix(".lock")):  # it ends with the process that holds it
+        with FileLock(
+            place.with_suffix(".lock")
+        ):  # it ends with the process that holds it
             if found := _stored(place):  # another process has built it meanwhile
                 return found
             begun = place.with_suffix(".begun")
-            build = partial(build_library, study, begun, workers=workers, progress=progress, solve=solve)
+            build = partial(
+                build_library,
+                study,
+                begun,
+                workers=workers,
+                progress=progress,
+                solve=solve,
+            )
             try:
                 build()
             except InputError:  # the content of `begun` cannot be continued
@@ -235,7 +329,9 @@ def cached_library(
                 shutil.rmtree(place)  # it was damaged
             begun.rename(place)
     except OSError as fault:
-        raise InputError(f"{folder}: {fault.strerror}; XDG_CACHE_HOME names another folder for caches") from fault
+        raise InputError(
+            f"{folder}: {fault.strerror}; XDG_CACHE_HOME names another folder for caches"
+        ) from fault
     return open_library(place)
 
 

@@ -12,11 +12,21 @@ from scleraforce.arrays import Floats
 # Of each side, left and right: place of the limbus from the contact, m; the angle there, rad, up below 0; the curvature
 # beyond, 1/m. Then how the thickness grows along the section, m/m.
 FORMS = (
-    "left_limbus_m", "left_angle_rad", "left_curvature",
-    "right_limbus_m", "right_angle_rad", "right_curvature", "wedge",
-)  # fmt: skip
+    "left_limbus_m",
+    "left_angle_rad",
+    "left_curvature",
+    "right_limbus_m",
+    "right_angle_rad",
+    "right_curvature",
+    "wedge",
+)
 # Least and largest of them. A limbus turns up: the cornea bulges.
-FORM_ENDS = np.array([[1.5e-3, -0.5, -20.0, 1.5e-3, -0.5, -20.0, -0.05], [7e-3, 0.01, 60.0, 7e-3, 0.01, 60.0, 0.05]])
+FORM_ENDS = np.array(
+    [
+        [1.5e-3, -0.5, -20.0, 1.5e-3, -0.5, -20.0, -0.05],
+        [7e-3, 0.01, 60.0, 7e-3, 0.01, 60.0, 0.05],
+    ]
+)
 SOFT_M = 0.4e-3  # the limbus is a smooth furrow
 
 
@@ -41,10 +51,36 @@ def form_depths(form: Floats, from_contact_m: Floats, is_inner: Floats) -> Float
 # m; the form at rest (`unknowns.FORMS`), in m; and where the pole lies, along the section and across it
 # (`base.pole_directions`).
 NAMES = (
-    "tip_m", "lateral_m", "depth_m", "rotation_rad", "gap_m", "thickness_m", "log_modulus", "log_iop", "log_size",
-    "inner_m", "log_pressure", "shine_m", *FORMS, "pole_along", "pole_across",
-)  # fmt: skip
-TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, PRESSURE, SHINE = range(12)
+    "tip_m",
+    "lateral_m",
+    "depth_m",
+    "rotation_rad",
+    "gap_m",
+    "thickness_m",
+    "log_modulus",
+    "log_iop",
+    "log_size",
+    "inner_m",
+    "log_pressure",
+    "shine_m",
+    *FORMS,
+    "pole_along",
+    "pole_across",
+)
+(
+    TIP,
+    LATERAL,
+    DEPTH,
+    ROTATION,
+    GAP,
+    THICKNESS,
+    MODULUS,
+    IOP,
+    SIZE,
+    INNER_OFFSET,
+    PRESSURE,
+    SHINE,
+) = range(12)
 FORM = slice(SHINE + 1, SHINE + 1 + len(FORMS))
 POLE = slice(FORM.stop, len(NAMES))
 

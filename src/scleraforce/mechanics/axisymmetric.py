@@ -26,7 +26,12 @@ from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.meridian import MeridianMesh, MeridianSize, line_shapes, meridian_mesh
+from scleraforce.mechanics.meridian import (
+    MeridianMesh,
+    MeridianSize,
+    line_shapes,
+    meridian_mesh,
+)
 from scleraforce.mechanics.mesh import HexMesh, locate
 
 BOUNDARY_POINTS = 3  # exact for r^2 dz along a quadratic curve
@@ -37,13 +42,21 @@ def needle_load(mesh: MeridianMesh) -> Floats:
     nodes_en, values_pn, slopes_pn, weights_p = boundary_shapes(mesh.outer_n[:3])
     distance_en = mesh.points_nc[nodes_en, 0]
     rim_m = distance_en[-1, -1]
-    weight_ep = 2.0 * (distance_en @ values_pn.T) * (distance_en @ slopes_pn.T) * weights_p / rim_m**2
+    weight_ep = (
+        2.0
+        * (distance_en @ values_pn.T)
+        * (distance_en @ slopes_pn.T)
+        * weights_p
+        / rim_m**2
+    )
     return inward(mesh, nodes_en, weight_ep @ values_pn)
 
 
 def inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
     """Return nodal forces along the axis, (all unknowns,), that sum up inward amounts at nodes, (element, node)."""
-    along = np.bincount((2 * nodes_en + 1).ravel(), amount_en.ravel(), minlength=mesh.points_nc.size)
+    along = np.bincount(
+        (2 * nodes_en + 1).ravel(), amount_en.ravel(), minlength=mesh.points_nc.size
+    )
     return np.asarray(-along, dtype=np.float64)
 
 
@@ -55,15 +68,21 @@ class Interior:
 
     def __init__(self, mesh: MeridianMesh) -> None:
         self._points_nc = mesh.points_nc
-        self._nodes_en, self._values_pn, slopes_pn, self._weights_p = boundary_shapes(mesh.inner_n)
+        self._nodes_en, self._values_pn, slopes_pn, self._weights_p = boundary_shapes(
+            mesh.inner_n
+        )
         self._slopes_pn = -slopes_pn  # from the support to the axis
-        self._unknowns = np.concatenate([2 * self._nodes_en.ravel(), 2 * self._nodes_en.ravel() + 1])
+        self._unknowns = np.concatenate(
+            [2 * self._nodes_en.ravel(), 2 * self._nodes_en.ravel() + 1]
+        )
         # The inner nodes of an element of the innermost layer are its last three.
         layers = len(mesh.cells_en) // len(self._nodes_en)
         self._elements = np.arange(layers - 1, len(mesh.cells_en), layers)
         rows = self._weights_p[:, None] * self._values_pn
         self._mass_pab = (rows[:, :, None] * self._values_pn[:, None, :]).reshape(-1, 9)
-        self._mixed_pab = (rows[:, :, None] * self._slopes_pn[:, None, :]).reshape(-1, 9)
+        self._mixed_pab = (rows[:, :, None] * self._slopes_pn[:, None, :]).reshape(
+            -1, 9
+        )
 
     def volume(self, everywhere: Floats) -> tuple[float, Floats]:
         """Return V in m^3 and its derivative, (all unknowns,)."""
@@ -71,16 +90,22 @@ class Interior:
         along = (2.0 * np.pi * r_ep * slope_ep * self._weights_p) @ self._values_pn
         up = (np.pi * r_ep**2 * self._weights_p) @ self._slopes_pn
         forces = np.concatenate([along.ravel(), up.ravel()])
-        gradient: Floats = np.bincount(self._unknowns, forces, minlength=len(everywhere)).astype(np.float64, copy=False)
+        gradient: Floats = np.bincount(
+            self._unknowns, forces, minlength=len(everywhere)
+        ).astype(np.float64, copy=False)
         return float(np.pi * np.sum(r_ep**2 * slope_ep * self._weights_p)), gradient
 
-    def subtract_curvature(self, tangents: Floats, everywhere: Floats, pressure: float) -> None:
+    def subtract_curvature(
+        self, tangents: Floats, everywhere: Floats, pressure: float
+    ) -> None:
         """Subtract p times the second derivative of V from the element tangents (element, 18, 18)."""
         r_ep, slope_ep = self._curve(everywhere)
         block = tangents.reshape(len(tangents), 9, 2, 9, 2)
         part = np.zeros((len(self._elements), 3, 2, 3, 2))
         mixed = 2.0 * np.pi * (r_ep @ self._mixed_pab).reshape(-1, 3, 3)
-        part[:, :, 0, :, 0] = 2.0 * np.pi * (slope_ep @ self._mass_pab).reshape(-1, 3, 3)
+        part[:, :, 0, :, 0] = (
+            2.0 * np.pi * (slope_ep @ self._mass_pab).reshape(-1, 3, 3)
+        )
         part[:, :, 0, :, 1] = mixed
         part[:, :, 1, :, 0] = mixed.transpose(0, 2, 1)
         block[self._elements, 6:, :, 6:, :] -= pressure * part
@@ -88,10 +113,14 @@ class Interior:
     def _curve(self, everywhere: Floats) -> tuple[Floats, Floats]:
         """Distance from the axis and slope of the height along the deformed inner boundary, (element, point)."""
         points_enc = (self._points_nc + everywhere.reshape(-1, 2))[self._nodes_en]
-        return points_enc[..., 0] @ self._values_pn.T, points_enc[..., 1] @ self._slopes_pn.T
+        return points_enc[..., 0] @ self._values_pn.T, points_enc[
+            ..., 1
+        ] @ self._slopes_pn.T
 
 
-def boundary_shapes(nodes_n: Integers, points: int = BOUNDARY_POINTS) -> tuple[Integers, Floats, Floats, Floats]:
+def boundary_shapes(
+    nodes_n: Integers, points: int = BOUNDARY_POINTS
+) -> tuple[Integers, Floats, Floats, Floats]:
     """Return the nodes of a boundary's elements (element, 3), shapes and slopes (point, 3), and weights (point,)."""
     places_pk, weights_p = gauss_points(1, points)
     nodes_en = np.stack([nodes_n[:-2:2], nodes_n[1::2], nodes_n[2::2]], axis=1)
@@ -117,21 +146,40 @@ class AxisymmetricPath:
 
 
 def axisymmetric_path(
-    radius_m: float, thickness_m: float, poisson_ratio: float, needle_radius_m: float, iop_ratio: float, *,
-    tips_m: Floats | None = None, max_tip_m: float | None = None, max_force_ratio_m2: float = np.inf,
-    support_rad: float = 0.5 * np.pi, globe: Globe = OPEN_GLOBE, stiffening: float = 0.0,
+    radius_m: float,
+    thickness_m: float,
+    poisson_ratio: float,
+    needle_radius_m: float,
+    iop_ratio: float,
+    *,
+    tips_m: Floats | None = None,
+    max_tip_m: float | None = None,
+    max_force_ratio_m2: float = np.inf,
+    support_rad: float = 0.5 * np.pi,
+    globe: Globe = OPEN_GLOBE,
+    stiffening: float = 0.0,
     size: MeridianSize | None = None,
-) -> AxisymmetricPath:  # fmt: skip
+) -> AxisymmetricPath:
     """Return the load path of a sphere with an even wall under a needle along its normal.
 
     The needle's force is uniform over its disc seen along the axis. For `tips_m` and the end of the path see `trace`;
     the wall is clamped at the angle `support_rad` from the needle axis; the globe is over Young's modulus
     (`Globe.over`); `stiffening`: b of `mechanics.material`.
     """
-    mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize())
+    mesh = meridian_mesh(
+        radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize()
+    )
     wall = AxisymmetricWall(mesh, poisson_ratio, stiffening=stiffening)
     start, most = pressurise(wall, iop_ratio), max_force_ratio_m2
-    path = trace(wall, start, iop_ratio, tips_m=tips_m, max_tip_m=max_tip_m, max_force=most, globe=globe)
+    path = trace(
+        wall,
+        start,
+        iop_ratio,
+        tips_m=tips_m,
+        max_tip_m=max_tip_m,
+        max_force=most,
+        globe=globe,
+    )
     return wall.boundaries(path)
 
 
@@ -139,11 +187,19 @@ class AxisymmetricWall:
     """A wall of revolution as an `Equilibrium`."""
 
     def __init__(
-        self, mesh: MeridianMesh, poisson_ratio: float, *, symmetric: bool = False, stiffening: float = 0.0
+        self,
+        mesh: MeridianMesh,
+        poisson_ratio: float,
+        *,
+        symmetric: bool = False,
+        stiffening: float = 0.0,
     ) -> None:
         """`symmetric`: the support is a plane of symmetry, at a right angle to the axis, instead of a clamp."""
         self.mesh = mesh
-        held_nc, across = np.zeros(mesh.points_nc.shape, dtype=bool), len(mesh.points_nc) // len(mesh.outer_n)
+        held_nc, across = (
+            np.zeros(mesh.points_nc.shape, dtype=bool),
+            len(mesh.points_nc) // len(mesh.outer_n),
+        )
         held_nc[:across, 0] = True  # radial motion on the axis
         held_nc[-across:] = not symmetric, True  # the support
         self.free: Integers = np.flatnonzero(~held_nc.ravel())
@@ -158,7 +214,10 @@ class AxisymmetricWall:
     def residual(self, u: Floats, pressure: float) -> Floats:
         """Internal forces minus the pressure's, (unknown,)."""
         everywhere = self.full(u)
-        balance: Floats = meridian.nodal_forces(self._solid, everywhere) - pressure * self._inside.volume(everywhere)[1]
+        balance: Floats = (
+            meridian.nodal_forces(self._solid, everywhere)
+            - pressure * self._inside.volume(everywhere)[1]
+        )
         return balance[self.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
@@ -175,13 +234,20 @@ class AxisymmetricWall:
 
     def boundaries(self, path: PathStates) -> AxisymmetricPath:
         """Return the path as the two boundary curves of each state."""
-        points_snc = self.mesh.points_nc + np.stack([self.full(u).reshape(-1, 2) for u in path.displacement_su])
-        curves_sbnc: Floats = points_snc[:, np.stack([self.mesh.outer_n, self.mesh.inner_n])]
+        points_snc = self.mesh.points_nc + np.stack(
+            [self.full(u).reshape(-1, 2) for u in path.displacement_su]
+        )
+        curves_sbnc: Floats = points_snc[
+            :, np.stack([self.mesh.outer_n, self.mesh.inner_n])
+        ]
         curves_sbnc[..., 1] = self.mesh.radius_m - curves_sbnc[..., 1]
         inside, undented = (
-            np.array([self.volume(u)[0] for u in states]) for states in (path.displacement_su, path.undented_su)
+            np.array([self.volume(u)[0] for u in states])
+            for states in (path.displacement_su, path.undented_su)
         )
-        return AxisymmetricPath(path.tip_m, path.force, path.pressure, undented - inside, curves_sbnc)
+        return AxisymmetricPath(
+            path.tip_m, path.force, path.pressure, undented - inside, curves_sbnc
+        )
 
     def full(self, u: Floats) -> Floats:
         """Return the displacement (unknown of the mesh,) whose free components are given; the held ones are zero."""
@@ -204,28 +270,44 @@ class _Band:
         self._below = self._offsets >= 0
         self._entries_below = self._entries[self._below]
         self.width = int(np.abs(self._offsets).max())
-        self._half = self._columns[self._below] * (self.width + 1) + self._offsets[self._below]
+        self._half = (
+            self._columns[self._below] * (self.width + 1) + self._offsets[self._below]
+        )
         self._unknowns = len(free)
 
     def factor(self, tangents: Floats) -> Solve:
         """Factor without row exchanges, or with them past a limit of the force, where the tangent is not definite."""
         below = tangents.ravel()[self._entries_below]
-        band = np.bincount(self._half, below, minlength=self._unknowns * (self.width + 1))
+        band = np.bincount(
+            self._half, below, minlength=self._unknowns * (self.width + 1)
+        )
         if not np.all(np.isfinite(band)):
             raise SolverError("wall: turned inside out; use a shorter step")
-        factor, fault = dpbtrf(band.reshape(self._unknowns, -1).T, lower=1, overwrite_ab=1)
+        factor, fault = dpbtrf(
+            band.reshape(self._unknowns, -1).T, lower=1, overwrite_ab=1
+        )
         if fault != 0:
             return self._exchanged(tangents)
-        return lambda rhs: np.asarray(dpbtrs(factor, rhs, lower=1)[0]).reshape(rhs.shape)
+        return lambda rhs: np.asarray(dpbtrs(factor, rhs, lower=1)[0]).reshape(
+            rhs.shape
+        )
 
     def _exchanged(self, tangents: Floats) -> Solve:
         shape = (self._unknowns, 3 * self.width + 1)
         flat = self._columns * shape[1] + 2 * self.width + self._offsets
-        entries = np.bincount(flat, tangents.ravel()[self._entries], minlength=shape[0] * shape[1])
-        factors, pivots, fault = dgbtrf(entries.reshape(shape).T, self.width, self.width, overwrite_ab=1)
+        entries = np.bincount(
+            flat, tangents.ravel()[self._entries], minlength=shape[0] * shape[1]
+        )
+        factors, pivots, fault = dgbtrf(
+            entries.reshape(shape).T, self.width, self.width, overwrite_ab=1
+        )
         if fault != 0:
-            raise SolverError("wall: its tangent is singular; add supports against rigid motion")
-        return lambda rhs: np.asarray(dgbtrs(factors, self.width, self.width, rhs, pivots)[0]).reshape(rhs.shape)
+            raise SolverError(
+                "wall: its tangent is singular; add supports against rigid motion"
+            )
+        return lambda rhs: np.asarray(
+            dgbtrs(factors, self.width, self.width, rhs, pivots)[0]
+        ).reshape(rhs.shape)
 
 
 LARGEST_POLAR_RAD = np.radians(55.0)
@@ -248,19 +330,29 @@ class BaseShift:
 
 
 def base_shift(
-    radius_m: float, thickness_m: float, poisson_ratio: float, needle_radius_m: float, *, polar_rad: float,
+    radius_m: float,
+    thickness_m: float,
+    poisson_ratio: float,
+    needle_radius_m: float,
+    *,
+    polar_rad: float,
     size: MeridianSize | None = None,
-) -> BaseShift:  # fmt: skip
+) -> BaseShift:
     """Return the shift for a needle at a polar angle, up to 55 deg: one linear solution in 3-D and one of revolution.
 
     See `axisymmetric_path` for the arguments.
     """
     if not 0.0 <= polar_rad <= LARGEST_POLAR_RAD:
-        raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg")
+        raise InputError(
+            f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg"
+        )
     contact = Contact(polar_rad=polar_rad)
     solid = LinearWall(graded_mesh(radius_m, thickness_m, contact), poisson_ratio)
     even = AxisymmetricWall(
-        meridian_mesh(radius_m, thickness_m, needle_radius_m, 0.5 * np.pi, size or MeridianSize()), poisson_ratio
+        meridian_mesh(
+            radius_m, thickness_m, needle_radius_m, 0.5 * np.pi, size or MeridianSize()
+        ),
+        poisson_ratio,
     )
     none = np.zeros_like(even.needle)
     solve = even.factor(none, 0.0)
@@ -270,33 +362,45 @@ def base_shift(
     ]
     nodes_bn = np.stack([even.mesh.outer_n, even.mesh.inner_n])
     angles = np.arctan2(*even.mesh.points_nc[nodes_bn[0]].T)
-    ahead = np.count_nonzero(angles < 0.5 * np.pi - polar_rad - MARGIN_RAD)  # of the base where it is nearest
+    ahead = np.count_nonzero(
+        angles < 0.5 * np.pi - polar_rad - MARGIN_RAD
+    )  # of the base where it is nearest
     last_n = np.minimum(np.arange(len(angles)), ahead - 1)
     shifts = []
     for displacement_nc, displacement in loads:
         shift_mbnc = _harmonics(solid.mesh, contact, angles[:ahead], displacement_nc)
         even_bnc = even.full(displacement).reshape(-1, 2)[nodes_bn[:, :ahead]]
-        shift_mbnc[0, ..., 0] -= even_bnc[..., 0]  # a wall of revolution has no other harmonics
+        shift_mbnc[0, ..., 0] -= even_bnc[
+            ..., 0
+        ]  # a wall of revolution has no other harmonics
         shift_mbnc[0, ..., 2] += even_bnc[..., 1]
         shifts.append(shift_mbnc[:, :, last_n])
     return BaseShift(*shifts)
 
 
-def _harmonics(mesh: HexMesh, contact: Contact, angles_n: Floats, displacement_nc: Floats) -> Floats:
+def _harmonics(
+    mesh: HexMesh, contact: Contact, angles_n: Floats, displacement_nc: Floats
+) -> Floats:
     """Displacement of a 3-D wall at angles from the needle axis as harmonics, (harmonic, boundary, node, 3)."""
     azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
     angle, azimuth = np.meshgrid(angles_n, azimuths, indexing="ij")
     across = np.sin(angle)
-    local = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)], axis=-1)
+    local = np.stack(
+        [across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)], axis=-1
+    )
     axes = np.stack([contact.meridian, contact.parallel, contact.normal])
     quads, weights_dn = locate(mesh, local.reshape(-1, 3) @ axes)
     nodes_bdn = np.stack([mesh.outer_qn[quads], mesh.inner_qn[quads]])
     found = np.einsum("dn,bdnc->bdc", weights_dn, displacement_nc[nodes_bdn])
-    meridional, parallel, outward = np.moveaxis(found.reshape(2, *angle.shape, 3) @ axes.T, -1, 0)
+    meridional, parallel, outward = np.moveaxis(
+        found.reshape(2, *angle.shape, 3) @ axes.T, -1, 0
+    )
     away = meridional * np.cos(azimuths) + parallel * np.sin(azimuths)
     around = parallel * np.cos(azimuths) - meridional * np.sin(azimuths)
     order = np.arange(HARMONICS)[:, None]
     cosine = np.where(order == 0, 1.0, 2.0) / AZIMUTHS * np.cos(order * azimuths)
     sine = 2.0 / AZIMUTHS * np.sin(order * azimuths)
     parts = ((away, cosine), (around, sine), (-outward, cosine))
-    return np.stack([np.einsum("bna,ma->mbn", field, wave) for field, wave in parts], axis=-1)
+    return np.stack(
+        [np.einsum("bna,ma->mbn", field, wave) for field, wave in parts], axis=-1
+    )

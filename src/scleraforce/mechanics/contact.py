@@ -65,7 +65,10 @@ class ScanPlane:
     @property
     def lateral(self) -> Floats:
         """Unit vector along the columns of the image, shape (3,)."""
-        return cos(self.direction_rad) * self.contact.meridian + sin(self.direction_rad) * self.contact.parallel
+        return (
+            cos(self.direction_rad) * self.contact.meridian
+            + sin(self.direction_rad) * self.contact.parallel
+        )
 
     @property
     def offset(self) -> Floats:
@@ -75,12 +78,16 @@ class ScanPlane:
     @property
     def depth(self) -> Floats:
         """Unit vector along the rows of the image, into the eye, shape (3,)."""
-        return -cos(self.tilt_rad) * self.contact.normal + sin(self.tilt_rad) * self.offset
+        return (
+            -cos(self.tilt_rad) * self.contact.normal + sin(self.tilt_rad) * self.offset
+        )
 
     @property
     def normal(self) -> Floats:
         """Unit normal of the plane, shape (3,): `offset` where it is not tilted."""
-        return cos(self.tilt_rad) * self.offset + sin(self.tilt_rad) * self.contact.normal
+        return (
+            cos(self.tilt_rad) * self.offset + sin(self.tilt_rad) * self.contact.normal
+        )
 
     def origin(self, radius_m: float) -> Floats:
         """Return the frame's origin: the undeformed contact, moved by the gap, shape (3,)."""

@@ -13,14 +13,22 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, SolverError
-from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, SealedDent, solve_balance
+from scleraforce.mechanics.equilibrium import (
+    Balance,
+    Dent,
+    Equilibrium,
+    SealedDent,
+    solve_balance,
+)
 from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
 from scleraforce.units import from_si
 
 Progress = Callable[[float], object]
 
 SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps are tried
-EARLY_END = 1.0 / 64.0  # ... where a path may end early: most attempts near its end fail
+EARLY_END = (
+    1.0 / 64.0
+)  # ... where a path may end early: most attempts near its end fail
 FIRST_STEP_M = 1e-4  # of the tip
 STATES = 8  # at most, that a step starts from: their polynomial takes one factor a step, a parabola two
 
@@ -65,11 +73,19 @@ def pressurise(problem: Equilibrium, pressure: float) -> Floats:
 
 
 def trace(
-    problem: Equilibrium, start: Floats, pressure: float, *, tips_m: Floats | None = None,
-    max_tip_m: float | None = None, max_force: float = np.inf, max_travel_m: float = np.inf,
-    largest_step_m: float = 5e-4, globe: Globe = OPEN_GLOBE, as_far_as_found: bool = False,
+    problem: Equilibrium,
+    start: Floats,
+    pressure: float,
+    *,
+    tips_m: Floats | None = None,
+    max_tip_m: float | None = None,
+    max_force: float = np.inf,
+    max_travel_m: float = np.inf,
+    largest_step_m: float = 5e-4,
+    globe: Globe = OPEN_GLOBE,
+    as_far_as_found: bool = False,
     progress: Progress | None = None,
-) -> PathStates:  # fmt: skip
+) -> PathStates:
     """Follow the path from the state without the needle, by the tip's inward displacement.
 
     `start` is the equilibrium without the needle at `pressure`, p/E, as from `pressurise`. `tips_m`: tips at which
@@ -80,10 +96,18 @@ def trace(
     each step with the finished share of `max_force` or `max_travel_m`.
     """
     end_m = _end(tips_m, max_tip_m, min(max_force, max_travel_m))
-    control = SealedDent(problem, start, pressure, globe) if globe.is_sealed else Dent(problem, start, pressure)
-    walk = _Walk(control, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP)
+    control = (
+        SealedDent(problem, start, pressure, globe)
+        if globe.is_sealed
+        else Dent(problem, start, pressure)
+    )
+    walk = _Walk(
+        control, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP
+    )
     kept = [walk.history[0]]
-    for goal_m in [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]:
+    for goal_m in (
+        [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]
+    ):
         while (
             walk.tip_m < goal_m
             and control.force(kept[-1][1]) < max_force
@@ -97,36 +121,68 @@ def trace(
                 raise
             if progress is not None:
                 travel_m = control.travel_m(walk.history[-1][1])
-                progress(min(max(control.largest_force / max_force, travel_m / max_travel_m), 1.0))
+                progress(
+                    min(
+                        max(control.largest_force / max_force, travel_m / max_travel_m),
+                        1.0,
+                    )
+                )
             if tips_m is None or walk.tip_m >= goal_m:
                 kept.append(walk.history[-1])
     return _states(kept, len(start), control)
 
 
 def _end(tips_m: Floats | None, max_tip_m: float | None, other: float) -> float:
-    if tips_m is not None and (len(tips_m) == 0 or tips_m[0] <= 0.0 or np.any(np.diff(tips_m) <= 0.0)):
+    if tips_m is not None and (
+        len(tips_m) == 0 or tips_m[0] <= 0.0 or np.any(np.diff(tips_m) <= 0.0)
+    ):
         raise InputError("load path: tips must be positive and ascending")
-    ends = [end for end in (max_tip_m, None if tips_m is None else float(tips_m[-1])) if end is not None]
+    ends = [
+        end
+        for end in (max_tip_m, None if tips_m is None else float(tips_m[-1]))
+        if end is not None
+    ]
     if not ends and not np.isfinite(other):
-        raise InputError("load path: no end is given; give a largest tip displacement or force")
+        raise InputError(
+            "load path: no end is given; give a largest tip displacement or force"
+        )
     return min(ends, default=np.inf)
 
 
-def _states(kept: list[tuple[float, Floats]], unknowns: int, control: Dent) -> PathStates:
-    tips, unknowns_sx = np.array([tip for tip, _ in kept]), np.stack([x for _, x in kept])
+def _states(
+    kept: list[tuple[float, Floats]], unknowns: int, control: Dent
+) -> PathStates:
+    tips, unknowns_sx = (
+        np.array([tip for tip, _ in kept]),
+        np.stack([x for _, x in kept]),
+    )
     forces, displacement_su = unknowns_sx[:, control.count], unknowns_sx[:, :unknowns]
     if isinstance(control, SealedDent):
-        return PathStates(tips, forces, unknowns_sx[:, -1], displacement_su, unknowns_sx[:, unknowns : 2 * unknowns])
+        return PathStates(
+            tips,
+            forces,
+            unknowns_sx[:, -1],
+            displacement_su,
+            unknowns_sx[:, unknowns : 2 * unknowns],
+        )
     undented_su = np.broadcast_to(control.start, displacement_su.shape)
-    return PathStates(tips, forces, np.full(len(tips), control.pressure), displacement_su, undented_su)
+    return PathStates(
+        tips, forces, np.full(len(tips), control.pressure), displacement_su, undented_su
+    )
 
 
 class _Walk:
     """Steps along the path; each starts from a polynomial through the last states (tip in m, unknowns)."""
 
-    def __init__(self, control: Dent, largest_m: float, end_m: float, smallest: float) -> None:
+    def __init__(
+        self, control: Dent, largest_m: float, end_m: float, smallest: float
+    ) -> None:
         """`smallest`: of the path, or of its largest step, the shortest step that is tried."""
-        self.control, self.step_m, self.largest_m = control, min(FIRST_STEP_M, largest_m), largest_m
+        self.control, self.step_m, self.largest_m = (
+            control,
+            min(FIRST_STEP_M, largest_m),
+            largest_m,
+        )
         self.shortest_m = smallest * min(end_m, largest_m)
         self.history: list[tuple[float, Floats]] = [(0.0, control.unloaded)]
 
@@ -140,7 +196,11 @@ class _Walk:
         while True:
             left_m = goal_m - self.tip_m
             # Two equal steps rather than a long and a very short one.
-            tip_m = goal_m if left_m <= self.step_m else self.tip_m + min(self.step_m, 0.5 * left_m)
+            tip_m = (
+                goal_m
+                if left_m <= self.step_m
+                else self.tip_m + min(self.step_m, 0.5 * left_m)
+            )
             self.control.tip_m = tip_m
             try:
                 x, factors = solve_balance(self.control, self._extrapolated(tip_m))
@@ -150,9 +210,16 @@ class _Walk:
                     continue
                 ratio = f"F/E = {from_si(self.control.force(self.history[-1][1]), 'mm2'):.4g} mm^2"
                 reached = f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm, {ratio}; {self.control.remedy}"
-                raise SolverError(f"load path: no equilibrium found beyond {reached}") from fault
-            self.step_m = min(self.largest_m, self.step_m * (easy if factors == 1 else 1.0 if factors <= 3 else 0.5))
-            self.control.largest_force = max(self.control.largest_force, abs(self.control.force(x)))
+                raise SolverError(
+                    f"load path: no equilibrium found beyond {reached}"
+                ) from fault
+            self.step_m = min(
+                self.largest_m,
+                self.step_m * (easy if factors == 1 else 1.0 if factors <= 3 else 0.5),
+            )
+            self.control.largest_force = max(
+                self.control.largest_force, abs(self.control.force(x))
+            )
             self.history = [*self.history[1 - STATES :], (tip_m, x)]
             return
 
@@ -161,5 +228,11 @@ class _Walk:
         tips = [tip for tip, _ in self.history]
         guess = np.zeros_like(self.history[0][1])
         for i, (own, x) in enumerate(self.history):
-            guess += x * np.prod([(tip_m - other) / (own - other) for j, other in enumerate(tips) if j != i])
+            guess += x * np.prod(
+                [
+                    (tip_m - other) / (own - other)
+                    for j, other in enumerate(tips)
+                    if j != i
+                ]
+            )
         return guess

@@ -23,7 +23,9 @@ Solve = Callable[[Floats], Floats]
 BALANCE_TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the pressure
 SETTLED = 1e-10  # of the displacement by the needle: smaller corrections count as zero
 MOST_FACTORS = 10  # for one equilibrium
-FAST = 0.3  # a factor is reused while each step leaves less than this share of the error
+FAST = (
+    0.3  # a factor is reused while each step leaves less than this share of the error
+)
 SMALLEST_DAMPING = 1.0 / 32.0
 
 
@@ -66,7 +68,9 @@ class Balance:
         self.problem, self.pressure = problem, pressure
         self.count = len(problem.needle)
         self.unloaded = np.zeros(self.count)
-        self.applied = float(np.linalg.norm(problem.residual(np.zeros_like(problem.needle), pressure)))
+        self.applied = float(
+            np.linalg.norm(problem.residual(np.zeros_like(problem.needle), pressure))
+        )
 
     def defect(self, x: Floats) -> Floats:
         """Return the forces out of balance."""
@@ -107,7 +111,9 @@ class Dent(Balance):
         force = max(abs(float(x[self.count])), self.largest_force)
         applied = self.applied + force * self._needle_norm
         balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
-        return bool(balanced and abs(defect[self.count]) <= BALANCE_TOLERANCE * self.tip_m)
+        return bool(
+            balanced and abs(defect[self.count]) <= BALANCE_TOLERANCE * self.tip_m
+        )
 
     def force(self, x: Floats) -> float:
         """Return the needle's force."""
@@ -120,7 +126,12 @@ class Dent(Balance):
     def factor(self, x: Floats) -> Solve:
         """Factor the derivative of the defect."""
         tangent = self.problem.factor(x[: self.count], self.pressure)
-        return bordered(tangent, self.problem.needle[:, None], self.problem.tip[None], np.zeros((1, 1)))
+        return bordered(
+            tangent,
+            self.problem.needle[:, None],
+            self.problem.tip[None],
+            np.zeros((1, 1)),
+        )
 
 
 class SealedDent(Dent):
@@ -140,9 +151,13 @@ class SealedDent(Dent):
     73 mN).
     """
 
-    remedy = "the pressure runs away there; ask for a smaller dent or a less rigid globe"
+    remedy = (
+        "the pressure runs away there; ask for a smaller dent or a less rigid globe"
+    )
 
-    def __init__(self, problem: Equilibrium, start: Floats, pressure: float, globe: Globe) -> None:
+    def __init__(
+        self, problem: Equilibrium, start: Floats, pressure: float, globe: Globe
+    ) -> None:
         super().__init__(problem, start, pressure)
         self.globe, self.count = globe, 2 * len(start)
         self.unloaded = np.concatenate([start, start, [0.0, pressure]])
@@ -160,7 +175,9 @@ class SealedDent(Dent):
     def met(self, defect: Floats, x: Floats) -> bool:
         """Return whether a defect is negligible."""
         _, _, force, pressure = self._parts(x)
-        applied = self.applied * max(1.0, pressure / self.pressure if self.pressure > 0.0 else 1.0)
+        applied = self.applied * max(
+            1.0, pressure / self.pressure if self.pressure > 0.0 else 1.0
+        )
         applied += max(abs(force), self.largest_force) * self._needle_norm
         balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
         return bool(
@@ -174,11 +191,29 @@ class SealedDent(Dent):
         dented, undented, _, pressure = self._parts(x)
         problem, half = self.problem, self.count // 2
         solves = problem.factor(dented, pressure), problem.factor(undented, pressure)
-        (inside, gradient), (undented_inside, undented_gradient) = problem.volume(dented), problem.volume(undented)
-        stiffness = float(self.globe.stiffness(self.globe.pressure(self.pressure, undented_inside - inside)))
+        (inside, gradient), (undented_inside, undented_gradient) = (
+            problem.volume(dented),
+            problem.volume(undented),
+        )
+        stiffness = float(
+            self.globe.stiffness(
+                self.globe.pressure(self.pressure, undented_inside - inside)
+            )
+        )
         nothing = np.zeros(half)
-        columns = np.stack([np.append(problem.needle, nothing), np.append(gradient, undented_gradient)], axis=1)
-        rows = np.stack([np.append(problem.tip, -problem.tip), stiffness * np.append(gradient, -undented_gradient)])
+        columns = np.stack(
+            [
+                np.append(problem.needle, nothing),
+                np.append(gradient, undented_gradient),
+            ],
+            axis=1,
+        )
+        rows = np.stack(
+            [
+                np.append(problem.tip, -problem.tip),
+                stiffness * np.append(gradient, -undented_gradient),
+            ]
+        )
 
         def solve(both: Floats) -> Floats:
             return np.concatenate([solves[0](both[:half]), solves[1](both[half:])])
@@ -190,7 +225,9 @@ class SealedDent(Dent):
         return x[:half], x[half : self.count], float(x[-2]), float(x[-1])
 
 
-def bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Floats) -> Solve:
+def bordered(
+    tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Floats
+) -> Solve:
     """Solve K du - C dy = r, R du + D dy = c for (du, dy): one solve for C, one for each r, and a small matrix."""
     answers_uk = tangent(columns_uk)
     small_kk = rows_ku @ answers_uk + corner_kk
@@ -214,10 +251,14 @@ def solve_balance(control: Balance, x: Floats) -> tuple[Floats, int]:
         if factors == MOST_FACTORS or not np.all(np.isfinite(defect)):
             break
         x, defect, found = _newton_step(control, x, defect)
-    raise SolverError("equilibrium: Newton's method did not converge; use a shorter step")
+    raise SolverError(
+        "equilibrium: Newton's method did not converge; use a shorter step"
+    )
 
 
-def _newton_step(control: Balance, x: Floats, defect: Floats) -> tuple[Floats, Floats, bool]:
+def _newton_step(
+    control: Balance, x: Floats, defect: Floats
+) -> tuple[Floats, Floats, bool]:
     """Factor at x, take a damped step, and continue with the same factor while it converges fast.
 
     Returns the new x, its defect, and whether it is an equilibrium.
@@ -243,10 +284,14 @@ def _found(control: Balance, x: Floats, defect: Floats, step: Floats) -> bool:
 
     The second test is for tiny forces, where the rounding of the stresses exceeds the tolerance.
     """
-    return control.met(defect, x) or _size(control, step) <= SETTLED * _size(control, x - control.unloaded)
+    return control.met(defect, x) or _size(control, step) <= SETTLED * _size(
+        control, x - control.unloaded
+    )
 
 
-def _damped(control: Balance, solve: Solve, x: Floats, step: Floats) -> tuple[Floats, Floats, Floats, float]:
+def _damped(
+    control: Balance, solve: Solve, x: Floats, step: Floats
+) -> tuple[Floats, Floats, Floats, float]:
     """Shorten a step until the next correction with the same factor is small enough.
 
     Returns the new x, its defect, that next correction, and its size over the size of this step.
@@ -258,7 +303,9 @@ def _damped(control: Balance, solve: Solve, x: Floats, step: Floats) -> tuple[Fl
         if np.all(np.isfinite(defect)):
             following = -solve(defect)
             left = _size(control, following) / _size(control, step)
-            if left <= 1.0 - 0.25 * damping or _found(control, trial, defect, following):
+            if left <= 1.0 - 0.25 * damping or _found(
+                control, trial, defect, following
+            ):
                 return trial, defect, following, left
         damping *= 0.5
     raise SolverError("equilibrium: no step reduces the error; use a shorter step")

@@ -22,7 +22,9 @@ from scleraforce.study.eye import CorneaStudy, FormStudy
 from scleraforce.units import from_si
 
 
-def corneal_surface(directions_nc: Floats, cornea: CorneaStudy, radius_m: float) -> tuple[Floats, Floats]:
+def corneal_surface(
+    directions_nc: Floats, cornea: CorneaStudy, radius_m: float
+) -> tuple[Floats, Floats]:
     """Return points of the outer surface in unit directions, m, and outward unit normals there, (direction, 3) each.
 
     >>> apex_nc, normal_nc = corneal_surface(np.array([[0.0, 0.0, 1.0]]), CorneaStudy(), 12e-3)
@@ -32,32 +34,50 @@ def corneal_surface(directions_nc: Floats, cornea: CorneaStudy, radius_m: float)
     ends_rad = _limbus(cornea, radius_m)
     axis_c = Contact(polar_rad=cornea.polar_rad, azimuth_rad=cornea.azimuth_rad).normal
     cosine_n = directions_nc @ axis_c
-    across_nc = cosine_n[:, None] * directions_nc - axis_c  # sin a times the unit vector of growing a
+    across_nc = (
+        cosine_n[:, None] * directions_nc - axis_c
+    )  # sin a times the unit vector of growing a
     angle_n = np.arctan2(np.linalg.norm(across_nc, axis=1), cosine_n)
     rho_n, lean_n = np.full_like(angle_n, radius_m), np.zeros_like(angle_n)
     inside = angle_n <= ends_rad[0]
     rho_n[inside], lean_n[inside] = _sphere(angle_n[inside], cornea, radius_m)
     between = (angle_n > ends_rad[0]) & (angle_n < ends_rad[1])
-    rho_n[between], lean_n[between] = _furrow(angle_n[between], ends_rad, cornea, radius_m)
-    return rho_n[:, None] * directions_nc, _unit(directions_nc - lean_n[:, None] * across_nc)
+    rho_n[between], lean_n[between] = _furrow(
+        angle_n[between], ends_rad, cornea, radius_m
+    )
+    return rho_n[:, None] * directions_nc, _unit(
+        directions_nc - lean_n[:, None] * across_nc
+    )
 
 
 def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
     """Return the angles from the corneal axis between which the limbus lies, rad; an `InputError` if none is there."""
     if not cornea.limbus_radius_m < radius_m:
-        found, globe = (f"{from_si(value, 'mm'):g} mm" for value in (cornea.limbus_radius_m, radius_m))
-        raise InputError(f"form.cornea: limbus_radius_mm: {found}; must be below the radius of the eye, {globe}")
-    limbus_rad, half_edge_rad = asin(cornea.limbus_radius_m / radius_m), 0.5 * cornea.edge_m / radius_m
+        found, globe = (
+            f"{from_si(value, 'mm'):g} mm"
+            for value in (cornea.limbus_radius_m, radius_m)
+        )
+        raise InputError(
+            f"form.cornea: limbus_radius_mm: {found}; must be below the radius of the eye, {globe}"
+        )
+    limbus_rad, half_edge_rad = (
+        asin(cornea.limbus_radius_m / radius_m),
+        0.5 * cornea.edge_m / radius_m,
+    )
     width = f"form.cornea: edge_mm: {from_si(cornea.edge_m, 'mm'):g} mm"
     if not half_edge_rad < limbus_rad:
         raise InputError(f"{width}; must be narrower than the cornea is wide")
     if not cornea.polar_rad + limbus_rad + half_edge_rad < 0.5 * pi:
-        raise InputError(f"{width} about a ring of {from_si(cornea.limbus_radius_m, 'mm'):g} mm and polar_deg: "
-                         f"{np.degrees(cornea.polar_rad):g}; the limbus must lie above the base plane")  # fmt: skip
+        raise InputError(
+            f"{width} about a ring of {from_si(cornea.limbus_radius_m, 'mm'):g} mm and polar_deg: "
+            f"{np.degrees(cornea.polar_rad):g}; the limbus must lie above the base plane"
+        )
     return limbus_rad - half_edge_rad, limbus_rad + half_edge_rad
 
 
-def _sphere(angle_n: Floats | float, cornea: CorneaStudy, radius_m: float) -> tuple[Floats, Floats]:
+def _sphere(
+    angle_n: Floats | float, cornea: CorneaStudy, radius_m: float
+) -> tuple[Floats, Floats]:
     """The cornea's sphere at angles from its axis: rho, m, and the lean of the normal, rho'/(rho sin a)."""
     r, ring = cornea.radius_m, cornea.limbus_radius_m
     h = sqrt(radius_m**2 - ring**2) - sqrt(r**2 - ring**2)
@@ -71,9 +91,14 @@ def _furrow(
     """The cubic across the limbus: rho and the lean of the normal, as `_sphere`."""
     start, width = ends_rad[0], ends_rad[1] - ends_rad[0]
     rho, lean = (float(value) for value in _sphere(start, cornea, radius_m))
-    rise, slope = rho - radius_m, lean * rho * np.sin(start) * width  # over the globe; along x, from 0 to 1
+    rise, slope = (
+        rho - radius_m,
+        lean * rho * np.sin(start) * width,
+    )  # over the globe; along x, from 0 to 1
     x = (angle_n - start) / width
-    rho_n = radius_m + rise * (1.0 - x) ** 2 * (1.0 + 2.0 * x) + slope * x * (1.0 - x) ** 2
+    rho_n = (
+        radius_m + rise * (1.0 - x) ** 2 * (1.0 + 2.0 * x) + slope * x * (1.0 - x) ** 2
+    )
     slope_n = (1.0 - x) * (slope * (1.0 - 3.0 * x) - 6.0 * rise * x) / width
     return rho_n, slope_n / (rho_n * np.sin(angle_n))
 
@@ -99,7 +124,11 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> HexMesh:
     touched_1c, normal_1c = _outer_surface(contact.normal[None], form, mesh.radius_m)
     # The smallest rotation of one normal onto the other (Rodrigues): cross_cc @ x = axis x x. They are not opposite.
     cross_cc = np.cross(np.eye(3), np.cross(normal_1c[0], contact.normal))
-    turn_cc = np.eye(3) + cross_cc + cross_cc @ cross_cc / (1.0 + normal_1c[0] @ contact.normal)
+    turn_cc = (
+        np.eye(3)
+        + cross_cc
+        + cross_cc @ cross_cc / (1.0 + normal_1c[0] @ contact.normal)
+    )
     placed_nc = (shaped_nc - touched_1c) @ turn_cc.T + mesh.radius_m * contact.normal
     return replace(mesh, points_nc=placed_nc, shaped_from_nc=sphere_nc)
 
@@ -108,7 +137,10 @@ def thickness_factor(form: FormStudy, directions_nc: Floats) -> Floats:
     """Return the wall's thickness as a multiple of the nominal one in unit directions (..., 3), shape (...)."""
     factor: Floats = np.ones(directions_nc.shape[:-1])
     for wave in form.wave:
-        cosine = directions_nc @ Contact(polar_rad=wave.polar_rad, azimuth_rad=wave.azimuth_rad).normal
+        cosine = (
+            directions_nc
+            @ Contact(polar_rad=wave.polar_rad, azimuth_rad=wave.azimuth_rad).normal
+        )
         factor += wave.amplitude_fraction * legval(cosine, np.eye(wave.degree + 1)[-1])
     return factor
 
@@ -117,22 +149,30 @@ def element_modulus(mesh: HexMesh, form: FormStudy) -> Floats:
     """Return the modulus over the eye's at the Gauss points of `volume_points`, (element, point)."""
     sphere_enc = mesh.sphere_nc[mesh.cells_en]
     places_pk = gauss_points(3, mesh.order + 1)[0]
-    return modulus_factor(form, _unit(shape_values(places_pk, sphere_enc.shape[1]) @ sphere_enc))
+    return modulus_factor(
+        form, _unit(shape_values(places_pk, sphere_enc.shape[1]) @ sphere_enc)
+    )
 
 
 def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:
     """Return the modulus as a multiple of the eye's in unit directions (..., 3), shape (...); regions multiply."""
     factor: Floats = np.ones(directions_nc.shape[:-1])
     for region in form.region:
-        axis_c = Contact(polar_rad=region.polar_rad, azimuth_rad=region.azimuth_rad).normal
+        axis_c = Contact(
+            polar_rad=region.polar_rad, azimuth_rad=region.azimuth_rad
+        ).normal
         angle = np.arccos(np.clip(directions_nc @ axis_c, -1.0, 1.0))
         x = np.clip((region.half_angle_rad - angle) / region.edge_rad + 0.5, 0.0, 1.0)
-        inside = x * x * (3.0 - 2.0 * x)  # 1 in the cap, 0 outside, and no kinks in between
+        inside = (
+            x * x * (3.0 - 2.0 * x)
+        )  # 1 in the cap, 0 outside, and no kinks in between
         factor *= 1.0 + (region.modulus_ratio - 1.0) * inside
     return factor
 
 
-def _outer_surface(directions_nc: Floats, form: FormStudy, radius_m: float) -> tuple[Floats, Floats]:
+def _outer_surface(
+    directions_nc: Floats, form: FormStudy, radius_m: float
+) -> tuple[Floats, Floats]:
     """Points of the outer surface and its outward unit normals there, (direction, 3)."""
     axes = np.array(form.semi_axes)
     if form.cornea is None:

@@ -25,7 +25,9 @@ from scleraforce.units import to_si
 
 Values = Floats | float
 
-SAME_SLOPE_PA = to_si(15.0, "mmhg")  # where a logarithmic law is as steep as the cube-root law of its k
+SAME_SLOPE_PA = to_si(
+    15.0, "mmhg"
+)  # where a logarithmic law is as steep as the cube-root law of its k
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,13 @@ class Globe:
 
     def __post_init__(self) -> None:
         if self.law not in RIGIDITY_LAWS:
-            raise InputError(f"rigidity law: {self.law!r} is not one of {', '.join(RIGIDITY_LAWS)}")
+            raise InputError(
+                f"rigidity law: {self.law!r} is not one of {', '.join(RIGIDITY_LAWS)}"
+            )
         if not np.all(np.isfinite(self.rate)):
-            raise InputError(f"rigidity: {np.asarray(self.rate)}; must be a finite number")
+            raise InputError(
+                f"rigidity: {np.asarray(self.rate)}; must be a finite number"
+            )
 
     @property
     def is_sealed(self) -> bool:
@@ -57,28 +63,47 @@ class Globe:
         >>> bool(np.isclose(1e6 * globe.over(1e6).pressure(266e-6, 1e-8), globe.pressure(266.0, 1e-8)))
         True
         """
-        return replace(self, rate=self.rate / np.cbrt(youngs_modulus_pa)) if self.law == RIGIDITY_LAWS[0] else self
+        return (
+            replace(self, rate=self.rate / np.cbrt(youngs_modulus_pa))
+            if self.law == RIGIDITY_LAWS[0]
+            else self
+        )
 
     def level(self, pressure: Values) -> Floats:
         """Return the level, which is linear in the volume: the pressure's cube root or logarithm."""
-        return np.asarray(np.log(pressure) if self.law == RIGIDITY_LAWS[1] else np.cbrt(pressure))
+        return np.asarray(
+            np.log(pressure) if self.law == RIGIDITY_LAWS[1] else np.cbrt(pressure)
+        )
 
     def level_slope(self, pressure: Values) -> Floats:
         """Return the derivative of the level by the pressure."""
-        return np.asarray(1.0 / (pressure if self.law == RIGIDITY_LAWS[1] else 3.0 * np.cbrt(pressure) ** 2))
+        return np.asarray(
+            1.0
+            / (
+                pressure
+                if self.law == RIGIDITY_LAWS[1]
+                else 3.0 * np.cbrt(pressure) ** 2
+            )
+        )
 
     def pressure(self, resting: Values, displaced_m3: Values) -> Floats:
         """Return the pressure when a dent displaces a volume, in the unit of the resting pressure; never below 0."""
         if self.law == RIGIDITY_LAWS[1]:
             return np.asarray(resting * np.exp(self.rate * displaced_m3))
-        return np.asarray(np.maximum(np.cbrt(resting) + self.rate * displaced_m3, 0.0) ** 3)
+        return np.asarray(
+            np.maximum(np.cbrt(resting) + self.rate * displaced_m3, 0.0) ** 3
+        )
 
     def stiffness(self, pressure: Values) -> Floats:
         """Return dP/dV at a pressure, in its unit over m^3."""
         return np.asarray(self.rate / self.level_slope(pressure))
 
     def leaked_m3(
-        self, resting: float, leak_steps: float, forces_n: Floats, pressed: Callable[[float, float], float]
+        self,
+        resting: float,
+        leak_steps: float,
+        forces_n: Floats,
+        pressed: Callable[[float, float], float],
     ) -> Floats:
         """Return the volume that has leaked under forces of an even clock, (sample,); a sealed globe's.
 
@@ -100,9 +125,17 @@ OPEN_GLOBE = Globe()
 
 def sealed_globe(rigidity_pa13_per_m3: Values, law: str = RIGIDITY_LAWS[0]) -> Globe:
     """Return a sealed globe of a finite rigidity k, in Pa^(1/3)/m^3; of 0, an open one."""
-    return Globe(law, rigidity_pa13_per_m3 * (3.0 / np.cbrt(SAME_SLOPE_PA) if law == RIGIDITY_LAWS[1] else 1.0))
+    return Globe(
+        law,
+        rigidity_pa13_per_m3
+        * (3.0 / np.cbrt(SAME_SLOPE_PA) if law == RIGIDITY_LAWS[1] else 1.0),
+    )
 
 
 def study_globe(globe: GlobeStudy) -> Globe:
     """Return the globe of a study."""
-    return sealed_globe(globe.rigidity_pa13_per_m3, globe.rigidity_law) if globe.kind == "sealed" else OPEN_GLOBE
+    return (
+        sealed_globe(globe.rigidity_pa13_per_m3, globe.rigidity_law)
+        if globe.kind == "sealed"
+        else OPEN_GLOBE
+    )

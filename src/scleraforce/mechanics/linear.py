@@ -9,13 +9,24 @@ from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import element_stiffness, factored, volume_points
-from scleraforce.mechanics.loads import Springs, clamped_base, gravity_load, needle_loads, pressure_load, tip_at
+from scleraforce.mechanics.loads import (
+    Springs,
+    clamped_base,
+    gravity_load,
+    needle_loads,
+    pressure_load,
+    tip_at,
+)
 from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
-SINGULAR = 1e12  # stiffest over softest motion; a clamped wall has 4e2 to 3e4, a free one 1e16
-LOADS_AT_ONCE = 32  # right-hand sides in one triangular solve: 10 MB of them at the default mesh
+SINGULAR = (
+    1e12  # stiffest over softest motion; a clamped wall has 4e2 to 3e4, a free one 1e16
+)
+LOADS_AT_ONCE = (
+    32  # right-hand sides in one triangular solve: 10 MB of them at the default mesh
+)
 
 
 class LinearWall:
@@ -26,9 +37,14 @@ class LinearWall:
     """
 
     def __init__(
-        self, mesh: HexMesh, poisson_ratio: float, held_nc: Flags | None = None, *, springs: Springs | None = None,
+        self,
+        mesh: HexMesh,
+        poisson_ratio: float,
+        held_nc: Flags | None = None,
+        *,
+        springs: Springs | None = None,
         springs_modulus_pa: float = 1.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Assemble and factor.
 
         Springs do not scale with E: the wall then represents `springs_modulus_pa` only. By default the base is clamped.
@@ -43,11 +59,15 @@ class LinearWall:
         try:
             self._solve = factored(mesh, self.held_nc, elements)
         except SolverError as fault:
-            raise SolverError(f"stiffness: {fault}; add supports against rigid motion") from fault
+            raise SolverError(
+                f"stiffness: {fault}; add supports against rigid motion"
+            ) from fault
         probe = np.random.default_rng(0).normal(size=len(self._free))
         softest = float(np.linalg.norm(self._solve(probe)) / np.linalg.norm(probe))
         if not softest * float(elements.max()) < SINGULAR:
-            raise SolverError("stiffness: the wall may move as a rigid body; add supports against that")
+            raise SolverError(
+                "stiffness: the wall may move as a rigid body; add supports against that"
+            )
 
     @cached_property
     def pressure_nc(self) -> Floats:
@@ -67,13 +87,17 @@ class LinearWall:
         answer = np.empty((len(contacts), *self.mesh.points_nc.shape))
         for start in range(0, len(contacts), LOADS_AT_ONCE):
             part = slice(start, start + LOADS_AT_ONCE)
-            answer[part] = self.solve(needle_loads(self.mesh, contacts[part], needle_radius_m))
+            answer[part] = self.solve(
+                needle_loads(self.mesh, contacts[part], needle_radius_m)
+            )
         return answer
 
     def solve(self, loads_lnc: Floats) -> Floats:
         """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same shape, in m."""
         answer = np.zeros((len(loads_lnc), 3 * len(self.mesh.points_nc)))
-        answer[:, self._free] = self._solve(loads_lnc.reshape(answer.shape)[:, self._free].T).T
+        answer[:, self._free] = self._solve(
+            loads_lnc.reshape(answer.shape)[:, self._free].T
+        ).T
         return answer.reshape(loads_lnc.shape)
 
     def solve_one(self, load_nc: Floats) -> Floats:
@@ -81,11 +105,21 @@ class LinearWall:
         return self.solve(load_nc[None])[0]
 
     def displacement(
-        self, needle_nc: Floats, force_n: float, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float
+        self,
+        needle_nc: Floats,
+        force_n: float,
+        *,
+        youngs_modulus_pa: float,
+        iop_pa: float,
+        density_kg_m3: float,
     ) -> Floats:
         """Return (p u_p + rho g u_g + F u_n) / E, the wall's displacement (node, 3) in m, by superposition."""
         weight_n_m3 = density_kg_m3 * STANDARD_GRAVITY_M_S2
-        loaded = iop_pa * self.pressure_nc + weight_n_m3 * self.gravity_nc + force_n * needle_nc
+        loaded = (
+            iop_pa * self.pressure_nc
+            + weight_n_m3 * self.gravity_nc
+            + force_n * needle_nc
+        )
         return loaded / youngs_modulus_pa
 
 

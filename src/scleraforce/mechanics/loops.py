@@ -12,7 +12,9 @@ CROSSINGS = 12
 
 
 @compiled
-def _local_coordinates(polynomials: Floats, frames_qkc: Floats, quads: Integers, directions_dc: Floats) -> Floats:
+def _local_coordinates(
+    polynomials: Floats, frames_qkc: Floats, quads: Integers, directions_dc: Floats
+) -> Floats:
     """Return local coordinates (direction, 2) in given quads, by Newton's method until the last one has converged."""
     count = len(quads)
     local = np.zeros((count, 2))
@@ -23,7 +25,9 @@ def _local_coordinates(polynomials: Floats, frames_qkc: Floats, quads: Integers,
         for axis in range(3):
             frame = frames_qkc[quad, axis]
             along[axis] = (
-                frame[0] * directions_dc[n, 0] + frame[2] * directions_dc[n, 2] + frame[1] * directions_dc[n, 1]
+                frame[0] * directions_dc[n, 0]
+                + frame[2] * directions_dc[n, 2]
+                + frame[1] * directions_dc[n, 1]
             )
         a, b = along[0] / along[2], along[1] / along[2]
         for i in range(3):
@@ -45,11 +49,25 @@ def _local_coordinates(polynomials: Floats, frames_qkc: Floats, quads: Integers,
             twice = 2.0 * y
             f, g = p0 + x * (p1 + x * p2), q0 + x * (q1 + x * q2)
             f_x, g_x = p1 + 2.0 * x * p2, q1 + 2.0 * x * q2
-            f_y = p[0, 1] + twice * p[0, 2] + x * (p[1, 1] + twice * p[1, 2] + x * (p[2, 1] + twice * p[2, 2]))
-            g_y = q[0, 1] + twice * q[0, 2] + x * (q[1, 1] + twice * q[1, 2] + x * (q[2, 1] + twice * q[2, 2]))
+            f_y = (
+                p[0, 1]
+                + twice * p[0, 2]
+                + x * (p[1, 1] + twice * p[1, 2] + x * (p[2, 1] + twice * p[2, 2]))
+            )
+            g_y = (
+                q[0, 1]
+                + twice * q[0, 2]
+                + x * (q[1, 1] + twice * q[1, 2] + x * (q[2, 1] + twice * q[2, 2]))
+            )
             determinant = f_x * g_y - f_y * g_x
-            dx, dy = (f_y * g - g_y * f) / determinant, (g_x * f - f_x * g) / determinant
-            local[n, 0], local[n, 1] = min(max(x + dx, -2.0), 2.0), min(max(y + dy, -2.0), 2.0)
+            dx, dy = (
+                (f_y * g - g_y * f) / determinant,
+                (g_x * f - f_x * g) / determinant,
+            )
+            local[n, 0], local[n, 1] = (
+                min(max(x + dx, -2.0), 2.0),
+                min(max(y + dy, -2.0), 2.0),
+            )
             largest = max(largest, abs(dx), abs(dy))
         if largest < CONVERGED:
             break
@@ -58,7 +76,11 @@ def _local_coordinates(polynomials: Floats, frames_qkc: Floats, quads: Integers,
 
 @compiled
 def cross_quads(
-    polynomials: Floats, frames_qkc: Floats, neighbours_qe: Integers, quads: Integers, directions_dc: Floats
+    polynomials: Floats,
+    frames_qkc: Floats,
+    neighbours_qe: Integers,
+    quads: Integers,
+    directions_dc: Floats,
 ) -> tuple[Floats, bool]:
     """Go from each direction's quad in `quads`, which is changed, to the one that it pierces.
 
@@ -72,8 +94,16 @@ def cross_quads(
         count = 0
         for n in range(len(quads)):
             x, y = local[n, 0], local[n, 1]
-            beyond[0], beyond[1], beyond[2], beyond[3] = -y - 1.0, x - 1.0, y - 1.0, -x - 1.0
-            side, farthest = 0, -np.inf  # of no side without a neighbour: at the base only rounding leads outside
+            beyond[0], beyond[1], beyond[2], beyond[3] = (
+                -y - 1.0,
+                x - 1.0,
+                y - 1.0,
+                -x - 1.0,
+            )
+            side, farthest = (
+                0,
+                -np.inf,
+            )  # of no side without a neighbour: at the base only rounding leads outside
             for edge in range(4):
                 if neighbours_qe[quads[n], edge] >= 0 and beyond[edge] > farthest:
                     side, farthest = edge, beyond[edge]
@@ -84,7 +114,9 @@ def cross_quads(
         if count == 0:
             return local, True
         crossed = leaving[:count]
-        found = _local_coordinates(polynomials, frames_qkc, quads[crossed], directions_dc[crossed])
+        found = _local_coordinates(
+            polynomials, frames_qkc, quads[crossed], directions_dc[crossed]
+        )
         for k in range(count):
             local[crossed[k]] = found[k]
     return local, False

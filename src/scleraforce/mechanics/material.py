@@ -34,7 +34,9 @@ from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import InputError
 
 
-def lame_constants(youngs_modulus_pa: float, poisson_ratio: float) -> tuple[float, float]:
+def lame_constants(
+    youngs_modulus_pa: float, poisson_ratio: float
+) -> tuple[float, float]:
     """Return lambda and mu in Pa.
 
     >>> lame_constants(2.5, 0.25)
@@ -84,12 +86,22 @@ def burst_tension(poisson_ratio: float, stiffening: float = 0.0) -> float:
     across = 1.0 / stretch
     for _ in range(NEWTON_STEPS):
         stress = mu * (across**2 - 1.0) + lame_lambda * np.log(stretch**2 * across)
-        across = np.maximum(across - stress / (2.0 * mu * across + lame_lambda / across), 1e-3)
+        across = np.maximum(
+            across - stress / (2.0 * mu * across + lame_lambda / across), 1e-3
+        )
     log_ratio = np.log(stretch**2 * across)
     tension = 2.0 * (mu * (stretch**2 - 1.0) + lame_lambda * log_ratio) / stretch**3
-    exponent = stiffening * strain_measure(2.0 * stretch**2 + across**2 - 3.0, log_ratio, poisson_ratio)
-    falling = np.flatnonzero(np.diff(exponent + np.log(tension)) < 0.0)  # the logarithm does not overflow
-    return float(tension[falling[0]] * np.exp(exponent[falling[0]])) if len(falling) else float("inf")
+    exponent = stiffening * strain_measure(
+        2.0 * stretch**2 + across**2 - 3.0, log_ratio, poisson_ratio
+    )
+    falling = np.flatnonzero(
+        np.diff(exponent + np.log(tension)) < 0.0
+    )  # the logarithm does not overflow
+    return (
+        float(tension[falling[0]] * np.exp(exponent[falling[0]]))
+        if len(falling)
+        else float("inf")
+    )
 
 
 @dataclass(frozen=True)
@@ -101,11 +113,20 @@ class PronySeries:
 
     def __post_init__(self) -> None:
         if len(self.shares) != len(self.times_s):
-            raise InputError(f"relaxation: {len(self.shares)} shares, {len(self.times_s)} times; give one time a share")
-        if not all(0.0 <= share < 1.0 for share in self.shares) or not sum(self.shares) < 1.0:
-            raise InputError(f"relaxation: shares {self.shares}; each must be 0 or more, their sum below 1")
+            raise InputError(
+                f"relaxation: {len(self.shares)} shares, {len(self.times_s)} times; give one time a share"
+            )
+        if (
+            not all(0.0 <= share < 1.0 for share in self.shares)
+            or not sum(self.shares) < 1.0
+        ):
+            raise InputError(
+                f"relaxation: shares {self.shares}; each must be 0 or more, their sum below 1"
+            )
         if not all(0.0 < time_s < np.inf for time_s in self.times_s):
-            raise InputError(f"relaxation: times {self.times_s} s; must be above 0 and finite")
+            raise InputError(
+                f"relaxation: times {self.times_s} s; must be above 0 and finite"
+            )
 
     @property
     def terms(self) -> list[tuple[float, float]]:
@@ -117,15 +138,24 @@ class PronySeries:
         lost = -np.expm1(-held_s[..., None] / np.array(self.times_s))
         return np.asarray(1.0 - lost @ np.array(self.shares), dtype=np.float64)
 
-    def felt_along(self, corners_s: Sequence[float], elastic_n: Sequence[float], time_s: Floats) -> Floats:
+    def felt_along(
+        self, corners_s: Sequence[float], elastic_n: Sequence[float], time_s: Floats
+    ) -> Floats:
         """Return F at any times, shape of `time_s`, of an Fe that is straight between corners and constant beyond.
 
         The tissue is at rest before the first corner, where Fe is 0. Contact is not looked at: F may be below 0.
         """
         length_s = np.diff(corners_s)
-        slopes = np.divide(np.diff(elastic_n), length_s, out=np.zeros_like(length_s), where=length_s > 0.0)
+        slopes = np.divide(
+            np.diff(elastic_n),
+            length_s,
+            out=np.zeros_like(length_s),
+            where=length_s > 0.0,
+        )
         felt_n = np.zeros_like(time_s)
-        for corner_s, change in zip(corners_s, np.diff(slopes, prepend=0.0, append=0.0), strict=True):
+        for corner_s, change in zip(
+            corners_s, np.diff(slopes, prepend=0.0, append=0.0), strict=True
+        ):
             since_s = np.maximum(time_s - corner_s, 0.0)
             lost_s = sum(
                 share * (since_s + tau_s * np.expm1(-since_s / tau_s))
@@ -139,18 +169,31 @@ ELASTIC = PronySeries((), ())
 
 
 def driven_back(
-    felt_n: Floats, time_s: Floats, contact: Flags, shares: Floats, times_s: Sequence[float]
+    felt_n: Floats,
+    time_s: Floats,
+    contact: Flags,
+    shares: Floats,
+    times_s: Sequence[float],
 ) -> tuple[Floats, Floats]:
     """Return Fe (candidate, sample) and every m_i (candidate, sample, term) from F (sample,), at rest before it.
 
     `shares` (candidate, term). Fe is 0 where `contact` is False: nothing pulls there.
     """
     memory, elastic_n = np.zeros(shares.shape), np.zeros(len(shares))
-    found_n, memories_n = np.zeros((len(shares), len(felt_n))), np.zeros((len(shares), len(felt_n), len(times_s)))
-    for index, (old, kept, new) in enumerate(line_weights(np.diff(time_s, prepend=time_s[:1]), times_s)):
+    found_n, memories_n = (
+        np.zeros((len(shares), len(felt_n))),
+        np.zeros((len(shares), len(felt_n), len(times_s))),
+    )
+    for index, (old, kept, new) in enumerate(
+        line_weights(np.diff(time_s, prepend=time_s[:1]), times_s)
+    ):
         come = kept * memory + old * elastic_n[:, None]
         lag_n = (shares * come).sum(axis=1)
-        elastic_n = (felt_n[index] + lag_n) / (1.0 - shares @ new) if contact[index] else np.zeros(len(shares))
+        elastic_n = (
+            (felt_n[index] + lag_n) / (1.0 - shares @ new)
+            if contact[index]
+            else np.zeros(len(shares))
+        )
         memory = come + new * elastic_n[:, None]
         found_n[:, index], memories_n[:, index] = elastic_n, memory
     return found_n, memories_n
@@ -165,5 +208,7 @@ def line_weights(step_s: Floats, times_s: Sequence[float]) -> Floats:
     kept = np.exp(-x)
     short = x < 1e-3  # where 1 - q loses digits; the series' next term is x^4 / 120
     safe = np.where(short, 1.0, x)
-    new = np.where(short, x * (1 / 2 - x * (1 / 6 - x / 24)), 1.0 + np.expm1(-safe) / safe)
+    new = np.where(
+        short, x * (1 / 2 - x * (1 / 6 - x / 24)), 1.0 + np.expm1(-safe) / safe
+    )
     return np.stack([1.0 - kept - new, kept, new], axis=1)

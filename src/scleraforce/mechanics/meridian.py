@@ -49,7 +49,11 @@ class MeridianMesh:
 
 
 def meridian_mesh(
-    radius_m: float, thickness_m: float, needle_radius_m: float, support_rad: float, size: MeridianSize
+    radius_m: float,
+    thickness_m: float,
+    needle_radius_m: float,
+    support_rad: float,
+    size: MeridianSize,
 ) -> MeridianMesh:
     """Return a mesh from the needle axis to the support, with one element under the needle.
 
@@ -60,10 +64,17 @@ def meridian_mesh(
     number, from a fifth of their mean to twice.
     """
     if not 0.0 < thickness_m < radius_m:
-        raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below the radius")
+        raise InputError(
+            f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below the radius"
+        )
     if not 0.0 < needle_radius_m < radius_m * np.sin(min(support_rad, 0.5 * np.pi)):
-        raise InputError(f"needle radius: {from_si(needle_radius_m, 'mm'):g} mm; must be above 0 and below the radius")
-    needle_rad, share = float(np.arcsin(needle_radius_m / radius_m)), np.linspace(0.0, 1.0, size.elements)
+        raise InputError(
+            f"needle radius: {from_si(needle_radius_m, 'mm'):g} mm; must be above 0 and below the radius"
+        )
+    needle_rad, share = (
+        float(np.arcsin(needle_radius_m / radius_m)),
+        np.linspace(0.0, 1.0, size.elements),
+    )
     grown = FIRST_TO_MEAN * share + (1.0 - FIRST_TO_MEAN) * share**2
     edges = np.append(0.0, needle_rad + (support_rad - needle_rad) * grown)
     middles = 0.5 * (edges[:-1] + edges[1:])
@@ -100,7 +111,10 @@ def line_shapes(places_p: Floats) -> tuple[Floats, Floats]:
 
 def quad_shapes(places_pk: Floats) -> tuple[Floats, Floats]:
     """Return the shape functions of a 9-node quad (point, 9) and their slopes (point, 9, [along, across])."""
-    (along, along_slope), (across, across_slope) = line_shapes(places_pk[:, 0]), line_shapes(places_pk[:, 1])
+    (along, along_slope), (across, across_slope) = (
+        line_shapes(places_pk[:, 0]),
+        line_shapes(places_pk[:, 1]),
+    )
     parts = (across, along), (across, along_slope), (across_slope, along)
     values, *slopes = (np.einsum("pj,pi->pji", *both).reshape(-1, 9) for both in parts)
     return values, np.stack(slopes, axis=-1)
@@ -122,7 +136,9 @@ class ElementTables(NamedTuple):
     lame_ratio: float
 
 
-def solid_of_revolution(mesh: MeridianMesh, poisson_ratio: float, stiffening: float = 0.0) -> ElementTables:
+def solid_of_revolution(
+    mesh: MeridianMesh, poisson_ratio: float, stiffening: float = 0.0
+) -> ElementTables:
     """Return a wall's shapes and material at its Gauss points; b = 0 is the neo-Hookean solid."""
     places_pk, weights_p = gauss_points(2, POINTS)
     values_pn, slopes_pnk = quad_shapes(places_pk)
@@ -131,12 +147,27 @@ def solid_of_revolution(mesh: MeridianMesh, poisson_ratio: float, stiffening: fl
     gradients_epnc = slopes_pnk @ np.linalg.inv(jacobian_epck)
     distance_ep = np.einsum("pn,en->ep", values_pn, corners_enc[..., 0])
     around_epn = values_pn / distance_ep[..., None]
-    shapes_epgn = np.concatenate([gradients_epnc.transpose(0, 1, 3, 2), around_epn[:, :, None]], axis=2)
-    volumes_ep = 2.0 * np.pi * distance_ep * (np.abs(np.linalg.det(jacobian_epck)) * weights_p)
-    lambda_ep, mu_ep = (constant * volumes_ep for constant in lame_constants(1.0, poisson_ratio))
-    unknowns_en = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(len(mesh.cells_en), -1)
+    shapes_epgn = np.concatenate(
+        [gradients_epnc.transpose(0, 1, 3, 2), around_epn[:, :, None]], axis=2
+    )
+    volumes_ep = (
+        2.0 * np.pi * distance_ep * (np.abs(np.linalg.det(jacobian_epck)) * weights_p)
+    )
+    lambda_ep, mu_ep = (
+        constant * volumes_ep for constant in lame_constants(1.0, poisson_ratio)
+    )
+    unknowns_en = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(
+        len(mesh.cells_en), -1
+    )
     ratio = float(lambda_ep[0, 0] / mu_ep[0, 0])
-    return ElementTables(np.ascontiguousarray(shapes_epgn), unknowns_en, lambda_ep, mu_ep, float(stiffening), ratio)
+    return ElementTables(
+        np.ascontiguousarray(shapes_epgn),
+        unknowns_en,
+        lambda_ep,
+        mu_ep,
+        float(stiffening),
+        ratio,
+    )
 
 
 @compiled
@@ -156,11 +187,24 @@ def nodal_forces(tables: ElementTables, u: Floats) -> Floats:
             shapes = tables.shapes_epgn[element, point]
             log_ratio = _deformation(shapes, unknowns, u, F, H)
             factor = _growth(tables, F, log_ratio)
-            _stress(tables.lambda_ep[element, point], tables.mu_ep[element, point], F, H, log_ratio, P)
+            _stress(
+                tables.lambda_ep[element, point],
+                tables.mu_ep[element, point],
+                F,
+                H,
+                log_ratio,
+                P,
+            )
             for node in range(9):
-                radial = P[0] * shapes[0, node] + P[1] * shapes[1, node] + P[4] * shapes[2, node]
+                radial = (
+                    P[0] * shapes[0, node]
+                    + P[1] * shapes[1, node]
+                    + P[4] * shapes[2, node]
+                )
                 away[node] += factor * radial
-                along[node] += factor * (P[2] * shapes[0, node] + P[3] * shapes[1, node])
+                along[node] += factor * (
+                    P[2] * shapes[0, node] + P[3] * shapes[1, node]
+                )
         for node in range(9):
             found[unknowns[2 * node]] += away[node]
             found[unknowns[2 * node + 1]] += along[node]
@@ -185,7 +229,10 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
             shapes = tables.shapes_epgn[element, point]
             log_ratio = _deformation(shapes, unknowns, u, F, H)
             factor = _growth(tables, F, log_ratio)
-            lame_lambda, lame_mu = tables.lambda_ep[element, point], tables.mu_ep[element, point]
+            lame_lambda, lame_mu = (
+                tables.lambda_ep[element, point],
+                tables.mu_ep[element, point],
+            )
             _stress(lame_lambda, lame_mu, F, H, log_ratio, P)
             _elasticity(lame_lambda, lame_mu, H, log_ratio, A)
             rise = 2.0 * tables.stiffening / lame_mu
@@ -193,23 +240,39 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
                 for j in range(5):
                     A[i, j] = factor * (A[i, j] + rise * P[i] * P[j])
                 for node in range(9):
-                    radial = A[i, 0] * shapes[0, node] + A[i, 1] * shapes[1, node] + A[i, 4] * shapes[2, node]
+                    radial = (
+                        A[i, 0] * shapes[0, node]
+                        + A[i, 1] * shapes[1, node]
+                        + A[i, 4] * shapes[2, node]
+                    )
                     by_motion[i, 2 * node] = radial
-                    by_motion[i, 2 * node + 1] = A[i, 2] * shapes[0, node] + A[i, 3] * shapes[1, node]
+                    by_motion[i, 2 * node + 1] = (
+                        A[i, 2] * shapes[0, node] + A[i, 3] * shapes[1, node]
+                    )
             for node in range(9):
                 r, z, around = shapes[0, node], shapes[1, node], shapes[2, node]
                 for other in range(2 * node + 2):
-                    radial = r * by_motion[0, other] + z * by_motion[1, other] + around * by_motion[4, other]
+                    radial = (
+                        r * by_motion[0, other]
+                        + z * by_motion[1, other]
+                        + around * by_motion[4, other]
+                    )
                     triangle[2 * node, other] += radial
-                    triangle[2 * node + 1, other] += r * by_motion[2, other] + z * by_motion[3, other]
+                    triangle[2 * node + 1, other] += (
+                        r * by_motion[2, other] + z * by_motion[3, other]
+                    )
         for row in range(18):
             for column in range(row + 1):
-                found[element, row, column] = found[element, column, row] = triangle[row, column]
+                found[element, row, column] = found[element, column, row] = triangle[
+                    row, column
+                ]
     return found
 
 
 @compiled
-def _deformation(shapes: Floats, unknowns: Integers, u: Floats, F: Floats, H: Floats) -> float:
+def _deformation(
+    shapes: Floats, unknowns: Integers, u: Floats, F: Floats, H: Floats
+) -> float:
     """Write F and its inverse's transpose H (5,) at a point; return ln J, not a number where J <= 0."""
     rr = rz = zr = zz = around = 0.0
     for node in range(9):
@@ -225,7 +288,13 @@ def _deformation(shapes: Floats, unknowns: Integers, u: Floats, F: Floats, H: Fl
     if not (plane > 0.0 and around > 0.0):
         H[:] = np.nan
         return np.nan
-    H[0], H[1], H[2], H[3], H[4] = zz / plane, -zr / plane, -rz / plane, rr / plane, 1.0 / around
+    H[0], H[1], H[2], H[3], H[4] = (
+        zz / plane,
+        -zr / plane,
+        -rz / plane,
+        rr / plane,
+        1.0 / around,
+    )
     return float(np.log(plane * around))
 
 
@@ -241,7 +310,14 @@ def _growth(tables: ElementTables, F: Floats, log_ratio: float) -> float:
 
 
 @compiled
-def _stress(lame_lambda: float, lame_mu: float, F: Floats, H: Floats, log_ratio: float, P: Floats) -> None:
+def _stress(
+    lame_lambda: float,
+    lame_mu: float,
+    F: Floats,
+    H: Floats,
+    log_ratio: float,
+    P: Floats,
+) -> None:
     """Write the stress of b = 0 times the volume, (5,)."""
     along_H = lame_lambda * log_ratio - lame_mu
     for entry in range(5):
@@ -249,7 +325,9 @@ def _stress(lame_lambda: float, lame_mu: float, F: Floats, H: Floats, log_ratio:
 
 
 @compiled
-def _elasticity(lame_lambda: float, lame_mu: float, H: Floats, log_ratio: float, A: Floats) -> None:
+def _elasticity(
+    lame_lambda: float, lame_mu: float, H: Floats, log_ratio: float, A: Floats
+) -> None:
     """Write the elasticity of b = 0 times the volume, (5, 5): see `element_tangents`."""
     exchanged = lame_mu - lame_lambda * log_ratio
     for i in range(5):

@@ -24,9 +24,17 @@ class QuadSurface:
     @cached_property
     def edges(self) -> tuple[Integers, Integers, Flags]:
         """Vertices of every edge, (edge, 2), edges of every quad's sides, (quad, 4), and which are the boundary's."""
-        pairs = np.stack([self.quads_qv, np.roll(self.quads_qv, -1, axis=1)], axis=-1).reshape(-1, 2)
-        edges_ev, edge_of_side = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
-        return edges_ev, edge_of_side.reshape(-1, 4), np.bincount(edge_of_side.ravel(), minlength=len(edges_ev)) == 1
+        pairs = np.stack(
+            [self.quads_qv, np.roll(self.quads_qv, -1, axis=1)], axis=-1
+        ).reshape(-1, 2)
+        edges_ev, edge_of_side = np.unique(
+            np.sort(pairs, axis=1), axis=0, return_inverse=True
+        )
+        return (
+            edges_ev,
+            edge_of_side.reshape(-1, 4),
+            np.bincount(edge_of_side.ravel(), minlength=len(edges_ev)) == 1,
+        )
 
 
 def half_cube(divisions: int) -> QuadSurface:
@@ -49,7 +57,9 @@ def half_cube(divisions: int) -> QuadSurface:
 
 def _grid_quads(columns: Integers, rows: Integers, height: int) -> Integers:
     """Corners of the unit squares at (column, row, height), shape (quad, 4, 3)."""
-    start = np.stack(np.meshgrid(columns, rows, height, indexing="ij"), axis=-1).reshape(-1, 1, 3)
+    start = np.stack(
+        np.meshgrid(columns, rows, height, indexing="ij"), axis=-1
+    ).reshape(-1, 1, 3)
     return start + np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 
 
@@ -60,7 +70,11 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
     boundary vertices (DeRose, Kass and Truong, SIGGRAPH 1998), so a plane boundary stays in its plane. Vertices of the
     old surface keep their numbers; edge points follow, then face points.
     """
-    points, quads, (edges, quad_edges_qe, boundary) = surface.points_vc, surface.quads_qv, surface.edges
+    points, quads, (edges, quad_edges_qe, boundary) = (
+        surface.points_vc,
+        surface.quads_qv,
+        surface.edges,
+    )
     vertices = len(points)
     face_points = points[quads].mean(axis=1)
     middles = points[edges].mean(axis=1)
@@ -68,20 +82,33 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
     edge_points = np.where(boundary[:, None], middles, 0.5 * middles + 0.25 * beside)
     moved = _vertex_points(surface, middles, face_points)
     rim_ev = edges[boundary]
-    neighbours, rim = sum_at(rim_ev, points[rim_ev[:, ::-1]], vertices), np.unique(rim_ev)
+    neighbours, rim = (
+        sum_at(rim_ev, points[rim_ev[:, ::-1]], vertices),
+        np.unique(rim_ev),
+    )
     moved[rim] = 0.75 * points[rim] + 0.125 * neighbours[rim]
     edge_of = vertices + quad_edges_qe
     middle_of = vertices + len(edges) + np.arange(len(quads))
-    children = [np.stack([quads[:, k], edge_of[:, k], middle_of, edge_of[:, k - 1]], axis=1) for k in range(4)]
-    return QuadSurface(np.concatenate([moved, edge_points, face_points]), np.stack(children, axis=1).reshape(-1, 4))
+    children = [
+        np.stack([quads[:, k], edge_of[:, k], middle_of, edge_of[:, k - 1]], axis=1)
+        for k in range(4)
+    ]
+    return QuadSurface(
+        np.concatenate([moved, edge_points, face_points]),
+        np.stack(children, axis=1).reshape(-1, 4),
+    )
 
 
-def _vertex_points(surface: QuadSurface, middles: Floats, face_points: Floats) -> Floats:
+def _vertex_points(
+    surface: QuadSurface, middles: Floats, face_points: Floats
+) -> Floats:
     """(F + 2 M + (n - 3) P) / n with the means F of face points and M of edge middles around a vertex of valence n."""
     points, count = surface.points_vc, len(surface.points_vc)
     faces = np.bincount(surface.quads_qv.ravel(), minlength=count)[:, None]
     valence = np.bincount(surface.edges[0].ravel(), minlength=count)[:, None]
-    face_mean = sum_at(surface.quads_qv, np.repeat(face_points, 4, axis=0), count) / faces
+    face_mean = (
+        sum_at(surface.quads_qv, np.repeat(face_points, 4, axis=0), count) / faces
+    )
     edge_mean = sum_at(surface.edges[0], np.repeat(middles, 2, axis=0), count) / valence
     return (face_mean + 2.0 * edge_mean + (valence - 3.0) * points) / valence
 
@@ -89,13 +116,17 @@ def _vertex_points(surface: QuadSurface, middles: Floats, face_points: Floats) -
 def sum_at(index: Integers, values: Floats, count: int) -> Floats:
     """Sum the vectors `values` (*shape of `index`, 3) that share an index, shape (count, 3)."""
     flat, vectors = index.ravel(), values.reshape(-1, 3)
-    return np.stack([np.bincount(flat, vectors[:, c], minlength=count) for c in range(3)], axis=1)
+    return np.stack(
+        [np.bincount(flat, vectors[:, c], minlength=count) for c in range(3)], axis=1
+    )
 
 
 def project_on_sphere(surface: QuadSurface) -> QuadSurface:
     """Return the surface with its vertices moved radially on the unit sphere."""
     points = surface.points_vc
-    return QuadSurface(points / np.linalg.norm(points, axis=1, keepdims=True), surface.quads_qv)
+    return QuadSurface(
+        points / np.linalg.norm(points, axis=1, keepdims=True), surface.quads_qv
+    )
 
 
 BATCH = 16384  # directions at a time: the working arrays stay in the processor's cache
@@ -125,7 +156,9 @@ class SurfaceLocator:
         exponents_md, coefficients_mn = shape_monomials(2, quad_qn.shape[1])
         # Each quad's surface in its frame, shape (power of x, power of y, axis, quad).
         self._polynomials = np.zeros((3, 3, 3, len(quad_qn)))
-        surfaces = np.einsum("mn,qnc,qkc->mkq", coefficients_mn, points_nc[quad_qn], self._frames_qkc)
+        surfaces = np.einsum(
+            "mn,qnc,qkc->mkq", coefficients_mn, points_nc[quad_qn], self._frames_qkc
+        )
         self._polynomials[*exponents_md.T] = surfaces
         self._neighbours_qe = _neighbours(quad_qn)
         self._whole = bool(np.all(self._neighbours_qe >= 0))
@@ -135,19 +168,27 @@ class SurfaceLocator:
 
     def locate(self, directions_dc: Floats) -> tuple[Integers, Floats]:
         """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction, 2) of every direction."""
-        from scleraforce.mechanics.loops import cross_quads  # not before something is solved: Numba takes 0.2 s
+        from scleraforce.mechanics.loops import (
+            cross_quads,
+        )  # not before something is solved: Numba takes 0.2 s
 
         lengths = np.linalg.norm(directions_dc, axis=1)
-        above = np.full(len(lengths), self._whole) | (directions_dc[:, 2] >= -BELOW_BASE * lengths)
+        above = np.full(len(lengths), self._whole) | (
+            directions_dc[:, 2] >= -BELOW_BASE * lengths
+        )
         if not np.all(above & (lengths > 0.0) & np.isfinite(lengths)):
-            raise InputError("direction: it does not pierce the half-sphere; must have z >= 0 and a positive length")
+            raise InputError(
+                "direction: it does not pierce the half-sphere; must have z >= 0 and a positive length"
+            )
         quads = np.empty(len(directions_dc), dtype=np.int64)
         local = np.empty((len(directions_dc), 2))
         for start in range(0, len(directions_dc), BATCH):
             part = slice(start, start + BATCH)
             unit_dc = directions_dc[part] / lengths[part, None]
             seeds = self._seeds[self._cell(unit_dc)]
-            found, crossed = cross_quads(self._polynomials, self._frames_qkc, self._neighbours_qe, seeds, unit_dc)
+            found, crossed = cross_quads(
+                self._polynomials, self._frames_qkc, self._neighbours_qe, seeds, unit_dc
+            )
             if not crossed:
                 raise SolverError("locate: a direction was not found on the surface")
             quads[part], local[part] = seeds, np.clip(found, -1.0, 1.0)
@@ -158,8 +199,13 @@ class SurfaceLocator:
         middles = (np.arange(self._table_cells) + 0.5) * 2.0 / self._table_cells - 1.0
         p, q = np.meshgrid(middles, middles, indexing="ij")
         square = p**2 + q**2
-        cells = np.stack([2.0 * p, 2.0 * q, 1.0 - square], axis=-1) / (1.0 + square)[..., None]
-        sides = np.concatenate([cells, cells * (1.0, 1.0, -1.0)] if self._whole else [cells]).reshape(-1, 3)
+        cells = (
+            np.stack([2.0 * p, 2.0 * q, 1.0 - square], axis=-1)
+            / (1.0 + square)[..., None]
+        )
+        sides = np.concatenate(
+            [cells, cells * (1.0, 1.0, -1.0)] if self._whole else [cells]
+        ).reshape(-1, 3)
         if len(middles_qc) <= FEW:
             return np.asarray(np.argmax(sides @ middles_qc.T, axis=1), dtype=np.int64)
         from scipy.spatial import cKDTree  # a tenth of a second
@@ -169,28 +215,43 @@ class SurfaceLocator:
     def _cell(self, directions_dc: Floats) -> Integers:
         """Cell of the seed table: stereographic projection from the far pole maps a half-sphere to a disc."""
         disc = directions_dc[:, :2] / (1.0 + np.abs(directions_dc[:, 2:]))
-        cell = np.clip(((disc + 1.0) * (0.5 * self._table_cells)).astype(np.int64), 0, self._table_cells - 1)
+        cell = np.clip(
+            ((disc + 1.0) * (0.5 * self._table_cells)).astype(np.int64),
+            0,
+            self._table_cells - 1,
+        )
         below = self._whole & (directions_dc[:, 2] < 0.0)
-        return below * self._table_cells**2 + cell[:, 0] * self._table_cells + cell[:, 1]
+        return (
+            below * self._table_cells**2 + cell[:, 0] * self._table_cells + cell[:, 1]
+        )
 
 
 def _neighbours(quad_qn: Integers) -> Integers:
     """The quad across each of the four edges, -1 at the boundary, shape (quad, 4)."""
-    sides = np.sort(np.stack([quad_qn[:, :4], np.roll(quad_qn[:, :4], -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
+    sides = np.sort(
+        np.stack([quad_qn[:, :4], np.roll(quad_qn[:, :4], -1, axis=1)], axis=-1),
+        axis=-1,
+    ).reshape(-1, 2)
     edge_of_side = np.unique(sides, axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(edge_of_side, kind="stable")
     pair = np.flatnonzero(np.diff(edge_of_side[order]) == 0)
     neighbours = np.full(len(sides), -1)
-    neighbours[order[pair]], neighbours[order[pair + 1]] = order[pair + 1] // 4, order[pair] // 4
+    neighbours[order[pair]], neighbours[order[pair + 1]] = (
+        order[pair + 1] // 4,
+        order[pair] // 4,
+    )
     return neighbours.reshape(-1, 4)
 
 
 # Where VTK's nodes of a hexahedron lie in its radial column: (layer: 0 inner, 1 middle, 2 outer; node of the quad).
 COLUMN_NODES = (
-    *((0, k) for k in range(4)), *((2, k) for k in range(4)),
-    *((0, k) for k in range(4, 8)), *((2, k) for k in range(4, 8)), *((1, k) for k in range(4)),
+    *((0, k) for k in range(4)),
+    *((2, k) for k in range(4)),
+    *((0, k) for k in range(4, 8)),
+    *((2, k) for k in range(4, 8)),
+    *((1, k) for k in range(4)),
     *((1, 7), (1, 5), (1, 4), (1, 6), (0, 8), (2, 8), (1, 8)),
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +288,12 @@ class HexMesh:
 
 
 def build_mesh(
-    radius_m: float, thickness_m: float, divisions: int = 10, level: int = 1, layers: int = 1, order: int = 2
+    radius_m: float,
+    thickness_m: float,
+    divisions: int = 10,
+    level: int = 1,
+    layers: int = 1,
+    order: int = 2,
 ) -> HexMesh:
     """Return the wall between the spheres of radius R and R - t, z >= 0.
 
@@ -239,29 +305,47 @@ def build_mesh(
     (9600, 14643)
     """
     if level < 0 or divisions < 2 or divisions % 2:
-        raise InputError(f"mesh: level {level}, divisions {divisions}; the level must be 0 or more, divisions even and "
-                         "at least 2")  # fmt: skip
+        raise InputError(
+            f"mesh: level {level}, divisions {divisions}; the level must be 0 or more, divisions even and "
+            "at least 2"
+        )
     surface = half_cube(divisions)
     for _ in range(level):
         surface = catmull_clark(surface)
-    return extrude_surface(project_on_sphere(surface), radius_m, thickness_m, layers, order)
+    return extrude_surface(
+        project_on_sphere(surface), radius_m, thickness_m, layers, order
+    )
 
 
-def extrude_surface(surface: QuadSurface, radius_m: float, thickness_m: float, layers: int, order: int) -> HexMesh:
+def extrude_surface(
+    surface: QuadSurface, radius_m: float, thickness_m: float, layers: int, order: int
+) -> HexMesh:
     """Return the wall under a surface of the unit sphere, scaled; an open one has its edge on z = 0 exactly."""
     if not 0.0 < thickness_m < 0.5 * radius_m:
-        raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below half the radius")
+        raise InputError(
+            f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below half the radius"
+        )
     if order not in (1, 2) or layers < 1:
-        raise InputError(f"mesh: order {order}, layers {layers}; must be order 1 or 2 and at least 1 layer")
+        raise InputError(
+            f"mesh: order {order}, layers {layers}; must be order 1 or 2 and at least 1 layer"
+        )
     directions, quads = _quad_nodes(surface, order)
     sheets = order * layers + 1
     radii = radius_m - thickness_m * np.linspace(0.0, 1.0, sheets)
     points = (radii[:, None, None] * directions).reshape(-1, 3)
     column = np.array(COLUMN_NODES[: 8 if order == 1 else 27])
-    sheet = order * np.arange(layers)[:, None] + order * (2 - column[:, 0]) // 2  # (layer, node); 0 is the outermost
-    cells = (quads[:, column[:, 1]] + sheet[:, None] * len(directions)).reshape(-1, len(column))
+    sheet = (
+        order * np.arange(layers)[:, None] + order * (2 - column[:, 0]) // 2
+    )  # (layer, node); 0 is the outermost
+    cells = (quads[:, column[:, 1]] + sheet[:, None] * len(directions)).reshape(
+        -1, len(column)
+    )
     inner = quads + (sheets - 1) * len(directions)
-    base = np.flatnonzero(points[:, 2] == 0.0) if surface.edges[2].any() else np.empty(0, dtype=np.int64)
+    base = (
+        np.flatnonzero(points[:, 2] == 0.0)
+        if surface.edges[2].any()
+        else np.empty(0, dtype=np.int64)
+    )
     return HexMesh(points, cells, quads, inner, base, radius_m, thickness_m, order)
 
 

@@ -47,16 +47,25 @@ class PlaneFrames:
         """Latitude of the circle that each plane cuts out of an undeformed sphere, shape (plane,)."""
         sine = np.sum(self.axes_pac[:, 2] * self.origins_pc, axis=1) / radius_m
         if np.any(np.abs(sine) > 0.98):
-            raise InputError(f"B-scan plane: it passes {from_si(np.abs(sine).max() * radius_m, 'mm'):.2f} mm from the "
-                             f"eye's centre and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or only grazes "
-                             "it; use a smaller gap or tilt")  # fmt: skip
+            raise InputError(
+                f"B-scan plane: it passes {from_si(np.abs(sine).max() * radius_m, 'mm'):.2f} mm from the "
+                f"eye's centre and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or only grazes "
+                "it; use a smaller gap or tilt"
+            )
         return np.arcsin(sine)
 
     def directions(self, longitudes: Floats, latitudes: Floats) -> Floats:
         """Directions from the centre, (plane, ...) to (plane, ..., 3); below the base plane: to the base's rim."""
-        lateral, depth, normal = (self._spread(self.axes_pac[:, axis], longitudes.ndim) for axis in range(3))
-        along = np.sin(longitudes)[..., None] * lateral - np.cos(longitudes)[..., None] * depth
-        directions: Floats = np.cos(latitudes)[..., None] * along + np.sin(latitudes)[..., None] * normal
+        lateral, depth, normal = (
+            self._spread(self.axes_pac[:, axis], longitudes.ndim) for axis in range(3)
+        )
+        along = (
+            np.sin(longitudes)[..., None] * lateral
+            - np.cos(longitudes)[..., None] * depth
+        )
+        directions: Floats = (
+            np.cos(latitudes)[..., None] * along + np.sin(latitudes)[..., None] * normal
+        )
         directions[..., 2] = np.maximum(directions[..., 2], 0.0)
         return directions
 
@@ -77,10 +86,18 @@ def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> 
 
     `circles_xp`: latitudes of the undeformed circles (surface, plane).
     """
-    ends = np.array([_ends_at_base(frames, circle, BEYOND_BASE_M / radius_m) for circle in circles_xp])
+    ends = np.array(
+        [
+            _ends_at_base(frames, circle, BEYOND_BASE_M / radius_m)
+            for circle in circles_xp
+        ]
+    )
     low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     # Distance s = b sinh(x h / b), x = 0, 1, 2 ...: spacing h at the contact, growing as sqrt(1 + (s/b)^2).
-    first, last = np.arcsinh(low * radius_m / GRADING_M), np.arcsinh(high * radius_m / GRADING_M)
+    first, last = (
+        np.arcsinh(low * radius_m / GRADING_M),
+        np.arcsinh(high * radius_m / GRADING_M),
+    )
     count = 2 + int((last - first).max() * GRADING_M / STATION_M)
     return np.sinh(np.linspace(first, last, count, axis=1)) * GRADING_M / radius_m
 
@@ -88,13 +105,19 @@ def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> 
 def _ends_at_base(frames: PlaneFrames, latitude_p: Floats, beyond: float) -> Floats:
     """Longitudes a little `beyond` z = 0 on a circle of latitude, (2, plane); -pi and pi if it does not meet z = 0."""
     lateral_z, depth_z, normal_z = frames.axes_pac[:, :, 2].T
-    amplitude = np.cos(latitude_p) * np.hypot(lateral_z, depth_z)  # z = amplitude cos(longitude - middle) + offset
+    amplitude = np.cos(latitude_p) * np.hypot(
+        lateral_z, depth_z
+    )  # z = amplitude cos(longitude - middle) + offset
     offset = np.sin(latitude_p) * normal_z
     if np.any(offset < -0.999 * amplitude):
-        raise InputError("B-scan plane: it does not meet the wall above its base; use a smaller gap or tilt")
+        raise InputError(
+            "B-scan plane: it does not meet the wall above its base; use a smaller gap or tilt"
+        )
     closed = offset >= amplitude
     middle = np.where(closed, 0.0, np.arctan2(lateral_z, -depth_z))
-    half = np.arccos(np.clip(-offset / np.maximum(amplitude, 1e-12), -1.0, 1.0)) + beyond
+    half = (
+        np.arccos(np.clip(-offset / np.maximum(amplitude, 1e-12), -1.0, 1.0)) + beyond
+    )
     half = np.where(closed, np.pi, np.minimum(half, np.pi))
     return np.stack([middle - half, middle + half])
 
@@ -113,9 +136,15 @@ def cut_sections(
     plane its sections, one for each deformation, from base to base; a plane that misses the base gives two closed
     curves.
     """
-    axes_pac = np.array([[plane.lateral, plane.depth, plane.normal] for plane in planes])
-    frames = PlaneFrames(axes_pac, np.array([plane.origin(mesh.radius_m) for plane in planes]))
-    circles_xp = np.stack([frames.latitudes(mesh.radius_m - inward) for inward in (0.0, mesh.thickness_m)])
+    axes_pac = np.array(
+        [[plane.lateral, plane.depth, plane.normal] for plane in planes]
+    )
+    frames = PlaneFrames(
+        axes_pac, np.array([plane.origin(mesh.radius_m) for plane in planes])
+    )
+    circles_xp = np.stack(
+        [frames.latitudes(mesh.radius_m - inward) for inward in (0.0, mesh.thickness_m)]
+    )
     stations_ps = place_stations(frames, circles_xp, mesh.radius_m)
     fields = np.stack([mesh.points_nc, *modes_knc], axis=1)
     surfaces = mesh.outer_qn, mesh.inner_qn
@@ -125,14 +154,26 @@ def cut_sections(
         low, high = circles_xp.min(axis=0) - margin, circles_xp.max(axis=0) + margin
         count = 2 + int((high - low).max() * mesh.radius_m / PARALLEL_M)
         latitudes_pt = np.clip(np.linspace(low, high, count, axis=1), -1.5, 1.5)
-        directions = frames.directions(*np.broadcast_arrays(stations_ps[:, None], latitudes_pt[..., None]))
-        grid = _Grid(latitudes_pt, stations_ps, *locate(mesh, directions.reshape(-1, 3)))
-        outer, inner = (_follow(mesh, fields, surface_qn, frames, grid, weights_pfk) for surface_qn in surfaces)
+        directions = frames.directions(
+            *np.broadcast_arrays(stations_ps[:, None], latitudes_pt[..., None])
+        )
+        grid = _Grid(
+            latitudes_pt, stations_ps, *locate(mesh, directions.reshape(-1, 3))
+        )
+        outer, inner = (
+            _follow(mesh, fields, surface_qn, frames, grid, weights_pfk)
+            for surface_qn in surfaces
+        )
         if outer is not None and inner is not None:
-            return [[Section(*both) for both in zip(*pair, strict=True)] for pair in zip(outer, inner, strict=True)]
+            return [
+                [Section(*both) for both in zip(*pair, strict=True)]
+                for pair in zip(outer, inner, strict=True)
+            ]
         bracket_m *= 2.0
-    raise SolverError(f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g} mm across the "
-                      "B-scan plane")  # fmt: skip
+    raise SolverError(
+        f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g} mm across the "
+        "B-scan plane"
+    )
 
 
 class _Grid(NamedTuple):
@@ -145,7 +186,12 @@ class _Grid(NamedTuple):
 
 
 def _follow(
-    mesh: HexMesh, fields: Floats, surface_qn: Integers, frames: PlaneFrames, grid: _Grid, weights_pfk: Floats
+    mesh: HexMesh,
+    fields: Floats,
+    surface_qn: Integers,
+    frames: PlaneFrames,
+    grid: _Grid,
+    weights_pfk: Floats,
 ) -> Floats | None:
     """Return the curve where a surface meets the planes (plane, deformation, station, 2); None if it leaves the grid.
 
@@ -154,24 +200,37 @@ def _follow(
     that are missing are taken along the meridian's chord.
     """
 
-    def fields_at(quads: Integers, weights_dn: Floats, shape: tuple[int, ...]) -> Floats:
+    def fields_at(
+        quads: Integers, weights_dn: Floats, shape: tuple[int, ...]
+    ) -> Floats:
         nodal = fields.reshape(len(fields), -1)[surface_qn[quads]]
         return frames.project((weights_dn[:, None] @ nodal).reshape(*shape, -1, 3))
 
     (planes, parallels), stations = grid.latitudes_pt.shape, grid.stations_ps.shape[1]
     lines = fields_at(grid.quads, grid.weights_dn, (planes, parallels, stations))
-    below = _parallel_below(lines[..., 2], weights_pfk, grid, frames.latitudes(mesh.radius_m))
+    below = _parallel_below(
+        lines[..., 2], weights_pfk, grid, frames.latitudes(mesh.radius_m)
+    )
     if below is None:
         return None
     plane, station = np.arange(planes)[:, None, None], np.arange(stations)
-    start, end = (_deform(lines[plane, below + k, station], weights_pfk[:, :, None]) for k in (0, 1))
+    start, end = (
+        _deform(lines[plane, below + k, station], weights_pfk[:, :, None])
+        for k in (0, 1)
+    )
     chord = end - start
     step = (grid.latitudes_pt[:, 1] - grid.latitudes_pt[:, 0])[:, None, None]
-    latitude = grid.latitudes_pt[:, :1, None] + (below - start[..., 2] / chord[..., 2]) * step
-    directions = frames.directions(np.broadcast_to(grid.stations_ps[:, None], latitude.shape), latitude)
+    latitude = (
+        grid.latitudes_pt[:, :1, None] + (below - start[..., 2] / chord[..., 2]) * step
+    )
+    directions = frames.directions(
+        np.broadcast_to(grid.stations_ps[:, None], latitude.shape), latitude
+    )
     found = fields_at(*locate(mesh, directions.reshape(-1, 3)), latitude.shape)
     points = _deform(found, weights_pfk[:, :, None])
-    return points[..., :2] - chord[..., :2] * (points[..., 2] / chord[..., 2])[..., None]
+    return (
+        points[..., :2] - chord[..., :2] * (points[..., 2] / chord[..., 2])[..., None]
+    )
 
 
 def _deform(fields: Floats, weights: Floats) -> Floats:
@@ -179,14 +238,18 @@ def _deform(fields: Floats, weights: Floats) -> Floats:
     return fields[..., 0, :] + (weights[..., None, :] @ fields[..., 1:, :])[..., 0, :]
 
 
-def _parallel_below(fields_ptsm: Floats, weights_pfk: Floats, grid: _Grid, circle_p: Floats) -> Integers | None:
+def _parallel_below(
+    fields_ptsm: Floats, weights_pfk: Floats, grid: _Grid, circle_p: Floats
+) -> Integers | None:
     """Return the parallel after which the surface rises through the plane (plane, deformation, station).
 
     `fields_ptsm` are the height over the plane and its modes. Where the surface rises through the plane more than once
     (linear mechanics beyond all its bounds turns it inside out), the crossing nearest to the undeformed circle counts.
     None where it does not rise through the plane at all.
     """
-    height_pfts = fields_ptsm[:, None, ..., 0] + np.einsum("pfk,ptsk->pfts", weights_pfk, fields_ptsm[..., 1:])
+    height_pfts = fields_ptsm[:, None, ..., 0] + np.einsum(
+        "pfk,ptsk->pfts", weights_pfk, fields_ptsm[..., 1:]
+    )
     under = height_pfts < 0.0
     rises = under[:, :, :-1] & ~under[:, :, 1:]
     if not rises.any(axis=2).all():
@@ -197,11 +260,16 @@ def _parallel_below(fields_ptsm: Floats, weights_pfk: Floats, grid: _Grid, circl
 
 
 WALL = 255  # the value of a pixel of the wall; 0 elsewhere
-SNAP = 2.0**20  # parts of a pixel: an edge meant to run through pixel centres is not moved off them by the last bit
+SNAP = (
+    2.0**20
+)  # parts of a pixel: an edge meant to run through pixel centres is not moved off them by the last bit
 
 
 def slice_window(
-    study: SliceStudy, top_m: float, framing_lateral_m: float = 0.0, framing_depth_m: float = 0.0
+    study: SliceStudy,
+    top_m: float,
+    framing_lateral_m: float = 0.0,
+    framing_depth_m: float = 0.0,
 ) -> SliceWindow:
     """Place the window of a slice in the plane's frame: laterally centred, row 0 `margin_m` above the unloaded wall.
 
@@ -211,8 +279,17 @@ def slice_window(
     >>> slice_window(SliceStudy(), top_m=0.0).left_m
     -0.007
     """
-    left_m, top_m = -0.5 * study.columns * study.pixel_m - framing_lateral_m, top_m - study.margin_m - framing_depth_m
-    return SliceWindow(left_m=left_m, top_m=top_m, columns=study.columns, rows=study.rows, pixel_m=study.pixel_m)
+    left_m, top_m = (
+        -0.5 * study.columns * study.pixel_m - framing_lateral_m,
+        top_m - study.margin_m - framing_depth_m,
+    )
+    return SliceWindow(
+        left_m=left_m,
+        top_m=top_m,
+        columns=study.columns,
+        rows=study.rows,
+        pixel_m=study.pixel_m,
+    )
 
 
 def fill_section(section: Section, window: SliceWindow) -> Bytes:
@@ -235,11 +312,18 @@ def fill_section(section: Section, window: SliceWindow) -> Bytes:
     across, down = np.rint((contour - origin) * (SNAP / window.pixel_m)) / SNAP - 0.5
     # The winding number of a centre: the signed edges that the ray from there upwards meets.
     edge, column, sense = columns_crossed(across, window.columns)
-    row = down[edge] + (column - across[edge]) * (np.diff(down)[edge] / np.diff(across)[edge])
+    row = down[edge] + (column - across[edge]) * (
+        np.diff(down)[edge] / np.diff(across)[edge]
+    )
     first_below = np.clip(np.ceil(row - 0.5 / SNAP), 0, window.rows).astype(np.intp)
-    entered = np.bincount(first_below * window.columns + column, sense, (window.rows + 1) * window.columns)
+    entered = np.bincount(
+        first_below * window.columns + column, sense, (window.rows + 1) * window.columns
+    )
     winding = np.cumsum(entered.reshape(-1, window.columns)[:-1], axis=0, dtype=np.int8)
-    return np.asarray(cv2.threshold(winding.view(np.uint8), 0, WALL, cv2.THRESH_BINARY)[1], dtype=np.uint8)
+    return np.asarray(
+        cv2.threshold(winding.view(np.uint8), 0, WALL, cv2.THRESH_BINARY)[1],
+        dtype=np.uint8,
+    )
 
 
 def columns_crossed(place: Floats, columns: int) -> tuple[Places, Places, Places]:

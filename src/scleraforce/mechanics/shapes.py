@@ -12,10 +12,38 @@ import numpy as np
 
 from scleraforce.arrays import Floats, Integers
 
-QUAD_NODES = ((-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0), (0, 0))
+QUAD_NODES = (
+    (-1, -1),
+    (1, -1),
+    (1, 1),
+    (-1, 1),
+    (0, -1),
+    (1, 0),
+    (0, 1),
+    (-1, 0),
+    (0, 0),
+)
 HEX_NODES = (
-    *((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)),
-    *((0, -1, -1), (1, 0, -1), (0, 1, -1), (-1, 0, -1), (0, -1, 1), (1, 0, 1), (0, 1, 1), (-1, 0, 1)),
+    *(
+        (-1, -1, -1),
+        (1, -1, -1),
+        (1, 1, -1),
+        (-1, 1, -1),
+        (-1, -1, 1),
+        (1, -1, 1),
+        (1, 1, 1),
+        (-1, 1, 1),
+    ),
+    *(
+        (0, -1, -1),
+        (1, 0, -1),
+        (0, 1, -1),
+        (-1, 0, -1),
+        (0, -1, 1),
+        (1, 0, 1),
+        (0, 1, 1),
+        (-1, 0, 1),
+    ),
     *((-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)),
     *((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)),
     (0, 0, 0),
@@ -28,7 +56,9 @@ def node_positions(dimension: int, nodes: int) -> Floats:
     >>> node_positions(2, 4)[2]
     array([1., 1.])
     """
-    return np.array(QUAD_NODES if dimension == 2 else HEX_NODES, dtype=np.float64)[:nodes]
+    return np.array(QUAD_NODES if dimension == 2 else HEX_NODES, dtype=np.float64)[
+        :nodes
+    ]
 
 
 @cache
@@ -42,7 +72,11 @@ def shape_monomials(dimension: int, nodes: int) -> tuple[Integers, Floats]:
     order = 1 if nodes == 2**dimension else 2
     serendipity = nodes in {2: (8,), 3: (20,)}[dimension]
     # Serendipity: at most one variable enters as a square (superlinear degree 2; Arnold and Awanou, 2011).
-    exponents = [e for e in product(range(order + 1), repeat=dimension) if not serendipity or e.count(2) <= 1]
+    exponents = [
+        e
+        for e in product(range(order + 1), repeat=dimension)
+        if not serendipity or e.count(2) <= 1
+    ]
     exponents_md = np.array(exponents, dtype=np.int64)
     places = node_positions(dimension, nodes)
     vandermonde_nm = np.prod(places[:, None, :] ** exponents_md, axis=-1)
@@ -58,7 +92,9 @@ def shape_values(local_pd: Floats, nodes: int) -> Floats:
     """
     exponents_md, coefficients_mn = shape_monomials(local_pd.shape[1], nodes)
     powers = _powers(local_pd)
-    value_mp = _product([powers[exponents_md[:, d], :, d] for d in range(local_pd.shape[1])])
+    value_mp = _product(
+        [powers[exponents_md[:, d], :, d] for d in range(local_pd.shape[1])]
+    )
     return value_mp.T @ coefficients_mn
 
 
@@ -69,7 +105,12 @@ def shape_gradients(local_pd: Floats, nodes: int) -> Floats:
     powers = _powers(local_pd)
     slopes = np.stack([np.zeros_like(local_pd), np.ones_like(local_pd), 2.0 * local_pd])
     gradients = [
-        _product([(slopes if d == k else powers)[exponents_md[:, d], :, d] for d in range(dimension)]).T
+        _product(
+            [
+                (slopes if d == k else powers)[exponents_md[:, d], :, d]
+                for d in range(dimension)
+            ]
+        ).T
         @ coefficients_mn
         for k in range(dimension)
     ]

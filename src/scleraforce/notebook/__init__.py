@@ -40,4 +40,6 @@ def by_percent(advance: Callable[[int], None]) -> Callable[[float], None]:
 def check_rigidity(globe: str | None, rigidity_pa13_per_m3: float | None) -> None:
     """Raise an InputError for a rigidity of a globe that is not sealed."""
     if rigidity_pa13_per_m3 is not None and globe != "sealed":
-        raise InputError("rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or leave the rigidity out")
+        raise InputError(
+            "rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or leave the rigidity out"
+        )

@@ -20,7 +20,11 @@ from scleraforce.recording.pixels import package_for
 from scleraforce.whole_files import KINDS, read_text, write_whole
 
 ENDINGS = (".csv", ".parquet")
-PARTS = ("", "frames", "walls")  # folders of a recording or a model with files that count
+PARTS = (
+    "",
+    "frames",
+    "walls",
+)  # folders of a recording or a model with files that count
 
 
 @dataclass(frozen=True)
@@ -34,9 +38,13 @@ class Batch:
 
 
 def evaluate_to_table(
-    model: str | Path, recordings: Sequence[Path], table: Path, calibration: Path | None, wall_finder: Path | None,
+    model: str | Path,
+    recordings: Sequence[Path],
+    table: Path,
+    calibration: Path | None,
+    wall_finder: Path | None,
     counting: Counting,
-) -> Batch:  # fmt: skip
+) -> Batch:
     """Evaluate recordings as `sf.evaluate` does, one by one, and write the rows to a .csv or .parquet file.
 
     Each recording's rows are kept in a folder beside the table, `.NAME.state`, with the version, the hashes of model,
@@ -49,13 +57,17 @@ def evaluate_to_table(
     if missing := [path for path in recordings if not path.exists()]:
         raise RecordingError(f"{missing[0]}: no such recording")
     if not folders:
-        raise RecordingError(f"{recordings[0]}: not a recording; none of the given paths is one")
+        raise RecordingError(
+            f"{recordings[0]}: not a recording; none of the given paths is one"
+        )
     reader = load_model(model, wall_finder=wall_finder)
     summary = None if calibration is None else read_calibration(calibration)
     same = {
-        "version": __version__, "model_sha256": _digest(reader.path),
-        "calibration_sha256": summary and summary.sha256, "wall_finder_sha256": wall_finder and _digest(wall_finder),
-    }  # fmt: skip
+        "version": __version__,
+        "model_sha256": _digest(reader.path),
+        "calibration_sha256": summary and summary.sha256,
+        "wall_finder_sha256": wall_finder and _digest(wall_finder),
+    }
     state = _state(table)
     state.mkdir(exist_ok=True)
     rows, read, used = list[Row](), 0, set[str]()
@@ -66,8 +78,14 @@ def evaluate_to_table(
             key = same | {"recording": str(path), "recording_sha256": _digest(path)}
             part = state / f"{sha256(json.dumps(key).encode()).hexdigest()}.json"
             if (found := _kept(part, key)) is None:
-                evaluation = evaluate_recordings(reader, [read_recording(path)], summary)
-                found = {"key": key, "rows": evaluation.rows(), "notes": list(evaluation.notes)}
+                evaluation = evaluate_recordings(
+                    reader, [read_recording(path)], summary
+                )
+                found = {
+                    "key": key,
+                    "rows": evaluation.rows(),
+                    "notes": list(evaluation.notes),
+                }
                 write_whole(json.dumps(found, allow_nan=False), part)
                 read += 1
             used.add(part.name)
@@ -87,7 +105,8 @@ def by_eye(rows: Sequence[Mapping[str, Any]]) -> list[Row]:
     `accuracy`, `mae_mn` and `coverage` are computed as in `Evaluation`, on the eye's frames; None without any.
     """
     return [
-        _of_eye(eye, [row for row in rows if row["eye"] == eye]) for eye in dict.fromkeys(row["eye"] for row in rows)
+        _of_eye(eye, [row for row in rows if row["eye"] == eye])
+        for eye in dict.fromkeys(row["eye"] for row in rows)
     ]
 
 
@@ -95,12 +114,17 @@ def _of_eye(eye: str, rows: Sequence[Mapping[str, Any]]) -> Row:
     scored = [row for row in rows if row["scored"]]
     known = [row for row in scored if row["covered"] is not None]
     return {
-        "eye": eye, "frames": len(rows), "scored": len(scored),
+        "eye": eye,
+        "frames": len(rows),
+        "scored": len(scored),
         "accuracy": _mean([row["predicted"] == row["target"] for row in scored]),
-        "mae_mn": _mean([abs(row["predicted_force_mn"] - row["measured_force_mn"]) for row in known]),
+        "mae_mn": _mean(
+            [abs(row["predicted_force_mn"] - row["measured_force_mn"]) for row in known]
+        ),
         "coverage": _mean([row["covered"] for row in known]),
-        "youngs_modulus_mpa": rows[0]["youngs_modulus_mpa"], "modulus_source": rows[0]["modulus_source"],
-    }  # fmt: skip
+        "youngs_modulus_mpa": rows[0]["youngs_modulus_mpa"],
+        "modulus_source": rows[0]["modulus_source"],
+    }
 
 
 def _mean(values: Sequence[float]) -> float | None:
@@ -113,7 +137,9 @@ def _state(table: Path) -> Path:
 
 def _check(table: Path) -> None:
     if table.suffix not in ENDINGS:
-        raise InputError(f"--table: {table}: give a file that ends in {' or '.join(ENDINGS)}")
+        raise InputError(
+            f"--table: {table}: give a file that ends in {' or '.join(ENDINGS)}"
+        )
     if table.suffix == ".parquet":
         package_for("pyarrow.parquet", table.suffix)
     if table.exists() and not _state(table).is_dir():
@@ -135,7 +161,13 @@ def _digest(folder: Path) -> str:
     """Return the SHA-256 of a recording's or model's files and their names; hidden ones do not count."""
     whole = sha256()
     for place in (folder / part for part in PARTS if (folder / part).is_dir()):
-        for path in sorted(each for each in place.iterdir() if each.is_file() and not each.name.startswith(".")):
+        for path in sorted(
+            each
+            for each in place.iterdir()
+            if each.is_file() and not each.name.startswith(".")
+        ):
             with path.open("rb") as file:
-                whole.update(f"{path.relative_to(folder)}\0{file_digest(file, 'sha256').hexdigest()}\n".encode())
+                whole.update(
+                    f"{path.relative_to(folder)}\0{file_digest(file, 'sha256').hexdigest()}\n".encode()
+                )
     return whole.hexdigest()

@@ -7,7 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scleraforce import models
-from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
+from scleraforce.calibration.calibrate import (
+    STIFFENING,
+    calibrate_recordings,
+    calibration_passes,
+)
 from scleraforce.calibration.eye_frames import Settings
 from scleraforce.calibration.eye_posterior import calibrate_without_force
 from scleraforce.calibration.result import Calibration
@@ -34,14 +38,21 @@ PARAMETERS = ("e", "stiffening", "iop", "thickness", "gap")
 
 
 def calibrate(
-    recordings: Given | Sequence[Given], study: Study | None = None, *, frames: int | None = None,
-    parameters: Sequence[str] | None = None, mechanics: str = "finite-strain",
-    without_force: bool = False, calibration: "GivenCalibration | None" = None,
+    recordings: Given | Sequence[Given],
+    study: Study | None = None,
+    *,
+    frames: int | None = None,
+    parameters: Sequence[str] | None = None,
+    mechanics: str = "finite-strain",
+    without_force: bool = False,
+    calibration: "GivenCalibration | None" = None,
     wall_finder: str | PathLike[str] | None = models.SHIPPED_WALL_FINDER,
-    thickness_m: float | None = None, out: str | PathLike[str] | None = None,
-    note: Callable[[str], object] | None = None, progress: Callable[[int], object] | None = None,
+    thickness_m: float | None = None,
+    out: str | PathLike[str] | None = None,
+    note: Callable[[str], object] | None = None,
+    progress: Callable[[int], object] | None = None,
     counting: Counting | None = None,
-) -> Calibration:  # fmt: skip
+) -> Calibration:
     """Estimate Young's modulus of each eye from its recordings.
 
     Args:
@@ -77,11 +88,17 @@ def calibrate(
     if mechanics not in MECHANICS:
         raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
     names = set(parameters or "e")
-    if parameters is not None and ("e" not in names or names - set(PARAMETERS) or len(names) < len(parameters)):
+    if parameters is not None and (
+        "e" not in names or names - set(PARAMETERS) or len(names) < len(parameters)
+    ):
         others = ", ".join(repr(name) for name in PARAMETERS[1:])
-        raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of others that are uncertain: {others}")
+        raise InputError(
+            f"parameters: {parameters!r}; give a list of 'e' and of others that are uncertain: {others}"
+        )
     if without_force and (mechanics == "linear" or parameters is not None):
-        raise InputError("without_force: finds E at finite strain; leave out parameters and mechanics")
+        raise InputError(
+            "without_force: finds E at finite strain; leave out parameters and mechanics"
+        )
     if calibration is not None and not without_force:
         raise InputError("calibration: is the prior of without_force; leave it out")
     if frames is not None and frames < 1:
@@ -102,84 +119,162 @@ def calibrate(
         info = recording.info
         if info.eye.thickness_m is None:
             place = recording.path / "recording.toml"
-            raise InputError(f"{place}: eye.thickness_m: missing; state it there, or give thickness_m")
-        for sentence in limits(kind, study, known_of_recording(info), info.oct, info.needle.gauge):
+            raise InputError(
+                f"{place}: eye.thickness_m: missing; state it there, or give thickness_m"
+            )
+        for sentence in limits(
+            kind, study, known_of_recording(info), info.oct, info.needle.gauge
+        ):
             if note is not None:
                 note(f"{recording.path}: {sentence}")
     finder = finder_of(wall_finder)
     library = library_for(study, mechanics, counting)
     passes = 1 if without_force else calibration_passes(library, sought)
-    with counting("frames", passes * sum(len(recording.frames) for recording in each)) as advance:
+    with counting(
+        "frames", passes * sum(len(recording.frames) for recording in each)
+    ) as advance:
         if without_force and library is not None:
-            summary = None if calibration is None else summary_of_calibration(calibration)
+            summary = (
+                None if calibration is None else summary_of_calibration(calibration)
+            )
             prior = None if summary is None else population_modulus(summary)
-            stiffening = study.tissue.stiffening if summary is None else summary.population_stiffening
-            settings = Settings(study, library.for_stiffening(stiffening), ("e",), False, frames, finder)
-            found = calibrate_without_force(each, settings, study_hash(study), prior, advance)
+            stiffening = (
+                study.tissue.stiffening
+                if summary is None
+                else summary.population_stiffening
+            )
+            settings = Settings(
+                study, library.for_stiffening(stiffening), ("e",), False, frames, finder
+            )
+            found = calibrate_without_force(
+                each, settings, study_hash(study), prior, advance
+            )
         else:
-            by_force = study, study_hash(study), library, sought, frames, advance, finder
+            by_force = (
+                study,
+                study_hash(study),
+                library,
+                sought,
+                frames,
+                advance,
+                finder,
+            )
             found = calibrate_recordings(each, *by_force)
     if out is not None:
         write_calibration(found.to_dict(), Path(out))
     return found
 
 
-def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> Library | None:
+def library_for(
+    study: Study, mechanics: str, counting: Counting, workers: int | None = None
+) -> Library | None:
     """Return the library for finite strain (linear: None), the bundled one or the cache's; counts "library"."""
     if mechanics == "linear":
         return None
     plan, shipped = plan_library(study), models.read_folder(models.SHIPPED_READER)
     if plan_library(models.folder_study(shipped)).key == plan.key:
-        return load_library(shipped.path / models.LIBRARY_FILE, shipped.files[models.LIBRARY_FILE])
+        return load_library(
+            shipped.path / models.LIBRARY_FILE, shipped.files[models.LIBRARY_FILE]
+        )
     from scleraforce.library.store import cached_library  # with Zarr and the mechanics
 
     with counting("library", plan.units) as advance:
         return cached_library(study, workers=workers, progress=advance)
 
 
-def _with_thickness(recordings: list[Recording], thickness_m: float | None) -> list[Recording]:
+def _with_thickness(
+    recordings: list[Recording], thickness_m: float | None
+) -> list[Recording]:
     if thickness_m is None:
         return recordings
     eyes = {recording.info.eye.id for recording in recordings}
     if len(eyes) > 1:
-        raise InputError(f"thickness_m: of one eye; the recordings are of {', '.join(sorted(eyes))}")
-    return [replace(one, info=replace(one.info, eye=replace(one.info.eye, thickness_m=thickness_m)))
-            for one in recordings]  # fmt: skip
+        raise InputError(
+            f"thickness_m: of one eye; the recordings are of {', '.join(sorted(eyes))}"
+        )
+    return [
+        replace(
+            one,
+            info=replace(one.info, eye=replace(one.info.eye, thickness_m=thickness_m)),
+        )
+        for one in recordings
+    ]
 
 
 def recalibrate_intervals(
-    model: str | PathLike[str], recordings: Sequence[str | PathLike[str]], out: Path, counting: Counting, *,
-    frames: int, wall_finder: str | PathLike[str] | None, note: Callable[[str], object] = lambda _: None,
-) -> tuple[Stretch, ...]:  # fmt: skip
+    model: str | PathLike[str],
+    recordings: Sequence[str | PathLike[str]],
+    out: Path,
+    counting: Counting,
+    *,
+    frames: int,
+    wall_finder: str | PathLike[str] | None,
+    note: Callable[[str], object] = lambda _: None,
+) -> tuple[Stretch, ...]:
     """Write a reader whose intervals hold on recordings with force logs: counts "calibration" and "reading".
 
     Each eye is calibrated on `frames` of each recording; the others are read, and their scores stretch the intervals.
     Few eyes only widen them (`reader.intervals.FEW_EYES`). `note` is as for `calibrate`.
     """
     models.check_place(out)
-    reader, folder = load_force_reader(model, finder=wall_finder), models.read_folder(Path(model))
+    reader, folder = (
+        load_force_reader(model, finder=wall_finder),
+        models.read_folder(Path(model)),
+    )
     study, each = reader.study, opened(recordings)
     count = sum(len(recording.frames) for recording in each)
     for recording in each:
         info = recording.info
-        for sentence in reader.limits(known_of_recording(info), info.oct, info.needle.gauge):
+        for sentence in reader.limits(
+            known_of_recording(info), info.oct, info.needle.gauge
+        ):
             note(f"{recording.path}: {sentence}")
     finder = finder_of(wall_finder)
-    with counting("calibration", count * calibration_passes(reader.library, None)) as advance:
+    with counting(
+        "calibration", count * calibration_passes(reader.library, None)
+    ) as advance:
         calibration = calibrate_recordings(
-            each, study, study_hash(study), reader.library, frames=frames, progress=advance, finder=finder
+            each,
+            study,
+            study_hash(study),
+            reader.library,
+            frames=frames,
+            progress=advance,
+            finder=finder,
         )
     summary = summary_of_calibration(calibration)
     with counting("reading", count) as advance:
-        scores = [found for recording in each for found in recording_scores(reader, recording, summary, advance)]
+        scores = [
+            found
+            for recording in each
+            for found in recording_scores(reader, recording, summary, advance)
+        ]
     if not scores:
-        raise InputError(f"{each[0].path}: no frame with a known force is left to read; take fewer --frames")
-    source = "recordings of " + ", ".join(sorted({recording.info.eye.id for recording in each}))
-    record = {key: value for key, value in folder.record.items() if key not in ("format", "files")}
+        raise InputError(
+            f"{each[0].path}: no frame with a known force is left to read; take fewer --frames"
+        )
+    source = "recordings of " + ", ".join(
+        sorted({recording.info.eye.id for recording in each})
+    )
+    record = {
+        key: value
+        for key, value in folder.record.items()
+        if key not in ("format", "files")
+    }
     changes = stretches(scores)
-    record["intervals"] = intervals_record(scores, stretched(reader.factors, changes), source)
-    more = {name: content for name, content in folder.files.items() if name not in models.COMMON_FILES}
-    study_toml, card = (folder.files[name].decode() for name in (models.STUDY_FILE, models.CARD_FILE))
+    record["intervals"] = intervals_record(
+        scores, stretched(reader.factors, changes), source
+    )
+    more = {
+        name: content
+        for name, content in folder.files.items()
+        if name not in models.COMMON_FILES
+    }
+    study_toml, card = (
+        folder.files[name].decode() for name in (models.STUDY_FILE, models.CARD_FILE)
+    )
     card += f"\n## Intervals\nStretched to hold on {source}; `intervals` of model.json has the factors.\n"
-    models.write_folder(out, folder.files[models.NETWORK_FILE], study_toml, card, record, more)
+    models.write_folder(
+        out, folder.files[models.NETWORK_FILE], study_toml, card, record, more
+    )
     return changes

@@ -23,9 +23,12 @@ GivenAnswers = Evaluation | Answers | str | PathLike[str]
 
 
 def export(
-    thing: Recording | GivenAnswers, out: str | PathLike[str], *, answers: GivenAnswers | None = None,
+    thing: Recording | GivenAnswers,
+    out: str | PathLike[str],
+    *,
+    answers: GivenAnswers | None = None,
     replace: bool = False,
-) -> int:  # fmt: skip
+) -> int:
     """Write a recording, or answers, for other programs; return the number of frames.
 
     Args:
@@ -47,15 +50,23 @@ def export(
     if kind not in ENDINGS:
         raise InputError(f"out: {out}: give a name that ends in {', '.join(ENDINGS)}")
     if out.exists() and not replace:
-        raise InputError(f"{out}: exists already; choose another name, or replace it (--force)")
+        raise InputError(
+            f"{out}: exists already; choose another name, or replace it (--force)"
+        )
     for name, one in {"thing": thing, "answers": answers}.items():
-        if one is not None and not isinstance(one, Recording | Evaluation | Answers | str | PathLike):
+        if one is not None and not isinstance(
+            one, Recording | Evaluation | Answers | str | PathLike
+        ):
             raise InputError(
                 f"{name}: {type(one).__name__}; give a recording, an evaluation, answers of a stack or a file"
             )
-    if isinstance(thing, Evaluation | Answers) or not (isinstance(thing, Recording) or Path(thing).is_dir()):
+    if isinstance(thing, Evaluation | Answers) or not (
+        isinstance(thing, Recording) or Path(thing).is_dir()
+    ):
         if answers is not None:
-            raise InputError(f"answers: {thing} is answers already; give a recording with them")
+            raise InputError(
+                f"answers: {thing} is answers already; give a recording with them"
+            )
         if kind not in TABLES:
             raise InputError(
                 f"out: {out}: answers alone become .csv or .json; give their recording, and them as answers"
@@ -63,10 +74,14 @@ def export(
         return _write_table({}, _rows(thing), out)
     recording = thing if isinstance(thing, Recording) else read_recording(thing)
     if recording.info.oct.plane and kind not in TABLES:
-        raise InputError(f"out: {out}: has room for frames of one plane; give a .csv or .json")
+        raise InputError(
+            f"out: {out}: has room for frames of one plane; give a .csv or .json"
+        )
     if kind == ".nrrd":
         if answers is not None:
-            raise InputError(f"answers: {out} has room for frames only; give a .csv, .json or .mcap")
+            raise InputError(
+                f"answers: {out} has room for frames only; give a .csv, .json or .mcap"
+            )
         formats.write_sequence(recording, out)
         return len(recording.frames)
     rows = formats.frame_rows(recording, ClassesStudy())
@@ -74,8 +89,13 @@ def export(
         given = _rows(answers)
         if isinstance(answers, Answers):
             if len(given) != len(rows):
-                raise InputError(f"answers: {len(given)} for {len(rows)} frames; give one for each, in their order")
-            given = [{**one, "file": row["file"]} for one, row in zip(given, rows, strict=True)]
+                raise InputError(
+                    f"answers: {len(given)} for {len(rows)} frames; give one for each, in their order"
+                )
+            given = [
+                {**one, "file": row["file"]}
+                for one, row in zip(given, rows, strict=True)
+            ]
         rows = formats.with_answers(rows, given, recording.path)
     if kind != ".mcap":
         return _write_table(tomllib.loads(format_record(recording.info)), rows, out)
@@ -85,13 +105,20 @@ def export(
 
 def _rows(answers: GivenAnswers) -> list[formats.Row]:
     if isinstance(answers, Evaluation | Answers):
-        return [{"file": f"frame {nth}", **frame} for nth, frame in enumerate(answers.to_dict()["frames"])]
+        return [
+            {"file": f"frame {nth}", **frame}
+            for nth, frame in enumerate(answers.to_dict()["frames"])
+        ]
     return formats.read_answers(Path(answers))
 
 
 def _write_table(stated: Mapping[str, Any], rows: list[formats.Row], out: Path) -> int:
     if out.suffix.lower() == ".json":
-        write_whole(json.dumps(finite({**stated, "frames": rows}), indent=2, allow_nan=False) + "\n", out)
+        write_whole(
+            json.dumps(finite({**stated, "frames": rows}), indent=2, allow_nan=False)
+            + "\n",
+            out,
+        )
     else:
         formats.write_table(rows, out)
     return len(rows)

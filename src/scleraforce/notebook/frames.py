@@ -20,7 +20,14 @@ from numpy.typing import NDArray
 import scleraforce.known.calibration_file as calibration_file
 from scleraforce.arrays import Flags
 from scleraforce.errors import FrameError, InputError, StudyError
-from scleraforce.known import NOTHING_KNOWN, Known, Modulus, completed, known_globe, known_of_recording
+from scleraforce.known import (
+    NOTHING_KNOWN,
+    Known,
+    Modulus,
+    completed,
+    known_globe,
+    known_of_recording,
+)
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
 from scleraforce.models import SHIPPED_WALL_FINDER, model_name
 from scleraforce.notebook import Counting, check_rigidity, counting_for
@@ -30,11 +37,28 @@ from scleraforce.reader.felt import MOST_LEAN_RAD, History
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import load_model as load_reader, load_wall_finder, suited
 from scleraforce.recording import folder
-from scleraforce.recording.folder import Plane, Recording, ScaledFrame, Scanner, read_recording
+from scleraforce.recording.folder import (
+    Plane,
+    Recording,
+    ScaledFrame,
+    Scanner,
+    read_recording,
+)
 from scleraforce.recording.pixels import Pixels, Sourced, find_greys
-from scleraforce.recording.walls import NOT_JUDGED, RecordedWalls, mask_of, read_mask, write_wall
+from scleraforce.recording.walls import (
+    NOT_JUDGED,
+    RecordedWalls,
+    mask_of,
+    read_mask,
+    write_wall,
+)
 from scleraforce.segmentation.found import Segmentation, without_wall
-from scleraforce.segmentation.observations import GIVEN_SD_ROWS, check_size, given_wall, recorded_wall
+from scleraforce.segmentation.observations import (
+    GIVEN_SD_ROWS,
+    check_size,
+    given_wall,
+    recorded_wall,
+)
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study.fields import check_quantity
@@ -63,9 +87,13 @@ class Reading:
 
 
 def segment(
-    frame: Frame, *, width_m: float | None = None, depth_m: float | None = None, refractive_index: float | None = None,
+    frame: Frame,
+    *,
+    width_m: float | None = None,
+    depth_m: float | None = None,
+    refractive_index: float | None = None,
     wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER,
-) -> Segmentation:  # fmt: skip
+) -> Segmentation:
     """Find the wall in a raw frame.
 
     Args:
@@ -88,12 +116,18 @@ def segment(
     (True, (512, 512))
     """
     given = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    seen, found = segmented(frame, given, Scanner(refractive_index=1.0), finder_of(wall_finder))
+    seen, found = segmented(
+        frame, given, Scanner(refractive_index=1.0), finder_of(wall_finder)
+    )
     return replace(found, pixels=seen.pixels)
 
 
 def segmented(
-    frame: Frame, given: Scanner, assumed: Scanner, finder: WallFinder | None, transpose: bool = False
+    frame: Frame,
+    given: Scanner,
+    assumed: Scanner,
+    finder: WallFinder | None,
+    transpose: bool = False,
 ) -> tuple[ScaledFrame, Segmentation]:
     """Return a frame with its scale, as `scaled`, and its wall."""
     seen = scaled(frame, given, assumed, "assumed", transpose)
@@ -105,7 +139,11 @@ def segmented(
 
 
 def _judged_wall(
-    seen: ScaledFrame, frame: Frame, thickness_m: float | None, finder: WallFinder | None, transpose: bool
+    seen: ScaledFrame,
+    frame: Frame,
+    thickness_m: float | None,
+    finder: WallFinder | None,
+    transpose: bool,
 ) -> Segmentation:
     """Return the wall of a frame, without the columns of which a masked array masks a pixel: they count as black."""
     if not np.ma.is_masked(frame):
@@ -115,7 +153,9 @@ def _judged_wall(
         return without_wall(seen.pixels.shape, "all columns are masked")
     lit: Any = seen.pixels * judged.astype(seen.pixels.dtype)
     found = find_wall(lit, seen.scale, thickness_m, finder)
-    outer_row, inner_row = (np.where(judged, row, np.nan) for row in (found.outer_row, found.inner_row))
+    outer_row, inner_row = (
+        np.where(judged, row, np.nan) for row in (found.outer_row, found.inner_row)
+    )
     return replace(found, outer_row=outer_row, inner_row=inner_row)
 
 
@@ -123,13 +163,19 @@ def finder_of(model: str | PathLike[str] | None) -> WallFinder | None:
     """Load a wall finder, the bundled one once; None stays None."""
     if model is None:
         return None
-    return _bundled_finder() if model == SHIPPED_WALL_FINDER else load_wall_finder(model)
+    return (
+        _bundled_finder() if model == SHIPPED_WALL_FINDER else load_wall_finder(model)
+    )
 
 
 _bundled_finder = cache(lambda: load_wall_finder(SHIPPED_WALL_FINDER))
 
 
-def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER) -> Reader:
+def load_model(
+    path: str | PathLike[str],
+    *,
+    wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER,
+) -> Reader:
     """Load a model: a bundled one, or a folder.
 
     Args:
@@ -148,43 +194,88 @@ def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | 
 
 @overload
 def read(
-    model: Reader, frame: str | PathLike[str] | list[Frame] | tuple[Frame, ...], *,
-    calibration: "Calibration | str | PathLike[str] | None" = ..., eye: str | None = ...,
-    youngs_modulus_pa: float | None = ..., iop_pa: float | None = ..., thickness_m: float | None = ...,
-    gap_m: float | None = ..., polar_angle_rad: float | None = ..., plane_direction_rad: float | None = ...,
-    lean_rad: float | Literal["unknown"] | None = ..., stiffening: float | None = ..., globe: str | None = ...,
-    rigidity_pa13_per_m3: float | None = ..., width_m: float | None = ..., depth_m: float | None = ...,
-    refractive_index: float | None = ..., transpose: bool = ..., held_s: float | None = ...,
-    planes: Sequence[Plane] = ..., mask: "Mask | Sequence[Mask] | None" = ..., mask_sd_rows: float = ...,
+    model: Reader,
+    frame: str | PathLike[str] | list[Frame] | tuple[Frame, ...],
+    *,
+    calibration: "Calibration | str | PathLike[str] | None" = ...,
+    eye: str | None = ...,
+    youngs_modulus_pa: float | None = ...,
+    iop_pa: float | None = ...,
+    thickness_m: float | None = ...,
+    gap_m: float | None = ...,
+    polar_angle_rad: float | None = ...,
+    plane_direction_rad: float | None = ...,
+    lean_rad: float | Literal["unknown"] | None = ...,
+    stiffening: float | None = ...,
+    globe: str | None = ...,
+    rigidity_pa13_per_m3: float | None = ...,
+    width_m: float | None = ...,
+    depth_m: float | None = ...,
+    refractive_index: float | None = ...,
+    transpose: bool = ...,
+    held_s: float | None = ...,
+    planes: Sequence[Plane] = ...,
+    mask: "Mask | Sequence[Mask] | None" = ...,
+    mask_sd_rows: float = ...,
     progress: Callable[[int], object] | None = ...,
-) -> Answer: ...  # fmt: skip
+) -> Answer: ...
 
 
 @overload
 def read(
-    model: Reader, frame: NDArray[Any], *,
-    calibration: "Calibration | str | PathLike[str] | None" = ..., eye: str | None = ...,
-    youngs_modulus_pa: float | None = ..., iop_pa: float | None = ..., thickness_m: float | None = ...,
-    gap_m: float | None = ..., polar_angle_rad: float | None = ..., plane_direction_rad: float | None = ...,
-    lean_rad: float | Literal["unknown"] | None = ..., stiffening: float | None = ..., globe: str | None = ...,
-    rigidity_pa13_per_m3: float | None = ..., width_m: float | None = ..., depth_m: float | None = ...,
-    refractive_index: float | None = ..., transpose: bool = ..., held_s: float | None = ...,
-    planes: Sequence[Plane] = ..., mask: "Mask | Sequence[Mask] | None" = ..., mask_sd_rows: float = ...,
+    model: Reader,
+    frame: NDArray[Any],
+    *,
+    calibration: "Calibration | str | PathLike[str] | None" = ...,
+    eye: str | None = ...,
+    youngs_modulus_pa: float | None = ...,
+    iop_pa: float | None = ...,
+    thickness_m: float | None = ...,
+    gap_m: float | None = ...,
+    polar_angle_rad: float | None = ...,
+    plane_direction_rad: float | None = ...,
+    lean_rad: float | Literal["unknown"] | None = ...,
+    stiffening: float | None = ...,
+    globe: str | None = ...,
+    rigidity_pa13_per_m3: float | None = ...,
+    width_m: float | None = ...,
+    depth_m: float | None = ...,
+    refractive_index: float | None = ...,
+    transpose: bool = ...,
+    held_s: float | None = ...,
+    planes: Sequence[Plane] = ...,
+    mask: "Mask | Sequence[Mask] | None" = ...,
+    mask_sd_rows: float = ...,
     progress: Callable[[int], object] | None = ...,
-) -> Any: ...  # fmt: skip
+) -> Any: ...
 
 
 def read(
-    model: Reader, frame: Frame | NDArray[Any] | list[Frame] | tuple[Frame, ...], *,
-    calibration: "Calibration | str | PathLike[str] | None" = None, eye: str | None = None,
-    youngs_modulus_pa: float | None = None, iop_pa: float | None = None, thickness_m: float | None = None,
-    gap_m: float | None = None, polar_angle_rad: float | None = None, plane_direction_rad: float | None = None,
-    lean_rad: float | Literal["unknown"] | None = None, stiffening: float | None = None, globe: str | None = None,
-    rigidity_pa13_per_m3: float | None = None, width_m: float | None = None, depth_m: float | None = None,
-    refractive_index: float | None = None, transpose: bool = False, held_s: float | None = None,
-    planes: Sequence[Plane] = (), mask: "Mask | Sequence[Mask] | None" = None, mask_sd_rows: float = GIVEN_SD_ROWS,
+    model: Reader,
+    frame: Frame | NDArray[Any] | list[Frame] | tuple[Frame, ...],
+    *,
+    calibration: "Calibration | str | PathLike[str] | None" = None,
+    eye: str | None = None,
+    youngs_modulus_pa: float | None = None,
+    iop_pa: float | None = None,
+    thickness_m: float | None = None,
+    gap_m: float | None = None,
+    polar_angle_rad: float | None = None,
+    plane_direction_rad: float | None = None,
+    lean_rad: float | Literal["unknown"] | None = None,
+    stiffening: float | None = None,
+    globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None,
+    width_m: float | None = None,
+    depth_m: float | None = None,
+    refractive_index: float | None = None,
+    transpose: bool = False,
+    held_s: float | None = None,
+    planes: Sequence[Plane] = (),
+    mask: "Mask | Sequence[Mask] | None" = None,
+    mask_sd_rows: float = GIVEN_SD_ROWS,
     progress: Callable[[int], object] | None = None,
-) -> Any:  # fmt: skip
+) -> Any:
     """Read the force from one raw frame, or from one of each plane that a scanner takes at once.
 
     By default, the eye, the frame's size and its plane are the recording's beside the file.
@@ -235,30 +326,63 @@ def read(
     >>> print(f"{answer.force_n * 1e3:.0f} mN, class {answer.predicted}")
     2... mN, class 1
     """
-    given = given_eye({
-        "youngs_modulus_pa": youngs_modulus_pa, "iop_pa": iop_pa, "thickness_m": thickness_m, "gap_m": gap_m,
-        "polar_angle_rad": polar_angle_rad, "plane_direction_rad": plane_direction_rad, "lean_rad": lean_rad,
-        "stiffening": stiffening, "globe": globe, "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
-    })  # fmt: skip
+    given = given_eye(
+        {
+            "youngs_modulus_pa": youngs_modulus_pa,
+            "iop_pa": iop_pa,
+            "thickness_m": thickness_m,
+            "gap_m": gap_m,
+            "polar_angle_rad": polar_angle_rad,
+            "plane_direction_rad": plane_direction_rad,
+            "lean_rad": lean_rad,
+            "stiffening": stiffening,
+            "globe": globe,
+            "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
+        }
+    )
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
 
     def answer(frames: Sequence[Frame], masks: "Sequence[Mask]") -> Answer:
         at = planes or stated_planes(frames)
-        one = readings(model, frames, given, size, calibration, eye, transpose, held_s, at, masks, mask_sd_rows)[0]
-        found = one.answer.segmentation and replace(one.answer.segmentation, pixels=one.frame.pixels)
-        return replace(one.answer, warnings=(*one.answer.warnings, *one.notes), segmentation=found)
+        one = readings(
+            model,
+            frames,
+            given,
+            size,
+            calibration,
+            eye,
+            transpose,
+            held_s,
+            at,
+            masks,
+            mask_sd_rows,
+        )[0]
+        found = one.answer.segmentation and replace(
+            one.answer.segmentation, pixels=one.frame.pixels
+        )
+        return replace(
+            one.answer, warnings=(*one.answer.warnings, *one.notes), segmentation=found
+        )
 
-    several = isinstance(frame, list | tuple) and all(isinstance(one, str | PathLike | np.ndarray) for one in frame)
+    several = isinstance(frame, list | tuple) and all(
+        isinstance(one, str | PathLike | np.ndarray) for one in frame
+    )
     frames: Any = frame if several else [frame]
-    masks: Any = [] if mask is None else mask if isinstance(mask, list | tuple) else [mask]
+    masks: Any = (
+        [] if mask is None else mask if isinstance(mask, list | tuple) else [mask]
+    )
     if not isinstance(frame, np.ndarray) or frame.ndim != 3:
         return answer(frames, masks)
     if not frame.size:
-        raise FrameError(f"frame: an array of shape {frame.shape}; give frames x rows x columns, at least one")
+        raise FrameError(
+            f"frame: an array of shape {frame.shape}; give frames x rows x columns, at least one"
+        )
     stack, notes = counted(frame)
     masks = mask if isinstance(mask, np.ndarray) else masks
     if len(masks) not in (0, len(stack)):
-        raise InputError(f"mask: {len(masks)} for a stack of {len(stack)} frames; give one for each")
+        raise InputError(
+            f"mask: {len(masks)} for a stack of {len(stack)} frames; give one for each"
+        )
     answers = list[Answer]()
     for nth, one in enumerate(stack):
         found = answer([one], list(masks[nth : nth + 1]))
@@ -269,9 +393,13 @@ def read(
 
 
 def evaluate(
-    model: Reader, recordings: Given | Sequence[Given], calibration: "Calibration | str | PathLike[str] | None" = None,
-    *, progress: Callable[[int], object] | None = None, counting: Counting | None = None,
-) -> Evaluation:  # fmt: skip
+    model: Reader,
+    recordings: Given | Sequence[Given],
+    calibration: "Calibration | str | PathLike[str] | None" = None,
+    *,
+    progress: Callable[[int], object] | None = None,
+    counting: Counting | None = None,
+) -> Evaluation:
     """Read every frame of recordings and compare with their force logs.
 
     Args:
@@ -300,7 +428,9 @@ def evaluate(
         return evaluate_recordings(model, each, summary, advance)
 
 
-def save_wall(recording: Given, file: str, mask: Mask, *, author: str | None = None) -> None:
+def save_wall(
+    recording: Given, file: str, mask: Mask, *, author: str | None = None
+) -> None:
     """Save the wall of a recording's frame: all later readings use it, in place of the one that they find.
 
     Args:
@@ -321,10 +451,16 @@ def save_wall(recording: Given, file: str, mask: Mask, *, author: str | None = N
     """
     found = opened(recording)[0]
     folder.check_alone(found, file)
-    drawn = read_mask(Path(mask)) if isinstance(mask, str | PathLike) else mask_of(mask, "mask")
+    drawn = (
+        read_mask(Path(mask))
+        if isinstance(mask, str | PathLike)
+        else mask_of(mask, "mask")
+    )
     check_size(drawn, (found.info.oct.rows, found.info.oct.columns), "mask")
     if author is not None and not author.isprintable():
-        raise InputError(f"author: {author!r}: a line break or another unprintable character; give a name of one line")
+        raise InputError(
+            f"author: {author!r}: a line break or another unprintable character; give a name of one line"
+        )
     write_wall(found.path, file, drawn, author or getpass.getuser(), utc_now())
 
 
@@ -335,24 +471,40 @@ def utc_now() -> str:
 
 def stated_planes(frames: Sequence[Frame]) -> tuple[Plane, ...]:
     """Return the planes of frames that are in a recording of several; raises `InputError` if they are of two times."""
-    found = [folder.stated_plane(Path(one)) for one in frames if isinstance(one, str | PathLike)]
+    found = [
+        folder.stated_plane(Path(one))
+        for one in frames
+        if isinstance(one, str | PathLike)
+    ]
     stated = [one for one in found if one is not None]
     if len({one[:2] for one in stated}) > 1:
-        raise InputError("frame: of several times; only frames of one time_s are read together")
+        raise InputError(
+            "frame: of several times; only frames of one time_s are read together"
+        )
     return tuple(plane for *_, plane in stated)
 
 
 def readings(
-    model: Reader, frames: Sequence[Frame], given: Known, size: Scanner, calibration: "GivenCalibration | None" = None,
-    eye: str | None = None, transpose: bool = False, held_s: float | None = None, planes: Sequence[Plane] = (),
-    masks: "Sequence[Mask | None]" = (), mask_sd_rows: float = GIVEN_SD_ROWS,
-) -> list[Reading]:  # fmt: skip
+    model: Reader,
+    frames: Sequence[Frame],
+    given: Known,
+    size: Scanner,
+    calibration: "GivenCalibration | None" = None,
+    eye: str | None = None,
+    transpose: bool = False,
+    held_s: float | None = None,
+    planes: Sequence[Plane] = (),
+    masks: "Sequence[Mask | None]" = (),
+    mask_sd_rows: float = GIVEN_SD_ROWS,
+) -> list[Reading]:
     """Read one frame, or one of each plane together, as `read` does; return each answer with its inputs."""
     check_model(model)
     if not frames:
         raise InputError("frame: none; give one, or one of each plane")
     if len(planes) != len(frames) and (planes or len(frames) != 1):
-        raise InputError(f"planes: {len(planes)} of {len(frames)} frames; give one for each")
+        raise InputError(
+            f"planes: {len(planes)} of {len(frames)} frames; give one for each"
+        )
     if len({plane.name for plane in planes}) < len(planes):
         raise InputError("planes: two frames of one; give one frame of each")
     if len(planes) > 1:
@@ -360,18 +512,34 @@ def readings(
     if planes and given.gap_m is not None:
         raise InputError("gap_m: several planes show their gaps; leave it out")
     if masks and len(masks) != len(frames):
-        raise InputError(f"mask: {len(masks)} for {len(frames)} frames; give one for each, in their order")
+        raise InputError(
+            f"mask: {len(masks)} for {len(frames)} frames; give one for each, in their order"
+        )
     if not 0.0 < mask_sd_rows < inf:
-        raise InputError(f"mask_sd_rows: {mask_sd_rows:g}; give the standard deviation of the mask's boundaries, rows")
+        raise InputError(
+            f"mask_sd_rows: {mask_sd_rows:g}; give the standard deviation of the mask's boundaries, rows"
+        )
     if held_s is not None and not 0.0 <= held_s < inf:
-        raise InputError(f"held_s: {held_s:g}; give the time since the push, 0 s or more")
+        raise InputError(
+            f"held_s: {held_s:g}; give the time since the push, 0 s or more"
+        )
     check_calibrated(given, calibration is not None, eye)
     assumed = Scanner(refractive_index=model.study.oct.refractive_index)
-    each = [scaled(frame, size, assumed, "model's study", transpose) for frame in frames]
+    each = [
+        scaled(frame, size, assumed, "model's study", transpose) for frame in frames
+    ]
     seen, frame = each[0], frames[0]
-    if any((one.scale, one.pixels.shape) != (seen.scale, seen.pixels.shape) for one in each):
-        raise InputError("frame: of several sizes or scales; planes that are read together have one")
-    if len(each) > 1 and np.ptp(seen.pixels) and len({folder.frame_digest(one.pixels) for one in each}) < len(each):
+    if any(
+        (one.scale, one.pixels.shape) != (seen.scale, seen.pixels.shape) for one in each
+    ):
+        raise InputError(
+            "frame: of several sizes or scales; planes that are read together have one"
+        )
+    if (
+        len(each) > 1
+        and np.ptp(seen.pixels)
+        and len({folder.frame_digest(one.pixels) for one in each}) < len(each)
+    ):
         raise InputError("frame: one picture for two planes; give the frame of each")
     stated = NOTHING_KNOWN if seen.info is None else known_of_recording(seen.info)
     known, notes = completed(given, stated), list(seen.notes)
@@ -386,21 +554,46 @@ def readings(
         notes += filter(None, [calibration_file.foreign_modulus(summary, name)])
     if seen.info is not None:
         place = folder.recording_of(Path(_place(frame))) or _place(frame)
-        notes += (f"{place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
+        notes += (
+            f"{place}: {limit}"
+            for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge)
+        )
     if known.leak_time_s is not None:
-        notes.append("leak_time_s: a single frame is read as if nothing had leaked; evaluate follows the leak")
+        notes.append(
+            "leak_time_s: a single frame is read as if nothing had leaked; evaluate follows the leak"
+        )
     asked, model = model, suited(model, known)
     if model.path != asked.path:
-        notes.append(f"read with the bundled reader {model_name(model.path)}, which was trained for such eyes")
+        notes.append(
+            f"read with the bundled reader {model_name(model.path)}, which was trained for such eyes"
+        )
     if held_s is not None and known.relaxation is None:
         way = "give a calibration, or relaxation in recording.toml"
         raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
     history = History.unknown(known, model.study.needle.max_force_n)
     try:
-        walls = [_wall(one, frame, mask, mask_sd_rows, transpose, notes, known.thickness_m, model.finder)
-                 for one, frame, mask in zip(each, frames, masks or [None] * len(each), strict=True)]  # fmt: skip
-        elastic = model.read_together([one.pixels for one in each], seen.scale, known, planes, walls)
-        answers = [history.read(one, model.study.classes.bounds_n, held_s=held_s)[0] for one in elastic]
+        walls = [
+            _wall(
+                one,
+                frame,
+                mask,
+                mask_sd_rows,
+                transpose,
+                notes,
+                known.thickness_m,
+                model.finder,
+            )
+            for one, frame, mask in zip(
+                each, frames, masks or [None] * len(each), strict=True
+            )
+        ]
+        elastic = model.read_together(
+            [one.pixels for one in each], seen.scale, known, planes, walls
+        )
+        answers = [
+            history.read(one, model.study.classes.bounds_n, held_s=held_s)[0]
+            for one in elastic
+        ]
     except ValueError as fault:
         raise FrameError(f"{_place(frame)}: {fault}") from fault
     return [
@@ -410,14 +603,22 @@ def readings(
 
 
 def _wall(
-    seen: ScaledFrame, frame: Frame, mask: "Mask | None", sd_rows: float, transpose: bool, notes: list[str],
-    thickness_m: float | None, finder: WallFinder | None,
-) -> Segmentation | None:  # fmt: skip
+    seen: ScaledFrame,
+    frame: Frame,
+    mask: "Mask | None",
+    sd_rows: float,
+    transpose: bool,
+    notes: list[str],
+    thickness_m: float | None,
+    finder: WallFinder | None,
+) -> Segmentation | None:
     """Return the wall that is given for a frame, or that its recording has; add a note on one that is not used."""
     if isinstance(frame, str | PathLike):
         if mask is None and (recording := folder.recording_of(Path(frame))) is not None:
             walls = RecordedWalls(recording)
-            found = recorded_wall(walls, Path(frame).name, seen.pixels.shape, seen.scale)
+            found = recorded_wall(
+                walls, Path(frame).name, seen.pixels.shape, seen.scale
+            )
             notes += walls.notes
             return found
     elif mask is None and np.asarray(frame).dtype == bool:
@@ -426,7 +627,11 @@ def _wall(
         return _judged_wall(seen, frame, thickness_m, finder, transpose)
     if mask is None:
         return None
-    given = read_mask(Path(mask)) if isinstance(mask, str | PathLike) else mask_of(mask, "mask")
+    given = (
+        read_mask(Path(mask))
+        if isinstance(mask, str | PathLike)
+        else mask_of(mask, "mask")
+    )
     given = given.T if transpose else given
     check_size(given, seen.pixels.shape, "mask")
     if np.ma.is_masked(frame):
@@ -440,49 +645,89 @@ def given_eye(given: Mapping[str, Any]) -> Known:
     lean_rad = given["lean_rad"]
     if isinstance(lean_rad, str) and lean_rad != "unknown":
         raise InputError(f"lean_rad: {lean_rad!r}; give a number or 'unknown'")
-    for key in ("youngs_modulus_pa", "iop_pa", "thickness_m", "gap_m", "polar_angle_rad", "lean_rad"):
+    for key in (
+        "youngs_modulus_pa",
+        "iop_pa",
+        "thickness_m",
+        "gap_m",
+        "polar_angle_rad",
+        "lean_rad",
+    ):
         if given[key] not in (None, "unknown"):
             check_quantity(key, given[key])
     for key in ("plane_direction_rad", "stiffening"):
         if given[key] is not None and not isfinite(given[key]):
-            raise InputError(f"{key}: {given[key]} is not a finite number; leave it out if it is not known")
-    modulus_pa, stiffening, globe = (given[key] for key in ("youngs_modulus_pa", "stiffening", "globe"))
+            raise InputError(
+                f"{key}: {given[key]} is not a finite number; leave it out if it is not known"
+            )
+    modulus_pa, stiffening, globe = (
+        given[key] for key in ("youngs_modulus_pa", "stiffening", "globe")
+    )
     if stiffening is not None and stiffening < 0.0:
         raise InputError(f"stiffening: {stiffening:g}; give at least 0")
     check_rigidity(globe, given["rigidity_pa13_per_m3"])
     return Known(
-        modulus=None if modulus_pa is None else Modulus.stated(modulus_pa), polar_rad=given["polar_angle_rad"],
+        modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
+        polar_rad=given["polar_angle_rad"],
         direction_rad=given["plane_direction_rad"],
-        lean_rad=None if lean_rad is None else (0.0, MOST_LEAN_RAD) if lean_rad == "unknown" else (lean_rad, lean_rad),
-        globe=None if globe is None else known_globe(globe, given["rigidity_pa13_per_m3"]), stiffening=stiffening,
+        lean_rad=None
+        if lean_rad is None
+        else (0.0, MOST_LEAN_RAD)
+        if lean_rad == "unknown"
+        else (lean_rad, lean_rad),
+        globe=None
+        if globe is None
+        else known_globe(globe, given["rigidity_pa13_per_m3"]),
+        stiffening=stiffening,
         **{key: given[key] for key in ("iop_pa", "thickness_m", "gap_m")},
-    )  # fmt: skip
+    )
 
 
 def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:
     """Check that a calibration and the given values do not state the same quantity."""
     if not calibrated:
         if eye is not None:
-            raise InputError(f"eye: {eye!r} names an eye of a calibration; give the calibration, too")
+            raise InputError(
+                f"eye: {eye!r} names an eye of a calibration; give the calibration, too"
+            )
     elif given.modulus is not None:
-        raise InputError("youngs_modulus_pa: the calibration gives the modulus; leave out one of the two")
+        raise InputError(
+            "youngs_modulus_pa: the calibration gives the modulus; leave out one of the two"
+        )
     elif given.stiffening is not None:
-        raise InputError("stiffening: the calibration gives the stiffening; leave out one of the two")
+        raise InputError(
+            "stiffening: the calibration gives the stiffening; leave out one of the two"
+        )
 
 
-def scaled(frame: Frame, given: Scanner, assumed: Scanner, source: str, transpose: bool = False) -> ScaledFrame:
+def scaled(
+    frame: Frame, given: Scanner, assumed: Scanner, source: str, transpose: bool = False
+) -> ScaledFrame:
     """Return a frame with its scale: given, else the recording's or the file's, else assumed, of a named source."""
     if isinstance(frame, str | PathLike):
-        return folder.read_scaled_frame(Path(frame), given, (assumed, source), transpose)
+        return folder.read_scaled_frame(
+            Path(frame), given, (assumed, source), transpose
+        )
     pixels, notes = counted(frame)
     if pixels.ndim != 2 or not pixels.size:
-        raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
+        raise FrameError(
+            f"frame: an array of shape {pixels.shape}; give one frame, rows x columns"
+        )
     if given.width_m is None or given.depth_m is None:
-        raise FrameError("frame: nothing says how large this array is; give width_m and depth_m")
+        raise FrameError(
+            "frame: nothing says how large this array is; give width_m and depth_m"
+        )
     index = given.refractive_index or assumed.refractive_index or 1.0
     width, depth = Sourced(given.width_m, "option"), Sourced(given.depth_m, "option")
     pixels = np.ma.filled(pixels, 0)
-    found = ScaledFrame(pixels.T if transpose else pixels, width, depth, Sourced(index, "option"), None, notes)
+    found = ScaledFrame(
+        pixels.T if transpose else pixels,
+        width,
+        depth,
+        Sourced(index, "option"),
+        None,
+        notes,
+    )
     try:
         check_quantity("width_m", given.width_m)
         check_quantity("depth_m", given.depth_m)
@@ -505,12 +750,20 @@ def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
     known = np.ma.compressed(pixels)
     greys = find_greys([known], None, "frame")
     if greys.lost:
-        raise FrameError(f"frame: {greys.lost} pixels are not finite; give numpy.ma.masked_invalid(frame)")
+        raise FrameError(
+            f"frame: {greys.lost} pixels are not finite; give numpy.ma.masked_invalid(frame)"
+        )
     counts: Any = greys.counts(np.ma.filled(pixels, greys.low))
-    counts = np.ma.masked_array(counts, pixels.mask) if isinstance(pixels, np.ma.MaskedArray) else counts
+    counts = (
+        np.ma.masked_array(counts, pixels.mask)
+        if isinstance(pixels, np.ma.MaskedArray)
+        else counts
+    )
     if not greys.scaled and greys.low == 0.0:
         return counts, ()
-    return counts, (f"frame: pixels of {greys.low:g} to {greys.high:g} were scaled to counts of 0 to {counts.max()}",)
+    return counts, (
+        f"frame: pixels of {greys.low:g} to {greys.high:g} were scaled to counts of 0 to {counts.max()}",
+    )
 
 
 def _place(frame: Frame) -> str:
@@ -520,7 +773,9 @@ def _place(frame: Frame) -> str:
 def check_model(model: object) -> None:
     """Raise an InputError for the path of a model that was not loaded."""
     if isinstance(model, str | PathLike):
-        raise InputError(f"model: {model} is a path; give sf.load_model({str(model)!r})")
+        raise InputError(
+            f"model: {model} is a path; give sf.load_model({str(model)!r})"
+        )
 
 
 def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummary:
@@ -531,7 +786,9 @@ def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummar
         return read_calibration(calibration)
 
     text = json.dumps(calibration.to_dict(), allow_nan=False)
-    return calibration_file.summary_of(calibration_file.parse_calibration_file(text.encode(), "the calibration"))
+    return calibration_file.summary_of(
+        calibration_file.parse_calibration_file(text.encode(), "the calibration")
+    )
 
 
 def opened(given: Given | Sequence[Given]) -> list[Recording]:
@@ -539,4 +796,7 @@ def opened(given: Given | Sequence[Given]) -> list[Recording]:
     each = [given] if isinstance(given, Recording | str | PathLike) else list(given)
     if not each:
         raise InputError("recordings: none; give at least one")
-    return [entry if isinstance(entry, Recording) else read_recording(entry) for entry in each]
+    return [
+        entry if isinstance(entry, Recording) else read_recording(entry)
+        for entry in each
+    ]

@@ -24,36 +24,81 @@ from scleraforce.recording import importing
 from scleraforce.recording.folder import OctInfo, Plane, Recording, read_recording
 from scleraforce.recording.importing import Asker, Import, answers_like
 from scleraforce.recording.labels import labels_n, unit_fault
-from scleraforce.recording.pixels import Greys, PixelScale, Scan, UnansweredError, find_greys
-from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, files_of, gather, option_name
-from scleraforce.recording.writing import RecordingWriter, frame_files, write_log, written
+from scleraforce.recording.pixels import (
+    Greys,
+    PixelScale,
+    Scan,
+    UnansweredError,
+    find_greys,
+)
+from scleraforce.recording.sources import (
+    OPTION,
+    Gathered,
+    ImportOptions,
+    files_of,
+    gather,
+    option_name,
+)
+from scleraforce.recording.writing import (
+    RecordingWriter,
+    frame_files,
+    write_log,
+    written,
+)
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 from scleraforce.whole_files import folder_when_whole
 
 PREVIEW = "preview.png"
-LOOKED_AT = 5  # frames, from the first: of an eye that the needle does not dent yet, as a rule
+LOOKED_AT = (
+    5  # frames, from the first: of an eye that the needle does not dent yet, as a rule
+)
 # Arguments that are not called as their options are.
 SI_NAMES = {
-    "width_mm": "width_m", "depth_mm": "depth_m", "thickness_um": "thickness_m", "iop_mmhg": "iop_pa",
-    "gap_mm": "gap_m", "polar_angle_deg": "polar_angle_rad",
-}  # fmt: skip
+    "width_mm": "width_m",
+    "depth_mm": "depth_m",
+    "thickness_um": "thickness_m",
+    "iop_mmhg": "iop_pa",
+    "gap_mm": "gap_m",
+    "polar_angle_deg": "polar_angle_rad",
+}
 
 
 def import_recording(
-    sources: str | PathLike[str] | Sequence[str | PathLike[str]], out: str | PathLike[str], *,
-    like: str | PathLike[str] | None = None, eye: str | None = None, width_m: float | None = None,
-    depth_m: float | None = None, refractive_index: float | None = None, gauge: int | None = None,
-    gap_m: float | None = None, axis: str | None = None, contact_sign: int | None = None, columns: Sequence[str] = (),
-    rate_hz: float | None = None, times: str | PathLike[str] | None = None, clock_offset_s: float | None = None,
-    axes: str | None = None, array: str | None = None, bits: int | None = None,
-    first_frame: int | None = None, last_frame: int | None = None,
-    grey_range: tuple[float, float] | None = None, average_s: float | None = None, image_topic: str | None = None,
-    force_topic: str | None = None, by_arrival: bool = False, thickness_m: float | None = None,
-    iop_pa: float | None = None, globe: str | None = None, polar_angle_rad: float | None = None,
-    planes: Sequence[Plane | None] = (), progress: Callable[[int], object] | None = None,
-) -> Recording:  # fmt: skip
+    sources: str | PathLike[str] | Sequence[str | PathLike[str]],
+    out: str | PathLike[str],
+    *,
+    like: str | PathLike[str] | None = None,
+    eye: str | None = None,
+    width_m: float | None = None,
+    depth_m: float | None = None,
+    refractive_index: float | None = None,
+    gauge: int | None = None,
+    gap_m: float | None = None,
+    axis: str | None = None,
+    contact_sign: int | None = None,
+    columns: Sequence[str] = (),
+    rate_hz: float | None = None,
+    times: str | PathLike[str] | None = None,
+    clock_offset_s: float | None = None,
+    axes: str | None = None,
+    array: str | None = None,
+    bits: int | None = None,
+    first_frame: int | None = None,
+    last_frame: int | None = None,
+    grey_range: tuple[float, float] | None = None,
+    average_s: float | None = None,
+    image_topic: str | None = None,
+    force_topic: str | None = None,
+    by_arrival: bool = False,
+    thickness_m: float | None = None,
+    iop_pa: float | None = None,
+    globe: str | None = None,
+    polar_angle_rad: float | None = None,
+    planes: Sequence[Plane | None] = (),
+    progress: Callable[[int], object] | None = None,
+) -> Recording:
     """Write frames and force log of other programs as a recording folder (docs/formats.md lists what is read).
 
     Nothing is assumed: give what the sources do not state; the error names all that is missing. Look at
@@ -103,42 +148,88 @@ def import_recording(
     [('0001.png', 0.0), ('0002.png', 2.0), ('0003.png', 4.0)]
     """
     given: dict[str, Any] = {
-        "axes": axes, "array": array, "width_mm": from_si(width_m, "mm"), "depth_mm": from_si(depth_m, "mm"),
-        "refractive_index": refractive_index, "bits": bits, "grey_range": grey_range, "rate_hz": rate_hz,
-        "first_frame": first_frame, "last_frame": last_frame,
-        "times": None if times is None else Path(times), "clock_offset_s": clock_offset_s,
-        "columns": tuple(columns) or None, "axis": axis, "contact_sign": contact_sign, "average_s": average_s,
-        "image_topic": image_topic, "force_topic": force_topic, "by_arrival": by_arrival or None, "eye": eye,
-        "thickness_um": from_si(thickness_m, "um"), "iop_mmhg": from_si(iop_pa, "mmhg"), "globe": globe,
-        "gauge": gauge, "gap_mm": from_si(gap_m, "mm"),
-        "polar_angle_deg": None if polar_angle_rad is None else degrees(polar_angle_rad),
-    }  # fmt: skip
+        "axes": axes,
+        "array": array,
+        "width_mm": from_si(width_m, "mm"),
+        "depth_mm": from_si(depth_m, "mm"),
+        "refractive_index": refractive_index,
+        "bits": bits,
+        "grey_range": grey_range,
+        "rate_hz": rate_hz,
+        "first_frame": first_frame,
+        "last_frame": last_frame,
+        "times": None if times is None else Path(times),
+        "clock_offset_s": clock_offset_s,
+        "columns": tuple(columns) or None,
+        "axis": axis,
+        "contact_sign": contact_sign,
+        "average_s": average_s,
+        "image_topic": image_topic,
+        "force_topic": force_topic,
+        "by_arrival": by_arrival or None,
+        "eye": eye,
+        "thickness_um": from_si(thickness_m, "um"),
+        "iop_mmhg": from_si(iop_pa, "mmhg"),
+        "globe": globe,
+        "gauge": gauge,
+        "gap_mm": from_si(gap_m, "mm"),
+        "polar_angle_deg": None
+        if polar_angle_rad is None
+        else degrees(polar_angle_rad),
+    }
     given = {name: value for name, value in given.items() if value is not None}
-    paths = [Path(path) for path in ([sources] if isinstance(sources, str | PathLike) else sources)]
+    paths = [
+        Path(path)
+        for path in ([sources] if isinstance(sources, str | PathLike) else sources)
+    ]
     try:
         if not paths:
             raise InputError("sources: none; give at least one")
         if planes and len(planes) != len(paths):
-            raise InputError(f"planes: {len(planes)} for {len(paths)} sources; give one for each, or None for a log")
+            raise InputError(
+                f"planes: {len(planes)} for {len(paths)} sources; give one for each, or None for a log"
+            )
         others = {} if like is None else answers_like(Path(like))
         answers = ImportOptions(**(others | given))
         origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
-        write_imported(paths, Path(out), answers, origins, counting_for(progress, "frames"), planes=planes)
+        write_imported(
+            paths,
+            Path(out),
+            answers,
+            origins,
+            counting_for(progress, "frames"),
+            planes=planes,
+        )
     except InputError as fault:
         text = str(fault)
         if isinstance(fault, UnansweredError) and fault.forms:
-            text = f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
-        arguments = {option_name(field.name): SI_NAMES.get(field.name, field.name) for field in fields(ImportOptions)}
+            text = (
+                f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
+            )
+        arguments = {
+            option_name(field.name): SI_NAMES.get(field.name, field.name)
+            for field in fields(ImportOptions)
+        }
         arguments |= {"--out": "out", "--plane": "planes"}
-        text = re.sub(r"(?<![\w/-])--[a-z-]+", lambda option: arguments.get(option[0], option[0]), text)
+        text = re.sub(
+            r"(?<![\w/-])--[a-z-]+",
+            lambda option: arguments.get(option[0], option[0]),
+            text,
+        )
         raise InputError(text) from fault
     return read_recording(out)
 
 
 def write_imported(
-    sources: Sequence[Path], out: Path, answers: ImportOptions, origins: Mapping[str, str], counting: Counting,
-    asker: Asker | None = None, model: Path = SHIPPED_READER, planes: Sequence[Plane | None] = (),
-) -> Import:  # fmt: skip
+    sources: Sequence[Path],
+    out: Path,
+    answers: ImportOptions,
+    origins: Mapping[str, str],
+    counting: Counting,
+    asker: Asker | None = None,
+    model: Path = SHIPPED_READER,
+    planes: Sequence[Plane | None] = (),
+) -> Import:
     """Write a recording folder, whole or not at all; counts "sources", "grey levels", "frames".
 
     Of several `planes` there is one for each source.
@@ -149,26 +240,53 @@ def write_imported(
         gathered, answers = _gathered(sources, answers, counting, asker, planes)
         scan = gathered.frames
         with counting("grey levels", len(scan.names)) as advance:
-            greys = find_greys(_counted(scan.pictures(), advance), answers.grey_range, scan.names[0])
-        done = importing.complete(gathered, greys, answers, origins, asker, partial(_wall_um, scan, greys))
+            greys = find_greys(
+                _counted(scan.pictures(), advance), answers.grey_range, scan.names[0]
+            )
+        done = importing.complete(
+            gathered, greys, answers, origins, asker, partial(_wall_um, scan, greys)
+        )
         done = done.with_notes(limit_notes(model, done.info))
-        comment = f"imported by scleraforce {__version__}; import.json names the sources"
+        comment = (
+            f"imported by scleraforce {__version__}; import.json names the sources"
+        )
         with (
             counting("frames", len(scan.names)) as advance,
-            closing(RecordingWriter(part, done.info, comment, ("plane",) if gathered.planes else ())) as to,
+            closing(
+                RecordingWriter(
+                    part, done.info, comment, ("plane",) if gathered.planes else ()
+                )
+            ) as to,
         ):
-            shown: list[tuple[str, ...]] = [(plane.name,) for plane in gathered.planes] or [()]
-            entries = zip(frame_files(scan.names), product(done.times.time_s.tolist(), shown), strict=True)
-            for (file, (time_s, more)), picture in zip(entries, _counted(scan.pictures(), advance), strict=True):
+            shown: list[tuple[str, ...]] = [
+                (plane.name,) for plane in gathered.planes
+            ] or [()]
+            entries = zip(
+                frame_files(scan.names),
+                product(done.times.time_s.tolist(), shown),
+                strict=True,
+            )
+            for (file, (time_s, more)), picture in zip(
+                entries, _counted(scan.pictures(), advance), strict=True
+            ):
                 to.add(file, time_s, greys.counts(picture), more)
         if done.log is not None:
             write_log(part, done.log)
-        (part / importing.IMPORT_RECORD).write_text(importing.record_text(done, answers, __version__), encoding="utf-8")
+        (part / importing.IMPORT_RECORD).write_text(
+            importing.record_text(done, answers, __version__), encoding="utf-8"
+        )
         recording = written(part, out)
-        if (fault := unit_fault(recording, labels_n(recording), ClassesStudy())) is not None:
+        if (
+            fault := unit_fault(recording, labels_n(recording), ClassesStudy())
+        ) is not None:
             path = next(path for path, kind in gathered.files if kind in ("log", "bag"))
-            read = ", ".join(column.answer() for column in gathered.columns) or "forces of a bag are in N"
-            raise InputError(f"{path}: {fault}; read as {read}: check the unit (--column, for a log of text)")
+            read = (
+                ", ".join(column.answer() for column in gathered.columns)
+                or "forces of a bag are in N"
+            )
+            raise InputError(
+                f"{path}: {fault}; read as {read}: check the unit (--column, for a log of text)"
+            )
         from scleraforce.report.files import write_figure
         from scleraforce.report.recording_figures import draw_recording
 
@@ -177,9 +295,12 @@ def write_imported(
 
 
 def _gathered(
-    sources: Sequence[Path], answers: ImportOptions, counting: Counting, asker: Asker | None,
+    sources: Sequence[Path],
+    answers: ImportOptions,
+    counting: Counting,
+    asker: Asker | None,
     planes: Sequence[Plane | None],
-) -> tuple[Gathered, ImportOptions]:  # fmt: skip
+) -> tuple[Gathered, ImportOptions]:
     """Read the sources, asking until they leave nothing open; an answer that they contradict is asked for again."""
     last: tuple[ImportOptions, UnansweredError] | None = None
     while True:
@@ -200,13 +321,22 @@ def _gathered(
 def _wall_um(scan: Scan, greys: Greys, oct_info: OctInfo) -> float | None:
     """Return the median thickness of the wall in the first frames, um; None where none of them shows it."""
     finder, scale = load_wall_finder(SHIPPED_WALL_FINDER), PixelScale.of(oct_info)
-    found = [find_wall(greys.counts(picture), scale, finder=finder) for picture in islice(scan.pictures(), LOOKED_AT)]
-    thickness_m = [wall.thickness_m for wall in found if wall.usable and wall.thickness_m is not None]
+    found = [
+        find_wall(greys.counts(picture), scale, finder=finder)
+        for picture in islice(scan.pictures(), LOOKED_AT)
+    ]
+    thickness_m = [
+        wall.thickness_m
+        for wall in found
+        if wall.usable and wall.thickness_m is not None
+    ]
     seen_m = [value for value in thickness_m if np.isfinite(value)]
     return round(from_si(float(np.median(seen_m)), "um")) if seen_m else None
 
 
-def _counted(pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]) -> Iterator[NDArray[np.generic]]:
+def _counted(
+    pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]
+) -> Iterator[NDArray[np.generic]]:
     for picture in pictures:
         yield picture
         advance(1)

@@ -19,14 +19,21 @@ from scleraforce.recording.folder import Plane
 from scleraforce.service.reset import ask_reset
 from scleraforce.units import HumanUnit, from_si
 
-COMMAND = (sys.executable, "-P", "-c", "from scleraforce.cli.main import main; main()")  # -P: no module of this folder
+COMMAND = (
+    sys.executable,
+    "-P",
+    "-c",
+    "from scleraforce.cli.main import main; main()",
+)  # -P: no module of this folder
 END_S = 30.0  # for the black box to write its last entries
 # The options of known inputs, with their units; a globe is a word.
 KNOWN: Mapping[str, tuple[str, HumanUnit]] = {
-    "youngs_modulus_pa": ("--youngs-modulus-mpa", "mpa"), "iop_pa": ("--iop-mmhg", "mmhg"),
-    "thickness_m": ("--thickness-um", "um"), "gap_m": ("--gap-mm", "mm"),
+    "youngs_modulus_pa": ("--youngs-modulus-mpa", "mpa"),
+    "iop_pa": ("--iop-mmhg", "mmhg"),
+    "thickness_m": ("--thickness-um", "um"),
+    "gap_m": ("--gap-mm", "mm"),
     "rigidity_pa13_per_m3": ("--rigidity", "mmhg13_per_ul"),
-}  # fmt: skip
+}
 
 
 @dataclass(kw_only=True)
@@ -49,12 +56,21 @@ class RunningMonitor:
 
 @contextmanager
 def monitor(
-    model: Reader | str | PathLike[str] = "default", *, calibration: str | PathLike[str] | None = None,
-    eye: str | None = None, youngs_modulus_pa: float | None = None, iop_pa: float | None = None,
-    thickness_m: float | None = None, gap_m: float | None = None, globe: str | None = None,
-    rigidity_pa13_per_m3: float | None = None, planes: Sequence[Plane] = (), second_opinion: bool = True,
-    record: str | PathLike[str] | None = None, black_box: str | PathLike[str] | None = None,
-) -> Iterator[RunningMonitor]:  # fmt: skip
+    model: Reader | str | PathLike[str] = "default",
+    *,
+    calibration: str | PathLike[str] | None = None,
+    eye: str | None = None,
+    youngs_modulus_pa: float | None = None,
+    iop_pa: float | None = None,
+    thickness_m: float | None = None,
+    gap_m: float | None = None,
+    globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None,
+    planes: Sequence[Plane] = (),
+    second_opinion: bool = True,
+    record: str | PathLike[str] | None = None,
+    black_box: str | PathLike[str] | None = None,
+) -> Iterator[RunningMonitor]:
     """Run a monitor on a free port of this machine while the block lasts. Linux only.
 
     Args:
@@ -82,22 +98,48 @@ def monitor(
     >>> running.summary["frames"]
     0
     """
-    given = {name: value for name, value in locals().items() if name in KNOWN and value is not None}
-    words = [str(model.path if isinstance(model, Reader) else model), "--port", "0", "--json"]
+    given = {
+        name: value
+        for name, value in locals().items()
+        if name in KNOWN and value is not None
+    }
+    words = [
+        str(model.path if isinstance(model, Reader) else model),
+        "--port",
+        "0",
+        "--json",
+    ]
     for name, value in given.items():
         flag, unit = KNOWN[name]
         words += [flag, repr(from_si(value, unit))]
-    options = {"--calibration": calibration, "--eye": eye, "--globe": globe, "--record": record}
-    words += [word for flag, value in options.items() if value is not None for word in (flag, str(value))]
+    options = {
+        "--calibration": calibration,
+        "--eye": eye,
+        "--globe": globe,
+        "--record": record,
+    }
+    words += [
+        word
+        for flag, value in options.items()
+        if value is not None
+        for word in (flag, str(value))
+    ]
     for plane in planes:
-        words += ["--plane", f"{plane.name}:{from_si(plane.offset_m, 'mm')!r}:{from_si(plane.direction_rad, 'deg')!r}"]
+        words += [
+            "--plane",
+            f"{plane.name}:{from_si(plane.offset_m, 'mm')!r}:{from_si(plane.direction_rad, 'deg')!r}",
+        ]
     words += [] if second_opinion else ["--no-second-opinion"]
     with TemporaryDirectory(prefix="scleraforce-") as folder:
         words += ["--black-box", str(black_box or Path(folder) / "black-box")]
         process = subprocess.Popen(
-            [*COMMAND, "monitor", *words], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            text=True, start_new_session=True,
-        )  # fmt: skip
+            [*COMMAND, "monitor", *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
         with process:
             running = RunningMonitor()
             try:
@@ -117,9 +159,18 @@ def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> N
             running.port = int(words[1].rpartition(":")[2])
         if name == "reset":
             running.token = words[-1]
-            Thread(target=lambda: running.lines.extend(map(str.rstrip, process.stderr or ())), daemon=True).start()
+            Thread(
+                target=lambda: running.lines.extend(
+                    map(str.rstrip, process.stderr or ())
+                ),
+                daemon=True,
+            ).start()
             return
-    raise InputError(running.lines[-1].removeprefix("error: ") if running.lines else "monitor: it ended at its start")
+    raise InputError(
+        running.lines[-1].removeprefix("error: ")
+        if running.lines
+        else "monitor: it ended at its start"
+    )
 
 
 def _ended(process: "subprocess.Popen[str]") -> Mapping[str, Any]:

@@ -16,9 +16,12 @@ from scleraforce.study import Study, refuse_unused
 
 
 def library_of(
-    study: Study | None = None, *, out: str | PathLike[str] | None = None, workers: int | None = None,
+    study: Study | None = None,
+    *,
+    out: str | PathLike[str] | None = None,
+    workers: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Library:  # fmt: skip
+) -> Library:
     """Return the response library of a study: how its walls bend, for any thickness, pressure and modulus.
 
     The first time it is computed, which takes a minute; then it comes from the user's cache.
@@ -47,9 +50,14 @@ def library_of(
 
 
 def generate(
-    out: str | PathLike[str], study: Study | None = None, *, youngs_modulus_pa: float | None = None,
-    mechanics: str | None = None, workers: int | None = None, progress: Callable[[int], None] | None = None,
-) -> Dataset:  # fmt: skip
+    out: str | PathLike[str],
+    study: Study | None = None,
+    *,
+    youngs_modulus_pa: float | None = None,
+    mechanics: str | None = None,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Dataset:
     """Simulate the slices that a classifier learns from.
 
     Args:
@@ -72,16 +80,29 @@ def generate(
     kind = mechanics or study.mechanics.kind
     refuse_unused(study, "generate", kind)
     library = library_for(study, kind, counting_for(None, ""), workers)
-    generate_dataset(study, Path(out), youngs_modulus_pa=youngs_modulus_pa, library=library, workers=workers,
-                     progress=progress)  # fmt: skip
+    generate_dataset(
+        study,
+        Path(out),
+        youngs_modulus_pa=youngs_modulus_pa,
+        library=library,
+        workers=workers,
+        progress=progress,
+    )
     return open_dataset(out)
 
 
 def train(
-    source: Library | Dataset, out: str | PathLike[str], study: Study | None = None, *, kind: str = "reader",
-    search: bool = False, workers: int | None = None, device: str = "auto",
-    progress: Callable[[int], object] | None = None, counting: Counting | None = None,
-) -> Reader:  # fmt: skip
+    source: Library | Dataset,
+    out: str | PathLike[str],
+    study: Study | None = None,
+    *,
+    kind: str = "reader",
+    search: bool = False,
+    workers: int | None = None,
+    device: str = "auto",
+    progress: Callable[[int], object] | None = None,
+    counting: Counting | None = None,
+) -> Reader:
     """Train a model, write its folder and return it loaded; needs the extra `train` (PyTorch).
 
     Args:
@@ -115,13 +136,27 @@ def train(
         from scleraforce.learning.train import train_classifier
 
         network = source.study.network if study is None else study.network
-        with counting("epochs", network.epochs * (len(grid(network)) if search else 1)) as advance:
-            train_classifier(source, Path(out), network, search, advance, workers=workers, device=device)
+        with counting(
+            "epochs", network.epochs * (len(grid(network)) if search else 1)
+        ) as advance:
+            train_classifier(
+                source,
+                Path(out),
+                network,
+                search,
+                advance,
+                workers=workers,
+                device=device,
+            )
         return load_model(out)
     if not isinstance(source, Library):
-        raise InputError(f"source: found {type(source).__name__}; give a library (library_of) or a data set (generate)")
+        raise InputError(
+            f"source: found {type(source).__name__}; give a library (library_of) or a data set (generate)"
+        )
     if search:
-        raise InputError("search: is for classifiers; a reader has the sizes of [reader]")
+        raise InputError(
+            "search: is for classifiers; a reader has the sizes of [reader]"
+        )
     if kind not in ("reader", "raw-reader"):
         raise InputError(f"kind: {kind!r}; give 'reader' or 'raw-reader'")
     study = study or Study()
@@ -130,8 +165,18 @@ def train(
 
     if kind == "reader":
         reader = study.reader
-        with counting("epochs", reader.epochs) as advance, counting("eyes", reader.interval_eyes) as measured:
-            train_reader(source, study, Path(out), progress=advance, measured=measured, device=device)
+        with (
+            counting("epochs", reader.epochs) as advance,
+            counting("eyes", reader.interval_eyes) as measured,
+        ):
+            train_reader(
+                source,
+                study,
+                Path(out),
+                progress=advance,
+                measured=measured,
+                device=device,
+            )
     else:
         raw = study.raw_reader
         with (
@@ -140,6 +185,12 @@ def train(
             counting("eyes", raw.interval_eyes) as measured,
         ):
             train_raw_reader(
-                source, study, Path(out), progress=advance, learned=learned, measured=measured, device=device
+                source,
+                study,
+                Path(out),
+                progress=advance,
+                learned=learned,
+                measured=measured,
+                device=device,
             )
     return load_model(out)

@@ -8,8 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import InputError
-from scleraforce.laboratory.phantom import in_planes, plan_moving_phantom, plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye, SimulatedEye, simulate_eye, study_sections
+from scleraforce.laboratory.phantom import (
+    in_planes,
+    plan_moving_phantom,
+    plan_phantom,
+    write_phantom,
+)
+from scleraforce.laboratory.virtual_eye import (
+    PhantomEye,
+    SimulatedEye,
+    simulate_eye,
+    study_sections,
+)
 from scleraforce.mechanics.contact import Contact
 from scleraforce.notebook import Counting, by_percent, check_rigidity, counting_for
 from scleraforce.recording.folder import Plane, Recording, check_planes, read_recording
@@ -18,12 +28,20 @@ from scleraforce.study.fields import check_quantity
 
 
 def simulate(
-    study: Study | None = None, *, thickness_m: float, force_n: float | None = None,
-    displacement_m: float | None = None, youngs_modulus_pa: float | None = None, iop_pa: float | None = None,
-    gap_m: float | None = None, polar_angle_rad: float | None = None, mechanics: str | None = None,
-    globe: str | None = None, rigidity_pa13_per_m3: float | None = None,
+    study: Study | None = None,
+    *,
+    thickness_m: float,
+    force_n: float | None = None,
+    displacement_m: float | None = None,
+    youngs_modulus_pa: float | None = None,
+    iop_pa: float | None = None,
+    gap_m: float | None = None,
+    polar_angle_rad: float | None = None,
+    mechanics: str | None = None,
+    globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None,
     progress: Callable[[float], object] | None = None,
-) -> SimulatedEye:  # fmt: skip
+) -> SimulatedEye:
     r"""Bend one eye by one force.
 
     Args:
@@ -68,23 +86,44 @@ def simulate(
         check_quantity(name, value)
     polar = None if polar_angle_rad is None else fixed(polar_angle_rad)
     eye = replace(
-        study.eye, thickness_m=fixed(thickness_m), **given(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa)
+        study.eye,
+        thickness_m=fixed(thickness_m),
+        **given(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa),
     )
     needle = replace(study.needle, **given(polar_angle_rad=polar, gap_m=gap_m))
     contact = Contact(polar_rad=sum(needle.polar_angle_rad.bounds) / 2)
     study = replace(study, eye=eye, needle=needle)
-    return simulate_eye(study, thickness_m, force_n or 0.0, contact, progress, displacement_m)
+    return simulate_eye(
+        study, thickness_m, force_n or 0.0, contact, progress, displacement_m
+    )
 
 
 def phantom(
-    out: str | PathLike[str], study: Study | None = None, *, forces_n: Sequence[float], thickness_m: float,
-    eye: str = "eye-1", youngs_modulus_pa: float | None = None, iop_pa: float | None = None, gap_m: float | None = None,
-    polar_angle_rad: float = radians(35.0), azimuth_rad: float = 0.0, direction_rad: float = 0.0, tilt_rad: float = 0.0,
-    mechanics: str | None = None, globe: str | None = None, rigidity_pa13_per_m3: float | None = None,
-    seed: int | None = None, rate_hz: float | None = None, ramp_n_per_s: float | None = None,
-    hold_s: float | None = None, puncture_n: float | None = None, planes: Sequence[Plane] = (),
-    progress: Callable[[int], object] | None = None, counting: Counting | None = None,
-) -> Recording:  # fmt: skip
+    out: str | PathLike[str],
+    study: Study | None = None,
+    *,
+    forces_n: Sequence[float],
+    thickness_m: float,
+    eye: str = "eye-1",
+    youngs_modulus_pa: float | None = None,
+    iop_pa: float | None = None,
+    gap_m: float | None = None,
+    polar_angle_rad: float = radians(35.0),
+    azimuth_rad: float = 0.0,
+    direction_rad: float = 0.0,
+    tilt_rad: float = 0.0,
+    mechanics: str | None = None,
+    globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None,
+    seed: int | None = None,
+    rate_hz: float | None = None,
+    ramp_n_per_s: float | None = None,
+    hold_s: float | None = None,
+    puncture_n: float | None = None,
+    planes: Sequence[Plane] = (),
+    progress: Callable[[int], object] | None = None,
+    counting: Counting | None = None,
+) -> Recording:
     r"""Make a virtual acquisition: a recording folder of raw B-scans and a force log, with its truth.
 
     Args:
@@ -128,10 +167,20 @@ def phantom(
     if Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
     counting = counting or counting_for(progress, "frames")
-    eyes = {"youngs_modulus_pa": study.eye.youngs_modulus_pa, "iop_pa": study.eye.iop_pa, "gap_m": study.needle.gap_m}
+    eyes = {
+        "youngs_modulus_pa": study.eye.youngs_modulus_pa,
+        "iop_pa": study.eye.iop_pa,
+        "gap_m": study.needle.gap_m,
+    }
     eyes |= given(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa, gap_m=gap_m)
-    directions = {"azimuth_rad": azimuth_rad, "direction_rad": direction_rad, "tilt_rad": tilt_rad}
-    pushed = PhantomEye(id=eye, thickness_m=thickness_m, polar_rad=polar_angle_rad, **eyes, **directions)
+    directions = {
+        "azimuth_rad": azimuth_rad,
+        "direction_rad": direction_rad,
+        "tilt_rad": tilt_rad,
+    }
+    pushed = PhantomEye(
+        id=eye, thickness_m=thickness_m, polar_rad=polar_angle_rad, **eyes, **directions
+    )
     seed = study.phantom.seed if seed is None else seed
     if rate_hz is None and puncture_n is not None:
         raise InputError("puncture_n: of a needle that moves; give rate_hz too")
@@ -146,14 +195,19 @@ def phantom(
         plan = in_planes(plan, planes, study)
     with counting("load path", 100) as advance:
         sections_at = study_sections(pushed, study, by_percent(advance))
-        sections_at([max(*plan.forces_n, puncture_n or 0.0)])  # a load path is computed here, once
+        sections_at(
+            [max(*plan.forces_n, puncture_n or 0.0)]
+        )  # a load path is computed here, once
     with counting("frames", len(plan.frames)) as advance:
         write_phantom(Path(out), plan, sections_at, study, advance)
     return read_recording(out)
 
 
 def declared(
-    study: Study | None, mechanics: str | None, globe: str | None, rigidity_pa13_per_m3: float | None
+    study: Study | None,
+    mechanics: str | None,
+    globe: str | None,
+    rigidity_pa13_per_m3: float | None,
 ) -> Study:
     """Return a study, by default the paper's, with the mechanics and the globe that are given."""
     study = study or Study()

@@ -52,22 +52,36 @@ class Reading:
     def finite(self) -> bool:
         """True if all numbers are finite and the interval holds the force."""
         low, high = self.interval_n
-        numbers = (*self.probabilities, self.force_n, low, high, self.contact_m, self.contact_sd_m)
+        numbers = (
+            *self.probabilities,
+            self.force_n,
+            low,
+            high,
+            self.contact_m,
+            self.contact_sd_m,
+        )
         return all(map(isfinite, numbers)) and low <= self.force_n <= high
 
     def spanning(self, check: "Reading") -> "Reading":
         """Return the reading with an interval that spans both intervals; a check that is not finite adds nothing."""
-        (low, high), (other_low, other_high) = self.interval_n, (check if check.finite else self).interval_n
+        (low, high), (other_low, other_high) = (
+            self.interval_n,
+            (check if check.finite else self).interval_n,
+        )
         return replace(self, interval_n=(min(low, other_low), max(high, other_high)))
 
 
-def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...], factor: float = 1.0) -> Reading:
+def fit_reading(
+    fit: BoundaryFit, bounds_n: tuple[float, ...], factor: float = 1.0
+) -> Reading:
     """Return the reading of a fit, its distribution stretched about the median by a factor (`reader.intervals`)."""
     return Reading(
-        probabilities=fit.probabilities(unstretched(fit.force_n, bounds_n, factor)), force_n=fit.force_n,
-        interval_n=stretched_interval(fit.force_n, fit.interval_n, factor), contact_m=fit.contact_m,
+        probabilities=fit.probabilities(unstretched(fit.force_n, bounds_n, factor)),
+        force_n=fit.force_n,
+        interval_n=stretched_interval(fit.force_n, fit.interval_n, factor),
+        contact_m=fit.contact_m,
         contact_sd_m=float(fit.sd[LATERAL]),
-    )  # fmt: skip
+    )
 
 
 def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str | None:
@@ -89,8 +103,10 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
     together = hypot(low.interval_n[1] - low.force_n, high.force_n - high.interval_n[0])
     if high.force_n - low.force_n <= together:
         return None
-    return (f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, the {names[1]} "
-            f"{from_si(check.force_n, 'mn'):.1f} mN: they differ by more than their intervals allow")  # fmt: skip
+    return (
+        f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, the {names[1]} "
+        f"{from_si(check.force_n, 'mn'):.1f} mN: they differ by more than their intervals allow"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,23 +148,38 @@ class Answer:
 
     def _repr_html_(self) -> str:
         """The frame with its wall, the force and its interval, for Jupyter."""
-        facts = {"force": self.force_words, "class": str(self.predicted), "not usable": self.reason or ""}
-        facts |= {f"warning {number}": words for number, words in enumerate(self.warnings, start=1)}
+        facts = {
+            "force": self.force_words,
+            "class": str(self.predicted),
+            "not usable": self.reason or "",
+        }
+        facts |= {
+            f"warning {number}": words
+            for number, words in enumerate(self.warnings, start=1)
+        }
         shown = {name: words for name, words in facts.items() if words}
-        return html_card("Answer", shown, None if self.segmentation is None else self.segmentation.overlay)
+        return html_card(
+            "Answer",
+            shown,
+            None if self.segmentation is None else self.segmentation.overlay,
+        )
 
     @property
     def force_words(self) -> str:
         """The force with its interval, mN; empty without one."""
         if self.force_n is None or self.interval_n is None:
             return ""
-        force, low, high = (f"{from_si(value, 'mn'):.1f}" for value in (self.force_n, *self.interval_n))
+        force, low, high = (
+            f"{from_si(value, 'mn'):.1f}" for value in (self.force_n, *self.interval_n)
+        )
         return f"{force} mN (90 %: {low} to {high})"
 
     @property
     def verdict(self) -> Verdict:
         """The part that the monitor decides on, sends and logs."""
-        return Verdict(**{item.name: getattr(self, item.name) for item in fields(Verdict)})
+        return Verdict(
+            **{item.name: getattr(self, item.name) for item in fields(Verdict)}
+        )
 
     @property
     def iop_at_dent_pa(self) -> float | None:
@@ -170,27 +201,31 @@ class Answer:
         places = self.places.as_json()
         if self.places.lean_rad is None:
             places["lean_deg"] = from_si(one_lean(self.lean_rad), "deg")
-        found: dict[str, Any] = finite({
-            "predicted": self.predicted,
-            "probabilities": self.probabilities,
-            "predicted_force_mn": from_si(self.force_n, "mn"),
-            "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
-            "elastic_force_mn": from_si(self.elastic_force_n, "mn"),
-            **places,
-            "contact_mm": from_si(self.contact_m, "mm"),
-            "time_to_bound_ms": None,  # a single frame shows no rise
-            "time_to_bound_ms_interval": None,
-            **_place_entry(self.place if self.usable else None),
-            "pressure_pa": self.iop_at_dent_pa,
-            "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
-            "needle": needle_entry(self.needle),
-            "wall": None if self.segmentation is None else self.segmentation.source,
-            "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
-            "usable": self.usable,
-            "reason": self.reason,
-            "warnings": self.warnings,
-            "can_calibrate": self.can_calibrate,
-        })  # fmt: skip
+        found: dict[str, Any] = finite(
+            {
+                "predicted": self.predicted,
+                "probabilities": self.probabilities,
+                "predicted_force_mn": from_si(self.force_n, "mn"),
+                "interval_mn": None
+                if self.interval_n is None
+                else [from_si(end, "mn") for end in self.interval_n],
+                "elastic_force_mn": from_si(self.elastic_force_n, "mn"),
+                **places,
+                "contact_mm": from_si(self.contact_m, "mm"),
+                "time_to_bound_ms": None,  # a single frame shows no rise
+                "time_to_bound_ms_interval": None,
+                **_place_entry(self.place if self.usable else None),
+                "pressure_pa": self.iop_at_dent_pa,
+                "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
+                "needle": needle_entry(self.needle),
+                "wall": None if self.segmentation is None else self.segmentation.source,
+                "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
+                "usable": self.usable,
+                "reason": self.reason,
+                "warnings": self.warnings,
+                "can_calibrate": self.can_calibrate,
+            }
+        )
         return found
 
 
@@ -202,7 +237,9 @@ class Answers(Sequence[Answer]):
 
     def __getitem__(self, place: Any) -> Any:
         """Return an answer, or the answers of a slice."""
-        return Answers(self.each[place]) if isinstance(place, slice) else self.each[place]
+        return (
+            Answers(self.each[place]) if isinstance(place, slice) else self.each[place]
+        )
 
     def __len__(self) -> int:
         return len(self.each)
@@ -212,7 +249,10 @@ class Answers(Sequence[Answer]):
 
     def _repr_html_(self) -> str:
         """The first forces, for Jupyter."""
-        facts = {f"frame {nth}": repr(answer)[9:-1] for nth, answer in enumerate(self.each[:SHOWN])}
+        facts = {
+            f"frame {nth}": repr(answer)[9:-1]
+            for nth, answer in enumerate(self.each[:SHOWN])
+        }
         return html_card(repr(self)[1:-1], facts)
 
     def to_dict(self) -> dict[str, Any]:
@@ -223,7 +263,9 @@ class Answers(Sequence[Answer]):
         """Return a table of pandas with a row for each frame, units in the names; raises `InputError` without it."""
         from scleraforce.recording.export import data_frame
 
-        return data_frame({"frame": nth, **answer.to_dict()} for nth, answer in enumerate(self))
+        return data_frame(
+            {"frame": nth, **answer.to_dict()} for nth, answer in enumerate(self)
+        )
 
     def to_xarray(self) -> Any:
         """Return a Dataset of xarray over frames and columns: forces, N, and boundaries, rows; NaN where unknown.
@@ -232,30 +274,65 @@ class Answers(Sequence[Answer]):
         """
         from scleraforce.recording.pixels import package_for
 
-        read = [(answer.force_n, *(answer.interval_n or (None, None)), answer.contact_m) for answer in self]
-        force_n, low_n, high_n, contact_m = np.array(read, dtype=np.float64).reshape(-1, 4).T
-        walls = [answer.segmentation for answer in self if answer.segmentation is not None]
-        return package_for("xarray", "to_xarray", "tables").Dataset({
-            "force_n": ("frame", force_n, {"units": "N"}),
-            "interval_n": (("frame", "end"), np.stack([low_n, high_n], axis=1), {"units": "N", "content": "90 %"}),
-            "contact_m": ("frame", contact_m, {"units": "m"}),
-            "predicted": ("frame", [answer.predicted for answer in self]),
-            "usable": ("frame", [answer.usable for answer in self]),
-            "outer_row": (("frame", "column"), np.array([wall.outer_row for wall in walls]), {"units": "row"}),
-            "inner_row": (("frame", "column"), np.array([wall.inner_row for wall in walls]), {"units": "row"}),
-        }, coords={"end": ["low", "high"]})  # fmt: skip
+        read = [
+            (answer.force_n, *(answer.interval_n or (None, None)), answer.contact_m)
+            for answer in self
+        ]
+        force_n, low_n, high_n, contact_m = (
+            np.array(read, dtype=np.float64).reshape(-1, 4).T
+        )
+        walls = [
+            answer.segmentation for answer in self if answer.segmentation is not None
+        ]
+        return package_for("xarray", "to_xarray", "tables").Dataset(
+            {
+                "force_n": ("frame", force_n, {"units": "N"}),
+                "interval_n": (
+                    ("frame", "end"),
+                    np.stack([low_n, high_n], axis=1),
+                    {"units": "N", "content": "90 %"},
+                ),
+                "contact_m": ("frame", contact_m, {"units": "m"}),
+                "predicted": ("frame", [answer.predicted for answer in self]),
+                "usable": ("frame", [answer.usable for answer in self]),
+                "outer_row": (
+                    ("frame", "column"),
+                    np.array([wall.outer_row for wall in walls]),
+                    {"units": "row"},
+                ),
+                "inner_row": (
+                    ("frame", "column"),
+                    np.array([wall.inner_row for wall in walls]),
+                    {"units": "row"},
+                ),
+            },
+            coords={"end": ["low", "high"]},
+        )
 
 
 def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:
     """Return the keys of a contact in three dimensions, with intervals; null without planes that were read together."""
     if place is None:
-        return dict.fromkeys(("contact_xyz_mm", "contact_xyz_mm_interval", "tilt_deg", "tilt_deg_interval"))
-    contact = [one.in_unit("mm") for one in map(Place.of, place.contact_m, place.contact_sd_m)]
-    tilt = [one.in_unit("deg") for one in map(Place.of, place.tilt_rad, place.tilt_sd_rad)]
+        return dict.fromkeys(
+            (
+                "contact_xyz_mm",
+                "contact_xyz_mm_interval",
+                "tilt_deg",
+                "tilt_deg_interval",
+            )
+        )
+    contact = [
+        one.in_unit("mm") for one in map(Place.of, place.contact_m, place.contact_sd_m)
+    ]
+    tilt = [
+        one.in_unit("deg") for one in map(Place.of, place.tilt_rad, place.tilt_sd_rad)
+    ]
     return {
-        "contact_xyz_mm": [value for value, _ in contact], "contact_xyz_mm_interval": [ends for _, ends in contact],
-        "tilt_deg": [value for value, _ in tilt], "tilt_deg_interval": [ends for _, ends in tilt],
-    }  # fmt: skip
+        "contact_xyz_mm": [value for value, _ in contact],
+        "contact_xyz_mm_interval": [ends for _, ends in contact],
+        "tilt_deg": [value for value, _ in tilt],
+        "tilt_deg_interval": [ends for _, ends in tilt],
+    }
 
 
 def together(answers: Sequence[Answer]) -> list[Answer]:
@@ -266,25 +343,42 @@ def together(answers: Sequence[Answer]) -> list[Answer]:
     ends = [answer.interval_n for answer in answers if answer.interval_n is not None]
     if len(ends) < len(answers):
         return list(answers)
-    warnings = list(dict.fromkeys(words for answer in answers for words in answer.warnings))
+    warnings = list(
+        dict.fromkeys(words for answer in answers for words in answer.warnings)
+    )
     unchecked = [words for words in warnings if words.startswith(UNCHECKED)]
     is_checked = any(len(answer.readings) > 1 for answer in answers)
-    warnings = [words for words in warnings if words not in unchecked[0 if is_checked else 1 :]]
+    warnings = [
+        words for words in warnings if words not in unchecked[0 if is_checked else 1 :]
+    ]
     interval_n = min(low for low, _ in ends), max(high for _, high in ends)
-    return [replace(answer, interval_n=interval_n, warnings=tuple(warnings)) for answer in answers]
+    return [
+        replace(answer, interval_n=interval_n, warnings=tuple(warnings))
+        for answer in answers
+    ]
 
 
 def unusable(classes: int, reason: str) -> Answer:
     """Return the answer of a model with n classes to a frame that cannot be judged: withdraw."""
-    return Answer(predicted=classes - 1, probabilities=None, usable=False, reason=reason)
+    return Answer(
+        predicted=classes - 1, probabilities=None, usable=False, reason=reason
+    )
 
 
-def stretched_interval(median_n: float, interval_n: tuple[float, float], factor: float) -> tuple[float, float]:
+def stretched_interval(
+    median_n: float, interval_n: tuple[float, float], factor: float
+) -> tuple[float, float]:
     """Return an interval whose distribution is stretched about its median by a factor; forces stay at or above 0."""
-    low_n, high_n = (max(median_n + factor * (end_n - median_n), 0.0) for end_n in interval_n)
+    low_n, high_n = (
+        max(median_n + factor * (end_n - median_n), 0.0) for end_n in interval_n
+    )
     return low_n, high_n
 
 
-def unstretched(median_n: float, forces_n: tuple[float, ...], factor: float) -> tuple[float, ...]:
+def unstretched(
+    median_n: float, forces_n: tuple[float, ...], factor: float
+) -> tuple[float, ...]:
     """Return the forces at which a distribution has the quantiles that the stretched one has at `forces_n`."""
-    return tuple(max(median_n + (force_n - median_n) / factor, 0.0) for force_n in forces_n)
+    return tuple(
+        max(median_n + (force_n - median_n) / factor, 0.0) for force_n in forces_n
+    )

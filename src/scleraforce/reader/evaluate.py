@@ -15,10 +15,21 @@ from scleraforce.arrays import Integers
 from scleraforce.calibration.forces import label_sds
 from scleraforce.decision.limits import MonitorLimits, upper_end
 from scleraforce.decision.state import DENTS, NOISE_WINDOWS
-from scleraforce.decision.trend import OUTSIDE, Dent, TimeToBound, rise_of, time_to_bound, unexplained_fall
+from scleraforce.decision.trend import (
+    OUTSIDE,
+    Dent,
+    TimeToBound,
+    rise_of,
+    time_to_bound,
+    unexplained_fall,
+)
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import Known, known_of_recording
-from scleraforce.known.calibration_file import CalibrationSummary, foreign_modulus, known_of_eye
+from scleraforce.known.calibration_file import (
+    CalibrationSummary,
+    foreign_modulus,
+    known_of_eye,
+)
 from scleraforce.models import model_name
 from scleraforce.pictures import html_card
 from scleraforce.plain_json import finite
@@ -30,7 +41,12 @@ from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import suited
 from scleraforce.recording import labels
 from scleraforce.recording.export import data_frame, flat, tidy
-from scleraforce.recording.folder import Recording, frame_digest, read_recording, true_forces
+from scleraforce.recording.folder import (
+    Recording,
+    frame_digest,
+    read_recording,
+    true_forces,
+)
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.tables import FrameEntry
@@ -75,46 +91,87 @@ class FrameAnswer:
     @property
     def scored(self) -> bool:
         """True if the frame counts in the metrics."""
-        return self.target is not None and self.excluded is None and not self.calibration and not self.repeats
+        return (
+            self.target is not None
+            and self.excluded is None
+            and not self.calibration
+            and not self.repeats
+        )
 
     @property
     def misread(self) -> bool:
         """True if the frame has a label and the answer is another class."""
         return self.target is not None and self.answer.predicted != self.target
 
-    def trial(self, force_n: float | None, sd_n: float | None = None) -> metrics.ForceTrial | None:
+    def trial(
+        self, force_n: float | None, sd_n: float | None = None
+    ) -> metrics.ForceTrial | None:
         """Return the read force beside a known one, N, with the SD of its error, N; None if either is missing."""
         read_n, interval_n = self.answer.force_n, self.answer.interval_n
         if force_n is None or read_n is None or interval_n is None:
             return None
         return metrics.ForceTrial(
-            eye=self.eye, measured_n=force_n, read_n=read_n, interval_n=interval_n, measured_sd_n=sd_n or 0.0
+            eye=self.eye,
+            measured_n=force_n,
+            read_n=read_n,
+            interval_n=interval_n,
+            measured_sd_n=sd_n or 0.0,
         )
 
     @property
     def label(self) -> metrics.ForceTrial | None:
         """The read force beside the measured one; None if the frame does not count."""
-        return self.trial(self.measured_force_n, self.measured_force_sd_n) if self.scored else None
+        return (
+            self.trial(self.measured_force_n, self.measured_force_sd_n)
+            if self.scored
+            else None
+        )
 
     def as_row(self) -> dict[str, Any]:
         """Return the keys of `to_dict` without lists in lists, and `time_s`, `scored` and `covered`."""
-        keys = {"recording": self.recording, "eye": self.eye, "file": self.file, "time_s": self.time_s}
-        row = flat(finite(keys | self.to_dict() | {"warnings": "; ".join(self.answer.warnings)}))
-        return row | {"scored": self.scored, "covered": self.label.covered if self.label else None}
+        keys = {
+            "recording": self.recording,
+            "eye": self.eye,
+            "file": self.file,
+            "time_s": self.time_s,
+        }
+        row = flat(
+            finite(
+                keys | self.to_dict() | {"warnings": "; ".join(self.answer.warnings)}
+            )
+        )
+        return row | {
+            "scored": self.scored,
+            "covered": self.label.covered if self.label else None,
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """Return the frame's keys in `evaluate --json`."""
-        median_ms, interval_ms = self.to_bound.as_ms() if self.to_bound else (None, None)
+        median_ms, interval_ms = (
+            self.to_bound.as_ms() if self.to_bound else (None, None)
+        )
         return {
-            "recording": self.recording, "eye": self.eye, "file": self.file,
-            **({"plane": self.plane, "time_s": self.time_s} if self.plane is not None else {}),
+            "recording": self.recording,
+            "eye": self.eye,
+            "file": self.file,
+            **(
+                {"plane": self.plane, "time_s": self.time_s}
+                if self.plane is not None
+                else {}
+            ),
             "measured_force_mn": from_si(self.measured_force_n, "mn"),
             "measured_force_sd_mn": from_si(self.measured_force_sd_n, "mn"),
-            "true_force_mn": from_si(self.true_force_n, "mn"), "target": self.target, **self.answer.to_dict(),
-            "time_to_bound_ms": median_ms, "time_to_bound_ms_interval": interval_ms, "calibration": self.calibration,
-            "excluded": self.excluded, "pierced": self.pierced,
-            "youngs_modulus_mpa": from_si(self.youngs_modulus_pa, "mpa"), "modulus_source": self.modulus_source,
-        }  # fmt: skip
+            "true_force_mn": from_si(self.true_force_n, "mn"),
+            "target": self.target,
+            **self.answer.to_dict(),
+            "time_to_bound_ms": median_ms,
+            "time_to_bound_ms_interval": interval_ms,
+            "calibration": self.calibration,
+            "excluded": self.excluded,
+            "pierced": self.pierced,
+            "youngs_modulus_mpa": from_si(self.youngs_modulus_pa, "mpa"),
+            "modulus_source": self.modulus_source,
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,17 +191,27 @@ class Evaluation:
     kind: str = "classifier"
 
     def __repr__(self) -> str:
-        error = f", mean error {from_si(self.mae_n, 'mn'):.2f} mN" if self.forces else ""
+        error = (
+            f", mean error {from_si(self.mae_n, 'mn'):.2f} mN" if self.forces else ""
+        )
         right = f"{self.accuracy.hits} of {self.accuracy.total} classes right"
-        return f"<Evaluation of {self.model}: {len(self.frames)} frames, {right}{error}>"
+        return (
+            f"<Evaluation of {self.model}: {len(self.frames)} frames, {right}{error}>"
+        )
 
     def _repr_html_(self) -> str:
         """The metrics, for Jupyter."""
-        facts = {"frames": str(len(self.frames)), "classes right": f"{self.accuracy.hits} of {self.accuracy.total}"}
+        facts = {
+            "frames": str(len(self.frames)),
+            "classes right": f"{self.accuracy.hits} of {self.accuracy.total}",
+        }
         if self.forces:
             facts["force error"] = f"{from_si(self.mae_n, 'mn'):.2f} mN in the mean"
             facts["90 % interval and label agree"] = self.coverage.words()
-        return html_card(f"Evaluation of {self.model}", facts | {f"note {n}": s for n, s in enumerate(self.notes, 1)})
+        return html_card(
+            f"Evaluation of {self.model}",
+            facts | {f"note {n}": s for n, s in enumerate(self.notes, 1)},
+        )
 
     def to_dataframe(self) -> Any:
         """Return a table of pandas with a row for each frame, units in the names; raises `InputError` without it."""
@@ -163,7 +230,9 @@ class Evaluation:
     @cached_property
     def usable(self) -> "Evaluation":
         """The same evaluation, of the usable frames alone."""
-        return replace(self, frames=tuple(frame for frame in self.frames if frame.answer.usable))
+        return replace(
+            self, frames=tuple(frame for frame in self.frames if frame.answer.usable)
+        )
 
     @cached_property
     def confusion(self) -> Integers:
@@ -180,7 +249,9 @@ class Evaluation:
     @cached_property
     def true_forces(self) -> tuple[metrics.ForceTrial, ...]:
         """True and read force of each usable frame that counts and whose true force is known."""
-        return tuple(trial for frame in self.scored if (trial := frame.trial(frame.true_force_n)))
+        return tuple(
+            trial for frame in self.scored if (trial := frame.trial(frame.true_force_n))
+        )
 
     @property
     def mae_n(self) -> float:
@@ -200,7 +271,11 @@ class Evaluation:
     @property
     def label_sd_n(self) -> float:
         """Median standard deviation of the labels of `forces`, N; NaN if there are none."""
-        return median([trial.measured_sd_n for trial in self.forces]) if self.forces else nan
+        return (
+            median([trial.measured_sd_n for trial in self.forces])
+            if self.forces
+            else nan
+        )
 
     @property
     def accuracy(self) -> metrics.Proportion:
@@ -219,16 +294,34 @@ class Evaluation:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result of `evaluate --json` as plain types, None for a figure that is not defined."""
-        found: dict[str, Any] = finite({
-            "model": self.model, "kind": self.kind, **self._metrics(), "mae_mn": from_si(self.mae_n, "mn"),
-            "coverage": self.coverage.value, "coverage_interval": self.coverage.interval,
-            "coverage_by_eye": {eye: one.value for eye, one in metrics.coverage_by_eye(self.forces).items()},
-            "label_sd_mn": from_si(self.label_sd_n, "mn"), "truth": "truth.json" if self.true_forces else None,
-            "true_mae_mn": from_si(metrics.mean_absolute_error(self.true_forces), "mn"),
-            "true_coverage": self.true_coverage.value, "true_coverage_interval": self.true_coverage.interval,
-            "true_coverage_by_eye": {eye: one.value for eye, one in metrics.coverage_by_eye(self.true_forces).items()},
-            "usable": self.usable._metrics(), "notes": self.notes, "frames": [frame.to_dict() for frame in self.frames],
-        })  # fmt: skip
+        found: dict[str, Any] = finite(
+            {
+                "model": self.model,
+                "kind": self.kind,
+                **self._metrics(),
+                "mae_mn": from_si(self.mae_n, "mn"),
+                "coverage": self.coverage.value,
+                "coverage_interval": self.coverage.interval,
+                "coverage_by_eye": {
+                    eye: one.value
+                    for eye, one in metrics.coverage_by_eye(self.forces).items()
+                },
+                "label_sd_mn": from_si(self.label_sd_n, "mn"),
+                "truth": "truth.json" if self.true_forces else None,
+                "true_mae_mn": from_si(
+                    metrics.mean_absolute_error(self.true_forces), "mn"
+                ),
+                "true_coverage": self.true_coverage.value,
+                "true_coverage_interval": self.true_coverage.interval,
+                "true_coverage_by_eye": {
+                    eye: one.value
+                    for eye, one in metrics.coverage_by_eye(self.true_forces).items()
+                },
+                "usable": self.usable._metrics(),
+                "notes": self.notes,
+                "frames": [frame.to_dict() for frame in self.frames],
+            }
+        )
         return found
 
     def rows(self) -> list[dict[str, Any]]:
@@ -241,12 +334,21 @@ class Evaluation:
 
     def _metrics(self) -> dict[str, Any]:
         shares = {"recall": self.recall, "precision": self.precision}
-        values = {name: [share.value for share in of_classes] for name, of_classes in shares.items()}
-        ends = {name: [share.interval for share in of_classes] for name, of_classes in shares.items()}
+        values = {
+            name: [share.value for share in of_classes]
+            for name, of_classes in shares.items()
+        }
+        ends = {
+            name: [share.interval for share in of_classes]
+            for name, of_classes in shares.items()
+        }
         return {
-            "scored": len(self.scored), "accuracy": self.accuracy.value, "confusion": self.confusion.tolist(), **values,
+            "scored": len(self.scored),
+            "accuracy": self.accuracy.value,
+            "confusion": self.confusion.tolist(),
+            **values,
             "intervals": {"accuracy": self.accuracy.interval, **ends},
-        }  # fmt: skip
+        }
 
 
 def check_once(paths: Sequence[Path]) -> None:
@@ -260,53 +362,88 @@ FOREIGN = ("the modulus is the population's, not this eye's own",)
 
 
 def evaluate_recordings(
-    reader: Reader, recordings: Sequence[Recording | str | PathLike[str]],
-    calibration: CalibrationSummary | None = None, progress: Progress = None,
-) -> Evaluation:  # fmt: skip
+    reader: Reader,
+    recordings: Sequence[Recording | str | PathLike[str]],
+    calibration: CalibrationSummary | None = None,
+    progress: Progress = None,
+) -> Evaluation:
     """Read every frame of recordings and compare with their force logs, and a virtual eye's with its `truth.json`.
 
     Recordings, or their folders, are given once each. Frames of the `calibration` are marked and not scored; a reader
     reads an eye of it with its own modulus, others with the population's. A recording or a frame that cannot be used
     raises `RecordingError` or `FrameError`, a calibration that does not suit the model `CalibrationError`.
     """
-    check_once([entry.path if isinstance(entry, Recording) else Path(entry) for entry in recordings])
-    if calibration is not None and reader.fixed_modulus_pa is None and calibration.mechanics == "linear":
-        raise CalibrationError(f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: "
-                               "calibrate with --mechanics finite-strain")  # fmt: skip
-    opened = [entry if isinstance(entry, Recording) else read_recording(entry) for entry in recordings]
+    check_once(
+        [
+            entry.path if isinstance(entry, Recording) else Path(entry)
+            for entry in recordings
+        ]
+    )
+    if (
+        calibration is not None
+        and reader.fixed_modulus_pa is None
+        and calibration.mechanics == "linear"
+    ):
+        raise CalibrationError(
+            f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: "
+            "calibrate with --mechanics finite-strain"
+        )
+    opened = [
+        entry if isinstance(entry, Recording) else read_recording(entry)
+        for entry in recordings
+    ]
     frames, notes, later = list[FrameAnswer](), list[str](), list[str]()
     study = reader.study
     if calibration is not None and reader.fixed_modulus_pa is not None:
-        notes.append(f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
-                     f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; "
-                     f"{calibration.path} only marks frames")  # fmt: skip
+        notes.append(
+            f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
+            f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; "
+            f"{calibration.path} only marks frames"
+        )
     for recording in opened:
         session = _Session.of(reader, recording, calibration)
         answers = session.without_pierced(tuple(session.answers(progress)))
         notes += (f"{recording.path}: {note}" for note in session.notes())
         if not session.stated and (count := sum(frame.pierced for frame in answers)):
             first = next(frame.file for frame in answers if frame.pierced)
-            notes.append(f"{recording.path}: {count} frames after a puncture are left out, from {first} on")
+            notes.append(
+                f"{recording.path}: {count} frames after a puncture are left out, from {first} on"
+            )
         later += (f"{recording.path}: {doubt}" for doubt in session.doubts(answers))
         frames += answers
     return Evaluation(
-        model=model_name(reader.path), bounds_n=study.classes.bounds_n, max_force_n=study.needle.max_force_n,
-        youngs_modulus_pa=study.eye.youngs_modulus_pa, frames=tuple(frames), notes=(*notes, *later), kind=reader.kind,
-    )  # fmt: skip
+        model=model_name(reader.path),
+        bounds_n=study.classes.bounds_n,
+        max_force_n=study.needle.max_force_n,
+        youngs_modulus_pa=study.eye.youngs_modulus_pa,
+        frames=tuple(frames),
+        notes=(*notes, *later),
+        kind=reader.kind,
+    )
 
 
 def recording_scores(
-    reader: Reader, recording: Recording, summary: CalibrationSummary, progress: Progress = None
+    reader: Reader,
+    recording: Recording,
+    summary: CalibrationSummary,
+    progress: Progress = None,
 ) -> Iterator[Score]:
     """Score both methods' readings of a recording's frames that did not calibrate, by the reader's intervals."""
     session = _Session.of(reader, recording, summary)
     repeats = session.repeats
     for entry, trial, answer, calibrates in session.read(progress):
-        if entry.file in repeats or trial.measured_force_n is None or trial.excluded is not None or calibrates:
+        if (
+            entry.file in repeats
+            or trial.measured_force_n is None
+            or trial.excluded is not None
+            or calibrates
+        ):
             continue
         for method, reading in answer.readings if answer.usable else ():
             fit, eye = answer.fit if method == "fit" else None, recording.info.eye.id
-            yield scored(method, reading, session.known, eye, trial.measured_force_n, fit)
+            yield scored(
+                method, reading, session.known, eye, trial.measured_force_n, fit
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,14 +461,18 @@ class _Session:
     stated: bool
 
     @classmethod
-    def of(cls, reader: Reader, recording: Recording, summary: CalibrationSummary | None) -> "_Session":
+    def of(
+        cls, reader: Reader, recording: Recording, summary: CalibrationSummary | None
+    ) -> "_Session":
         """Return a session with the known values of the eye, and with the bundled reader that was trained for it."""
         known = known_of_recording(recording.info)
         if summary is not None:
             known = known_of_eye(known, summary, recording.info.eye.id)
         stated = any(entry.pierced is not None for entry in recording.frames)
         recording = recording if stated else labels.with_punctures(recording)
-        return cls(suited(reader, known), recording, summary, known, reader.path, stated)
+        return cls(
+            suited(reader, known), recording, summary, known, reader.path, stated
+        )
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
@@ -369,23 +510,50 @@ class _Session:
         if in_newtons:
             read = [frame.answer.force_n for frame in answers]
         else:
-            read = [float(frame.answer.predicted) if frame.answer.usable else None for frame in answers]
+            read = [
+                float(frame.answer.predicted) if frame.answer.usable else None
+                for frame in answers
+            ]
         log = labels.log_doubts(self.recording, classes, read, in_newtons=in_newtons)
         return (*labels.label_notes(self.recording, self.trials), *log)
 
-    def read(self, progress: Progress) -> Iterator[tuple[FrameEntry, Trial, Answer, bool]]:
+    def read(
+        self, progress: Progress
+    ) -> Iterator[tuple[FrameEntry, Trial, Answer, bool]]:
         """Yield each frame with its label, its answer, and whether Young's modulus was fitted on it."""
         scale, study = PixelScale.of(self.recording.info.oct), self.reader.study
-        history, leak = History.unknown(self.known, study.needle.max_force_n), Leak(self.known)
-        trials, digests = iter(self.trials), self.summary.digests if self.summary else frozenset()
+        history, leak = (
+            History.unknown(self.known, study.needle.max_force_n),
+            Leak(self.known),
+        )
+        trials, digests = (
+            iter(self.trials),
+            self.summary.digests if self.summary else frozenset(),
+        )
         for moment in self.recording.moments:
             frames, first = [self.recording.frame(entry) for entry in moment], moment[0]
-            planes = [plane for entry in moment if (plane := self.recording.info.oct.named(entry.plane))]
-            given = [recorded_wall(self.recording.walls, one.file, frames[0].shape, scale) for one in moment]
-            read = partial(self.reader.read_together, frames, scale, planes=planes, walls=given)
+            planes = [
+                plane
+                for entry in moment
+                if (plane := self.recording.info.oct.named(entry.plane))
+            ]
+            given = [
+                recorded_wall(self.recording.walls, one.file, frames[0].shape, scale)
+                for one in moment
+            ]
+            read = partial(
+                self.reader.read_together, frames, scale, planes=planes, walls=given
+            )
             elastic, leak = leak.read(read, first.time_s, first.held_s)
-            calibrates = any(frame_digest(pixels) in digests for pixels in frames) if digests else False
-            felt = [history.read(one, study.classes.bounds_n, first.time_s, first.held_s) for one in elastic]
+            calibrates = (
+                any(frame_digest(pixels) in digests for pixels in frames)
+                if digests
+                else False
+            )
+            felt = [
+                history.read(one, study.classes.bounds_n, first.time_s, first.held_s)
+                for one in elastic
+            ]
             history = felt[0][1]
             for entry, (answer, _) in zip(moment, felt, strict=True):
                 yield entry, next(trials), answer, calibrates
@@ -394,45 +562,78 @@ class _Session:
 
     def answers(self, progress: Progress) -> Iterator[FrameAnswer]:
         """Answer each frame, in the recording's order."""
-        recording, fixed_pa, modulus = self.recording, self.reader.fixed_modulus_pa, self.known.modulus
+        recording, fixed_pa, modulus = (
+            self.recording,
+            self.reader.fixed_modulus_pa,
+            self.known.modulus,
+        )
         used = (modulus.mean_pa, modulus.source) if modulus else (None, None)
         modulus_pa, source = used if fixed_pa is None else (fixed_pa, "trained")
         doubts = FOREIGN if self.foreign else ()
         true_n = true_forces(recording.path)
-        sds_n, seen, repeats = label_sds(recording, self.trials), list[tuple[float, float]](), self.repeats
-        for sd_n, (entry, trial, answer, calibrates) in zip(sds_n, self.read(progress), strict=True):
+        sds_n, seen, repeats = (
+            label_sds(recording, self.trials),
+            list[tuple[float, float]](),
+            self.repeats,
+        )
+        for sd_n, (entry, trial, answer, calibrates) in zip(
+            sds_n, self.read(progress), strict=True
+        ):
             yield FrameAnswer(
-                recording=str(recording.path), eye=recording.info.eye.id, file=entry.file,
-                measured_force_n=trial.measured_force_n, measured_force_sd_n=sd_n, true_force_n=true_n.get(entry.file),
-                target=trial.target, calibration=calibrates, excluded=trial.excluded, pierced=bool(entry.pierced),
-                youngs_modulus_pa=modulus_pa, modulus_source=source,
-                to_bound=self._to_bound(answer, entry.time_s, seen), plane=entry.plane, time_s=entry.time_s,
-                repeats=entry.file in repeats, answer=replace(answer, warnings=(*answer.warnings, *doubts)),
-            )  # fmt: skip
+                recording=str(recording.path),
+                eye=recording.info.eye.id,
+                file=entry.file,
+                measured_force_n=trial.measured_force_n,
+                measured_force_sd_n=sd_n,
+                true_force_n=true_n.get(entry.file),
+                target=trial.target,
+                calibration=calibrates,
+                excluded=trial.excluded,
+                pierced=bool(entry.pierced),
+                youngs_modulus_pa=modulus_pa,
+                modulus_source=source,
+                to_bound=self._to_bound(answer, entry.time_s, seen),
+                plane=entry.plane,
+                time_s=entry.time_s,
+                repeats=entry.file in repeats,
+                answer=replace(answer, warnings=(*answer.warnings, *doubts)),
+            )
 
-    def without_pierced(self, answers: tuple[FrameAnswer, ...]) -> tuple[FrameAnswer, ...]:
+    def without_pierced(
+        self, answers: tuple[FrameAnswer, ...]
+    ) -> tuple[FrameAnswer, ...]:
         """Leave out the frames after a puncture that the readings show, as the monitor does; frames.csv overrules."""
         if self.stated:
             return answers
         dents, punctures_s, limits = list[Dent](), list[float](), MonitorLimits()
         for entry, frame in zip(self.recording.frames, answers, strict=True):
-            force_n = frame.answer.force_n if frame.answer.elastic_force_n is None else frame.answer.elastic_force_n
+            force_n = (
+                frame.answer.force_n
+                if frame.answer.elastic_force_n is None
+                else frame.answer.elastic_force_n
+            )
             if force_n is not None and not frame.repeats:
                 dents.append(Dent(entry.time_s, force_n, entry.travel_m))
             if unexplained_fall(tuple(dents[-DENTS:]), limits):
                 punctures_s.append(dents[-OUTSIDE].at_s)
         times_s = np.array([entry.time_s for entry in self.recording.frames])
-        contact = np.array([(dent.at_s, dent.force_n) for dent in dents]).reshape(-1, 2).T
+        contact = (
+            np.array([(dent.at_s, dent.force_n) for dent in dents]).reshape(-1, 2).T
+        )
         log, info = self.recording.forces, self.recording.info.force
         if log is not None and info is not None:
             contact = np.array([log.time_s, labels.contact_force(log, info)])
         found = labels.after_punctures(times_s, punctures_s, contact[0], contact[1])
         return tuple(
-            replace(frame, pierced=True, excluded=frame.excluded or "pierced") if pierced else frame
+            replace(frame, pierced=True, excluded=frame.excluded or "pierced")
+            if pierced
+            else frame
             for frame, pierced in zip(answers, found, strict=True)
         )
 
-    def _to_bound(self, answer: Answer, at_s: float, seen: list[tuple[float, float]]) -> TimeToBound | None:
+    def _to_bound(
+        self, answer: Answer, at_s: float, seen: list[tuple[float, float]]
+    ) -> TimeToBound | None:
         """Return when the force will reach the highest class, as the monitor does; add a usable frame to those seen."""
         upper_n = upper_end(answer.verdict)
         if not answer.usable or answer.force_n is None or upper_n is None:

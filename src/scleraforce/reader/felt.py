@@ -40,7 +40,9 @@ SERIES_ERROR = 0.07  # of the force that is lost: four time constants stand for 
 OTHER_HISTORY_ERROR = 0.3
 LONGEST_S = 1e9  # gap
 LIGHT_N = 1e-3  # a shallower dent is noise: the needle has let go
-MOST_LEAN_RAD = radians(45.0)  # of a needle whose lean is not known: injections come at 15 to 45 degrees
+MOST_LEAN_RAD = radians(
+    45.0
+)  # of a needle whose lean is not known: injections come at 15 to 45 degrees
 FRICTIONS = (0.0, 0.3, inf)  # the last one sticks
 # Relative, of N: the lean's direction from the pole (6 % rms of 28 virtual eyes) and 2 degrees of its declaration.
 LEAN_SD = hypot(0.06, radians(2.0))
@@ -67,19 +69,29 @@ class FeltForce:
         """Return a reading, or an answer, of F from one of Fe; F is taken for normal on either side of its median."""
         assert elastic.force_n is not None
         assert elastic.interval_n is not None
-        elastic_n, force_n = elastic.force_n, max(self.slope * elastic.force_n - self.lag_n, 0.0)
+        elastic_n, force_n = (
+            elastic.force_n,
+            max(self.slope * elastic.force_n - self.lag_n, 0.0),
+        )
         below_n, above_n = (
-            hypot(self.slope * (end_n - elastic_n), NINETY_PERCENT * self.sd_n) + further_n
-            for end_n, further_n in zip(elastic.interval_n, (self.less_n, self.more_n), strict=True)
+            hypot(self.slope * (end_n - elastic_n), NINETY_PERCENT * self.sd_n)
+            + further_n
+            for end_n, further_n in zip(
+                elastic.interval_n, (self.less_n, self.more_n), strict=True
+            )
         )
         under: list[float] = [0.0]
         for bound_n in bounds_n:
-            side_n = max(below_n if bound_n < force_n else above_n, 1e-9) / NINETY_PERCENT
+            side_n = (
+                max(below_n if bound_n < force_n else above_n, 1e-9) / NINETY_PERCENT
+            )
             under.append(0.5 + 0.5 * erf((bound_n - force_n) / (sqrt(2.0) * side_n)))
         return replace(
-            elastic, probabilities=tuple(np.diff([*under, 1.0]).tolist()), force_n=force_n,
+            elastic,
+            probabilities=tuple(np.diff([*under, 1.0]).tolist()),
+            force_n=force_n,
             interval_n=(max(force_n - below_n, 0.0), force_n + above_n),
-        )  # fmt: skip
+        )
 
     def leaning(self, lean: "Lean", elastic_n: float) -> "FeltForce":
         """Return the force along a needle that leans."""
@@ -95,7 +107,9 @@ class FeltForce:
         found = self.of(elastic, bounds_n)
         assert found.probabilities is not None
         predicted = int(np.argmax(found.probabilities))
-        readings = tuple((name, self.of(one, bounds_n)) for name, one in elastic.readings)
+        readings = tuple(
+            (name, self.of(one, bounds_n)) for name, one in elastic.readings
+        )
         return replace(found, predicted=predicted, readings=readings)
 
 
@@ -122,11 +136,23 @@ class Lean:
         ('the needle leans by 29 degrees in the picture (above 0: right), the declared lean allows -11 to 11',)
         """
         calibrated = known.calibrated_lean_rad
-        stated = known.lean_rad if calibrated is None else known.lean_rad or (calibrated, calibrated)
-        ends = stated if stated is not None or seen_rad is None else (abs(seen_rad), abs(seen_rad))
+        stated = (
+            known.lean_rad
+            if calibrated is None
+            else known.lean_rad or (calibrated, calibrated)
+        )
+        ends = (
+            stated
+            if stated is not None or seen_rad is None
+            else (abs(seen_rad), abs(seen_rad))
+        )
         if ends is None:
             return cls(None)
-        doubts = () if stated is None else _contradicted(stated, known.lean_azimuth_rad, seen_rad)
+        doubts = (
+            ()
+            if stated is None
+            else _contradicted(stated, known.lean_azimuth_rad, seen_rad)
+        )
         absorbed = calibrated is None and known.has_calibrated_modulus
         if absorbed and stated is None:  # as in the calibration, whatever that was
             return cls(ends)
@@ -135,13 +161,19 @@ class Lean:
         if not absorbed and max(abs(end - before[0]) for end in ends) <= SAME_LEAN_RAD:
             return cls(ends, (likeliest,) * 3, 0.0, doubts)
         factors = [
-            _along(end, friction) / (_along(other, friction) * (1.0 if absorbed else cos(other)))
+            _along(end, friction)
+            / (_along(other, friction) * (1.0 if absorbed else cos(other)))
             for end in ends
             for other in before
             for friction in FRICTIONS
         ]
         sd = LEAN_SD * hypot(tan(sum(ends) / 2), tan(sum(before) / 2))
-        return cls(ends, (min(factors), likeliest, max(factors)), sd, (*doubts, *[NOT_CALIBRATED] * absorbed))
+        return cls(
+            ends,
+            (min(factors), likeliest, max(factors)),
+            sd,
+            (*doubts, *[NOT_CALIBRATED] * absorbed),
+        )
 
 
 def _along(lean_rad: float, friction: float) -> float:
@@ -150,17 +182,25 @@ def _along(lean_rad: float, friction: float) -> float:
     return cos(lean_rad - push_rad) / cos(push_rad)
 
 
-def _contradicted(ends_rad: tuple[float, float], azimuth_rad: float | None, seen_rad: float | None) -> tuple[str, ...]:
+def _contradicted(
+    ends_rad: tuple[float, float], azimuth_rad: float | None, seen_rad: float | None
+) -> tuple[str, ...]:
     """Return a sentence if a shaft in the picture contradicts a lean between two ends."""
     if seen_rad is None:
         return ()
     sides = (-1.0, 1.0) if azimuth_rad is None else (cos(azimuth_rad),)
     allowed = [atan(tan(end) * side) for end in ends_rad for side in sides]
-    if min(allowed) - SEEN_LEAN_ERROR_RAD <= seen_rad <= max(allowed) + SEEN_LEAN_ERROR_RAD:
+    if (
+        min(allowed) - SEEN_LEAN_ERROR_RAD
+        <= seen_rad
+        <= max(allowed) + SEEN_LEAN_ERROR_RAD
+    ):
         return ()
     shown, low, high = map(degrees, (seen_rad, min(allowed), max(allowed)))
     allows = f"the declared lean allows {low:.0f} to {high:.0f}"
-    return (f"the needle leans by {shown:.0f} degrees in the picture (above 0: right), {allows}",)
+    return (
+        f"the needle leans by {shown:.0f} degrees in the picture (above 0: right), {allows}",
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +236,9 @@ class History:
         terms = len(relaxation.shares)
         most_n = max_force_n / (1.0 - sum(relaxation.shares))
         nothing_n = np.zeros(terms)
-        return cls(known, most_n, nothing_n, np.zeros((terms, terms)), nothing_n, nothing_n)
+        return cls(
+            known, most_n, nothing_n, np.zeros((terms, terms)), nothing_n, nothing_n
+        )
 
     @classmethod
     def monitored(cls, known: Known, max_force_n: float) -> "History":
@@ -206,18 +248,31 @@ class History:
         return replace(unknown, more_n=more_n, dense=True, of_monitor=True)
 
     def read(
-        self, elastic: Answer, bounds_n: tuple[float, ...], time_s: float | None = None, held_s: float | None = None
+        self,
+        elastic: Answer,
+        bounds_n: tuple[float, ...],
+        time_s: float | None = None,
+        held_s: float | None = None,
     ) -> tuple[Answer, "History"]:
         """Return the answer that gives F from one that gives Fe, and the history after it.
 
         `time_s`: of the frame, None if it is a single one; `held_s`: the time since its push, if it is known. An answer
         without a force is returned unchanged, and leaves a gap.
         """
-        if not elastic.usable or elastic.force_n is None or not isfinite(elastic.force_n):
+        if (
+            not elastic.usable
+            or elastic.force_n is None
+            or not isfinite(elastic.force_n)
+        ):
             return elastic, self
         known, seen_rad = self.known, shaft_lean(elastic.fit, elastic.needle)
-        if elastic.place is not None:  # of several planes: the angle in space, above 0, turned away from any of them
-            known, seen_rad = replace(known, lean_azimuth_rad=None), elastic.place.lean_rad
+        if (
+            elastic.place is not None
+        ):  # of several planes: the angle in space, above 0, turned away from any of them
+            known, seen_rad = (
+                replace(known, lean_azimuth_rad=None),
+                elastic.place.lean_rad,
+            )
         lean = Lean.of(known, seen_rad)
         felt, after = FeltForce(1.0, 0.0, 0.0), self
         if any(self.relaxation.shares):
@@ -228,62 +283,122 @@ class History:
         if after is not self:
             answer = replace(answer, elastic_force_n=lean.factors[1] * elastic.force_n)
         if lean.ends_rad is not None:
-            answer = replace(answer, lean_rad=lean.ends_rad, warnings=(*answer.warnings, *lean.doubts))
+            answer = replace(
+                answer,
+                lean_rad=lean.ends_rad,
+                warnings=(*answer.warnings, *lean.doubts),
+            )
         return answer, after
 
-    def _felt(self, force_n: float, time_s: float | None, held_s: float | None) -> tuple[FeltForce, "History"]:
+    def _felt(
+        self, force_n: float, time_s: float | None, held_s: float | None
+    ) -> tuple[FeltForce, "History"]:
         """Return the force along the normal from an elastic one, and the history after it."""
         known = self.relaxation
-        shares, held, error = np.array(known.shares), np.array(known.held), np.array(known.covariance)
+        shares, held, error = (
+            np.array(known.shares),
+            np.array(known.held),
+            np.array(known.covariance),
+        )
         after, grows = self._after(force_n, time_s, held_s)
         off_n = held * force_n + (1.0 - held) * np.array(known.before_n) - after.mean_n
         variance = float(shares @ after.covariance @ shares + off_n @ error @ off_n)
         slope, lost_n = 1.0 - float(shares @ grows), float(shares @ after.mean_n)
-        variance += (SERIES_ERROR * lost_n) ** 2 + (OTHER_HISTORY_ERROR * float(shares @ off_n)) ** 2
+        variance += (SERIES_ERROR * lost_n) ** 2 + (
+            OTHER_HISTORY_ERROR * float(shares @ off_n)
+        ) ** 2
         lag_n = lost_n - (1.0 - slope) * force_n
-        bounds = float(shares @ after.more_n), float(shares @ after.less_n)  # what m_i has more, F has less
+        bounds = (
+            float(shares @ after.more_n),
+            float(shares @ after.less_n),
+        )  # what m_i has more, F has less
         return FeltForce(slope, lag_n, sqrt(variance), *bounds), after
 
-    def _after(self, force_n: float, time_s: float | None, held_s: float | None) -> tuple["History", Floats]:
+    def _after(
+        self, force_n: float, time_s: float | None, held_s: float | None
+    ) -> tuple["History", Floats]:
         """Return the history after a frame, and the part of each m_i that grows with its Fe."""
-        known, elastic_n = self.relaxation, min(force_n, self.most_n) if force_n > LIGHT_N else 0.0
-        gap_s = np.inf if time_s is None or self.time_s is None else time_s - self.time_s
+        known, elastic_n = (
+            self.relaxation,
+            min(force_n, self.most_n) if force_n > LIGHT_N else 0.0,
+        )
+        gap_s = (
+            np.inf if time_s is None or self.time_s is None else time_s - self.time_s
+        )
         gap_s = np.inf if gap_s < 0.0 else gap_s  # a list out of order
         close = gap_s <= DENSE_S
-        dense, less_n, more_n = self.of_monitor or close, np.zeros_like(self.mean_n), np.zeros_like(self.mean_n)
+        dense, less_n, more_n = (
+            self.of_monitor or close,
+            np.zeros_like(self.mean_n),
+            np.zeros_like(self.mean_n),
+        )
         if (close or self.dense) and held_s is None:
             gap_s = min(gap_s, LONGEST_S)
             old, kept, grows = line_weights(np.array([gap_s]), known.times_s)[0]
             come_n = old * self.elastic_n + grows * elastic_n
             if self.time_s is None:
                 come_n, kept = np.zeros_like(kept), np.ones_like(kept)
-            mean_n, covariance = come_n + kept * self.mean_n, np.outer(kept, kept) * self.covariance
+            mean_n, covariance = (
+                come_n + kept * self.mean_n,
+                np.outer(kept, kept) * self.covariance,
+            )
             less_n, more_n = kept * self.less_n, kept * self.more_n
             if not close:  # Fe was anywhere from 0 to the most
-                less_n, more_n = less_n + come_n, more_n + (1.0 - kept) * self.most_n - come_n
+                less_n, more_n = (
+                    less_n + come_n,
+                    more_n + (1.0 - kept) * self.most_n - come_n,
+                )
                 grows = np.zeros_like(grows)
         else:
             grows, spread = np.array(known.held), np.array(known.held_covariance)
             if held_s is not None:
-                grows, spread = -np.expm1(-held_s / np.array(known.times_s)), np.zeros_like(spread)
+                grows, spread = (
+                    -np.expm1(-held_s / np.array(known.times_s)),
+                    np.zeros_like(spread),
+                )
             before_n, before_n2 = self._before(gap_s, time_s is not None, held_s)
             mean_n = grows * force_n + (1.0 - grows) * before_n
-            covariance = spread * force_n**2 + np.outer(1.0 - grows, 1.0 - grows) * before_n2
-        now = replace(self, mean_n=mean_n, covariance=covariance, less_n=less_n, more_n=more_n)
+            covariance = (
+                spread * force_n**2 + np.outer(1.0 - grows, 1.0 - grows) * before_n2
+            )
+        now = replace(
+            self, mean_n=mean_n, covariance=covariance, less_n=less_n, more_n=more_n
+        )
         return replace(now, time_s=time_s, elastic_n=elastic_n, dense=dense), grows
 
-    def _before(self, gap_s: float, follows: bool, held_s: float | None) -> tuple[Floats, Floats]:
+    def _before(
+        self, gap_s: float, follows: bool, held_s: float | None
+    ) -> tuple[Floats, Floats]:
         """Return mean and covariance of the m_i when the push of a frame began; `follows`: others will, or did."""
         known = self.relaxation
-        before_n, before_n2 = np.array(known.before_n), np.array(known.before_covariance_n2)
-        if np.isfinite(gap_s) and known.every_s is not None and known.held_s is not None:
+        before_n, before_n2 = (
+            np.array(known.before_n),
+            np.array(known.before_covariance_n2),
+        )
+        if (
+            np.isfinite(gap_s)
+            and known.every_s is not None
+            and known.held_s is not None
+        ):
             times_s = np.array(known.times_s)
-            left = np.exp(-max(gap_s - (known.held_s if held_s is None else held_s), 0.0) / times_s)
+            left = np.exp(
+                -max(gap_s - (known.held_s if held_s is None else held_s), 0.0)
+                / times_s
+            )
             late = np.exp(-max(gap_s - known.every_s, 0.0) / times_s)
-            before_n = left * self.mean_n + late * np.array(known.after) * self.elastic_n
-            before_n2 = np.outer(left, left) * self.covariance + np.array(known.after_covariance_n2)
-        elif follows and self.time_s is None:  # the first of a session, which may be the first push
-            before_n, before_n2 = before_n / 2, before_n2 + np.outer(before_n, before_n) / 4
+            before_n = (
+                left * self.mean_n + late * np.array(known.after) * self.elastic_n
+            )
+            before_n2 = np.outer(left, left) * self.covariance + np.array(
+                known.after_covariance_n2
+            )
+        elif (
+            follows and self.time_s is None
+        ):  # the first of a session, which may be the first push
+            before_n, before_n2 = (
+                before_n / 2,
+                before_n2 + np.outer(before_n, before_n) / 4,
+            )
         return before_n, before_n2
 
 
@@ -302,27 +417,48 @@ class Leak:
     time_s: float | None = None
 
     def read(
-        self, read: Callable[[Known], tuple[Answer, ...]], time_s: float, held_s: float | None
+        self,
+        read: Callable[[Known], tuple[Answer, ...]],
+        time_s: float,
+        held_s: float | None,
     ) -> tuple[tuple[Answer, ...], "Leak"]:
         """Return the answers of one time, read at the resting pressure that the leak leaves, and the leak by then."""
         known, globe, iop_pa = self.known, self.known.globe, self.known.iop_pa
-        if known.leak_time_s is None or globe is None or iop_pa is None or globe.mean <= 0.0:
+        if (
+            known.leak_time_s is None
+            or globe is None
+            or iop_pa is None
+            or globe.mean <= 0.0
+        ):
             return read(known), self
-        law, gap_s = globe.globe(globe.mean), 0.0 if self.time_s is None else max(time_s - self.time_s, 0.0)
+        law, gap_s = (
+            globe.globe(globe.mean),
+            0.0 if self.time_s is None else max(time_s - self.time_s, 0.0),
+        )
         dense = gap_s <= DENSE_S
-        held_s = gap_s if dense else min(0.5 * gap_s if held_s is None else held_s, gap_s)
+        held_s = (
+            gap_s if dense else min(0.5 * gap_s if held_s is None else held_s, gap_s)
+        )
         left_s = 0.5 * (gap_s - held_s)
-        before_m3 = self._after(self._after(self.leaked_m3, self.dent_m3, left_s), 0.0, left_s)
+        before_m3 = self._after(
+            self._after(self.leaked_m3, self.dent_m3, left_s), 0.0, left_s
+        )
         dent_m3 = self.dent_m3
         for _ in range(1 if dense else READINGS):
             leaked_m3 = self._after(before_m3, dent_m3, held_s)
-            answers = read(replace(known, iop_pa=float(law.pressure(iop_pa, -leaked_m3))))
+            answers = read(
+                replace(known, iop_pa=float(law.pressure(iop_pa, -leaked_m3)))
+            )
             pressure_pa = answers[0].iop_at_dent_pa
             if pressure_pa is None:  # nothing shows that the dent is there still
                 dent_m3 = 0.0
                 break
             dent_m3 = leaked_m3 + float(law.displaced_m3(iop_pa, pressure_pa))
-        return answers, replace(self, leaked_m3=leaked_m3, dent_m3=dent_m3, time_s=time_s)
+        return answers, replace(
+            self, leaked_m3=leaked_m3, dent_m3=dent_m3, time_s=time_s
+        )
 
     def _after(self, leaked_m3: float, dent_m3: float, passed_s: float) -> float:
-        return dent_m3 + (leaked_m3 - dent_m3) * exp(-passed_s / (self.known.leak_time_s or 1.0))
+        return dent_m3 + (leaked_m3 - dent_m3) * exp(
+            -passed_s / (self.known.leak_time_s or 1.0)
+        )

@@ -28,14 +28,22 @@ from scleraforce.reader.answer import METHODS, Reading
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.study import ReaderStudy
 
-Factors = Mapping[str, Mapping[str, Annotated[float, Meta(gt=0.0, le=1e9)]]]  # by the kind of modulus, then by trait
+Factors = Mapping[
+    str, Mapping[str, Annotated[float, Meta(gt=0.0, le=1e9)]]
+]  # by the kind of modulus, then by trait
 
 OWN, OTHER = "own E", "other E"  # kinds of modulus: a reading has one
 GLOBES, TAUT = ("open", "sealed", "unknown"), "taut"
-GLOBE_TRAITS = (*GLOBES, TAUT)  # a reading has one; of the other traits it has none or some
+GLOBE_TRAITS = (
+    *GLOBES,
+    TAUT,
+)  # a reading has one; of the other traits it has none or some
 UNEVEN, LIGHT, BEYOND, SPARSE = "uneven", "light", ("beyond", "far beyond"), "sparse"
 OF_CALIBRATION = (*BEYOND, SPARSE)
-NETWORK_TRAITS: Mapping[str, tuple[str, ...]] = {OWN: (*GLOBES, *OF_CALIBRATION), OTHER: GLOBES}
+NETWORK_TRAITS: Mapping[str, tuple[str, ...]] = {
+    OWN: (*GLOBES, *OF_CALIBRATION),
+    OTHER: GLOBES,
+}
 FIT_TRAITS: Mapping[str, tuple[str, ...]] = {
     OWN: (*GLOBE_TRAITS, UNEVEN, LIGHT, *OF_CALIBRATION),
     OTHER: (*GLOBE_TRAITS, UNEVEN, LIGHT),
@@ -57,11 +65,18 @@ NEEDLE_STRETCH, CONJUNCTIVA_STRETCH = 1.18, 1.14
 
 LEVEL = 0.9
 LEAST_N = 1e-6  # of a half interval
-SMALLEST, LARGEST = 0.3, 20.0  # factors: a few eyes must not promise more, nor say nothing
-FEW_EYES = 9  # for 90 % of a new eye's readings: with fewer eyes no quantile promises as much
+SMALLEST, LARGEST = (
+    0.3,
+    20.0,
+)  # factors: a few eyes must not promise more, nor say nothing
+FEW_EYES = (
+    9  # for 90 % of a new eye's readings: with fewer eyes no quantile promises as much
+)
 
 
-def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> tuple[str, ...]:
+def traits_of(
+    known: Known, force_n: float, fit: BoundaryFit | None = None
+) -> tuple[str, ...]:
     """Return the traits of a reading of a force, N, by the network, or with a fit by the fit.
 
     First the kind of modulus, then one of `GLOBE_TRAITS`, then the others. A modulus that was stated, is of other eyes
@@ -71,11 +86,17 @@ def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> t
     is_own = known.modulus is not None and known.modulus.source == "own"
     traits = [OWN if is_own else OTHER, globe.kind]
     if fit is not None:
-        traits[1] = TAUT if globe.can_be_sealed and fit.tension > SLACK_TENSION else globe.kind
+        traits[1] = (
+            TAUT if globe.can_be_sealed and fit.tension > SLACK_TENSION else globe.kind
+        )
         traits += [UNEVEN] * fit.is_uneven + [LIGHT] * (force_n < LIGHTEST_N)
     if is_own and known.discrepancy is not None:
         largest_n, gap = known.discrepancy.largest_n, known.discrepancy.widest_gap
-        beyond = 0 if largest_n is None else sum(force_n > times * largest_n for times in BEYOND_FROM)
+        beyond = (
+            0
+            if largest_n is None
+            else sum(force_n > times * largest_n for times in BEYOND_FROM)
+        )
         if beyond:
             traits.append(BEYOND[beyond - 1])
         elif gap is not None and gap > SPARSE_FROM:
@@ -113,8 +134,12 @@ def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> flo
 
     A gap below the training's is beside the needle, seen or not.
     """
-    beside = wall.needle is not None or (known.gap_m is not None and known.gap_m < trained.gap_m.bounds[0])
-    return (NEEDLE_STRETCH if beside else 1.0) * (1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH)
+    beside = wall.needle is not None or (
+        known.gap_m is not None and known.gap_m < trained.gap_m.bounds[0]
+    )
+    return (NEEDLE_STRETCH if beside else 1.0) * (
+        1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH
+    )
 
 
 def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
@@ -124,7 +149,9 @@ def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
     try:
         found = msgspec.convert(record["intervals"], IntervalFactors)
     except msgspec.ValidationError as fault:
-        raise ModelError(f"{place}: intervals: {fault}; a model of an earlier version has to be made anew") from fault
+        raise ModelError(
+            f"{place}: intervals: {fault}; a model of an earlier version has to be made anew"
+        ) from fault
     for method, allowed in (("network", NETWORK_TRAITS), ("fit", FIT_TRAITS)):
         for modulus, given in getattr(found, method).items():
             if modulus not in allowed or not set(given) <= set(allowed[modulus]):
@@ -162,14 +189,21 @@ class Stretch:
 
 
 def scored(
-    method: str, reading: Reading, known: Known, eye: str, force_n: float, fit: BoundaryFit | None = None
+    method: str,
+    reading: Reading,
+    known: Known,
+    eye: str,
+    force_n: float,
+    fit: BoundaryFit | None = None,
 ) -> Score:
     """Return the score of a method's reading of an eye under a force, N; `fit`: the fit's own.
 
     It is the distance of the force from the median, over that of the interval's end on that side.
     """
     end_n = reading.interval_n[1 if force_n > reading.force_n else 0]
-    distance = abs(force_n - reading.force_n) / max(abs(end_n - reading.force_n), LEAST_N)
+    distance = abs(force_n - reading.force_n) / max(
+        abs(end_n - reading.force_n), LEAST_N
+    )
     return Score(method, traits_of(known, reading.force_n, fit), eye, distance)
 
 
@@ -180,7 +214,9 @@ def eye_count(scores: Iterable[Score]) -> int:
 
 def weights_of_eyes(scores: Sequence[Score]) -> Floats:
     """Return the weight of each score, of sum 1: every eye weighs the same."""
-    names, eye, count = np.unique([entry.eye for entry in scores], return_inverse=True, return_counts=True)
+    names, eye, count = np.unique(
+        [entry.eye for entry in scores], return_inverse=True, return_counts=True
+    )
     return (1.0 / (count * len(names)))[eye]
 
 
@@ -207,9 +243,17 @@ def of_each_modulus(scores: Iterable[Score]) -> dict[tuple[str, str], list[Score
     return dict(sorted(found.items()))
 
 
-def intervals_record(scores: Sequence[Score], factors: Mapping[str, Factors], source: str) -> dict[str, Any]:
+def intervals_record(
+    scores: Sequence[Score], factors: Mapping[str, Factors], source: str
+) -> dict[str, Any]:
     """Return `intervals` of `model.json`: the factors of both methods, and their source."""
-    return {"level": LEVEL, "source": source, "eyes": eye_count(scores), "readings": len(scores), **factors}
+    return {
+        "level": LEVEL,
+        "source": source,
+        "eyes": eye_count(scores),
+        "readings": len(scores),
+        **factors,
+    }
 
 
 def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
@@ -221,17 +265,31 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
     found = list[Stretch]()
     for (method, modulus), entries in of_each_modulus(scores).items():
         eyes, factor = eye_count(entries), conformal_quantile(entries)
-        globes = tuple(globe for globe in GLOBE_TRAITS if any(globe in entry.traits for entry in entries))
+        globes = tuple(
+            globe
+            for globe in GLOBE_TRAITS
+            if any(globe in entry.traits for entry in entries)
+        )
         factor = max(factor, 1.0) if eyes < FEW_EYES else factor
         held = sum(entry.score <= 1.0 for entry in entries) / len(entries)
         found.append(Stretch(method, modulus, globes, eyes, len(entries), held, factor))
     return tuple(found)
 
 
-def stretched(before: IntervalFactors, changes: Iterable[Stretch]) -> Mapping[str, Factors]:
+def stretched(
+    before: IntervalFactors, changes: Iterable[Stretch]
+) -> Mapping[str, Factors]:
     """Return the factors of both methods multiplied by stretches; factors of other traits stay."""
-    after = {method: {modulus: dict(given) for modulus, given in getattr(before, method).items()} for method in METHODS}
+    after = {
+        method: {
+            modulus: dict(given) for modulus, given in getattr(before, method).items()
+        }
+        for method in METHODS
+    }
     for change in changes:
         given = after[change.method].setdefault(change.modulus, {})
-        given |= {globe: round(given.get(globe, 1.0) * change.factor, 4) for globe in change.globes}
+        given |= {
+            globe: round(given.get(globe, 1.0) * change.factor, 4)
+            for globe in change.globes
+        }
     return after

@@ -23,9 +23,25 @@ from scleraforce.library.responses import Library
 from scleraforce.library.unknowns import GAP
 from scleraforce.models import NETWORK_FILE, RECORD_FILE, check_interface, run_network
 from scleraforce.reader import verdicts
-from scleraforce.reader.answer import METHODS, UNCHECKED, Answer, Reading, disagreement, fit_reading, together, unusable
+from scleraforce.reader.answer import (
+    METHODS,
+    UNCHECKED,
+    Answer,
+    Reading,
+    disagreement,
+    fit_reading,
+    together,
+    unusable,
+)
 from scleraforce.reader.intervals import NO_FACTORS, IntervalFactors, frame_stretch
-from scleraforce.reader.limits import CLASSIFIER, RAW_READER, READER, limits, other_index, outside_training
+from scleraforce.reader.limits import (
+    CLASSIFIER,
+    RAW_READER,
+    READER,
+    limits,
+    other_index,
+    outside_training,
+)
 from scleraforce.reader.networks import ForceNetwork
 from scleraforce.reader.where import contact_depth, in_space, places_of, shaft_lean
 from scleraforce.recording.folder import OctInfo, Plane
@@ -72,7 +88,11 @@ class Reader(ABC):
         return None if self.reads_force else self.study.eye.youngs_modulus_pa
 
     def read(
-        self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN, wall: Segmentation | None = None
+        self,
+        frame: Pixels,
+        scale: PixelScale,
+        known: Known = NOTHING_KNOWN,
+        wall: Segmentation | None = None,
     ) -> Answer:
         """Read one raw frame (row, column) by every method of the model.
 
@@ -80,35 +100,63 @@ class Reader(ABC):
         thickness alone of the known eye. `wall`: in place of the one that is found. An invalid frame raises
         `ValueError` (see `find_wall`), a network that fails `ModelError`.
         """
-        seen = verdicts.look(frame, scale, self.study.slice, self._shifts, known.thickness_m, self.finder, wall)
-        answer = unusable(self.classes, seen.reason) if seen.reason else self._read(seen, frame, scale, known)
+        seen = verdicts.look(
+            frame,
+            scale,
+            self.study.slice,
+            self._shifts,
+            known.thickness_m,
+            self.finder,
+            wall,
+        )
+        answer = (
+            unusable(self.classes, seen.reason)
+            if seen.reason
+            else self._read(seen, frame, scale, known)
+        )
         return replace(answer, segmentation=seen.segmentation)
 
-    def read_live(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
+    def read_live(
+        self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN
+    ) -> Answer:
         """Read one raw frame within a millisecond or two, without the fit; `can_calibrate` stays False.
 
         Arguments and errors as for `read`.
         """
-        seen = verdicts.look(frame, scale, self.study.slice, self._shifts, known.thickness_m)
-        answer = unusable(self.classes, seen.reason) if seen.reason else self._live(seen, frame, scale, known)
+        seen = verdicts.look(
+            frame, scale, self.study.slice, self._shifts, known.thickness_m
+        )
+        answer = (
+            unusable(self.classes, seen.reason)
+            if seen.reason
+            else self._live(seen, frame, scale, known)
+        )
         return replace(answer, segmentation=seen.segmentation)
 
     def read_together(
-        self, frames: Sequence[Pixels], scale: PixelScale, known: Known = NOTHING_KNOWN, planes: Sequence[Plane] = (),
+        self,
+        frames: Sequence[Pixels],
+        scale: PixelScale,
+        known: Known = NOTHING_KNOWN,
+        planes: Sequence[Plane] = (),
         walls: Sequence[Segmentation | None] = (None,),
-    ) -> tuple[Answer, ...]:  # fmt: skip
+    ) -> tuple[Answer, ...]:
         """Read the frames of one moment, one of each plane, or a single frame without planes.
 
         Every frame gets the answer of all, with its own contact, fit and segmentation. `walls`: given ones, in
         place of those found. Errors are as for `read`; a model without a fit reads no planes and raises `ModelError`.
         """
         if planes:
-            raise ModelError(f"{self.path}: a {self.kind} reads single planes; several need a model of kind {READER!r}")
+            raise ModelError(
+                f"{self.path}: a {self.kind} reads single planes; several need a model of kind {READER!r}"
+            )
         return (self.read(frames[0], scale, known, walls[0]),)
 
     def outside(self, known: Known) -> str | None:
         """Return the known value outside the training, where a gap may be 0, in a sentence; None: all are inside."""
-        return outside_training(known, verdicts.read_by_fit(self.study.reader), self.study.library)
+        return outside_training(
+            known, verdicts.read_by_fit(self.study.reader), self.study.library
+        )
 
     def refusal(self, known: Known) -> str | None:
         """Return why the model cannot read an eye: a known value lies outside the training; None: it can."""
@@ -118,17 +166,26 @@ class Reader(ABC):
         """Return the steepest rise of force with the dent, N/m, as far as the model knows: None."""
         return None
 
-    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
+    def limits(
+        self, known: Known, scan: OctInfo, gauge: int | None = None
+    ) -> tuple[str, ...]:
         """Return a sentence for each known value of an eye, its B-scans and its needle outside the training."""
         return limits(self.kind, self.study, known, scan, gauge)
 
-    def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+    def _read(
+        self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known
+    ) -> Answer:
         """Return the answer of all methods, by default of the network alone, to a frame with a wall."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
-        return replace(self._live(seen, frame, scale, known), can_calibrate=verdicts.can_calibrate(seen, boundaries))
+        return replace(
+            self._live(seen, frame, scale, known),
+            can_calibrate=verdicts.can_calibrate(seen, boundaries),
+        )
 
     @abstractmethod
-    def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+    def _live(
+        self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known
+    ) -> Answer:
         """Return the network's answer to a frame with a wall."""
 
 
@@ -148,9 +205,14 @@ class Classifier(Reader):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        inputs = {INPUT: ("tensor(uint8)", [self.study.slice.rows, self.study.slice.columns])}
+        inputs = {
+            INPUT: ("tensor(uint8)", [self.study.slice.rows, self.study.slice.columns])
+        }
         check_interface(
-            self.session, inputs, {OUTPUT: ("tensor(float)", [self.classes])}, str(self.path / NETWORK_FILE)
+            self.session,
+            inputs,
+            {OUTPUT: ("tensor(float)", [self.classes])},
+            str(self.path / NETWORK_FILE),
         )
 
     def probabilities(self, slices: Bytes) -> Floats:
@@ -161,15 +223,26 @@ class Classifier(Reader):
         """
         expected = (self.study.slice.rows, self.study.slice.columns)
         if slices.dtype != np.uint8 or slices.ndim != 3 or slices.shape[1:] != expected:
-            raise ModelError(f"{self.path}: slices: found {slices.dtype} of shape {slices.shape}, this model reads "
-                             f"uint8 of shape (n, {expected[0]}, {expected[1]})")  # fmt: skip
+            raise ModelError(
+                f"{self.path}: slices: found {slices.dtype} of shape {slices.shape}, this model reads "
+                f"uint8 of shape (n, {expected[0]}, {expected[1]})"
+            )
         if np.any((slices != 0) & (slices != 255)):
-            raise ModelError(f"{self.path}: slices: a value other than 0 (no wall) and 255 (wall)")
+            raise ModelError(
+                f"{self.path}: slices: a value other than 0 (no wall) and 255 (wall)"
+            )
         if not len(slices):
             return np.empty((0, self.classes))
-        (answer,) = run_network(self.session, [OUTPUT], {INPUT: np.ascontiguousarray(slices)}, str(self.path))
+        (answer,) = run_network(
+            self.session,
+            [OUTPUT],
+            {INPUT: np.ascontiguousarray(slices)},
+            str(self.path),
+        )
         if answer.shape != (len(slices), self.classes):
-            raise ModelError(f"{self.path}: the network answers {answer.shape} to {len(slices)} slices")
+            raise ModelError(
+                f"{self.path}: the network answers {answer.shape} to {len(slices)} slices"
+            )
         # float32 leaves the sum at 1 to some 1e-7; double makes it exact to the last digits that are printed.
         result: Floats = answer.astype(np.float64)
         result /= result.sum(axis=1, keepdims=True)
@@ -179,7 +252,13 @@ class Classifier(Reader):
         """Return None: a classifier reads every eye as its own."""
         return None
 
-    def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
+    def _live(
+        self,
+        seen: verdicts.Look,
+        frame: Pixels,  # noqa: ARG002 - a reader's signature
+        scale: PixelScale,  # noqa: ARG002 - a reader's signature
+        known: Known,  # noqa: ARG002 - a reader's signature
+    ) -> Answer:
         """Ask the network, unless a needle hides a part of the slice or the dent leaves it.
 
         The network met few dents that leave the window: it would take the rest for a wall without force, and read the
@@ -193,7 +272,10 @@ class Classifier(Reader):
         if not np.isfinite(probabilities).all():
             return unusable(self.classes, "the network's answer is not a number")
         return Answer(
-            predicted=int(probabilities.argmax()), probabilities=tuple(probabilities.tolist()), usable=True, reason=None
+            predicted=int(probabilities.argmax()),
+            probabilities=tuple(probabilities.tolist()),
+            usable=True,
+            reason=None,
         )
 
 
@@ -230,7 +312,9 @@ class ForceReader(Reader):
         super().__post_init__()
         library = self.library
         self._library_of = lru_cache(maxsize=CONTACTS)(
-            lambda polar_rad, stiffening: library.for_stiffening(stiffening).nearest_contact(polar_rad)
+            lambda polar_rad, stiffening: library.for_stiffening(
+                stiffening
+            ).nearest_contact(polar_rad)
         )
         self._outside = lru_cache(maxsize=CONTACTS)(
             lambda known: outside_training(known, self.study.reader, self.study.library)
@@ -258,44 +342,91 @@ class ForceReader(Reader):
         E is taken two standard deviations above its mean, and the rise a fifth steeper.
         """
         globe, modulus = known.globe, known.modulus
-        if modulus is None or known.thickness_m is None or known.iop_pa is None or globe is None or globe.can_be_sealed:
+        if (
+            modulus is None
+            or known.thickness_m is None
+            or known.iop_pa is None
+            or globe is None
+            or globe.can_be_sealed
+        ):
             return None
-        library, modulus_pa = self.library_for(known), modulus.mean_pa + 2.0 * modulus.sd_pa
+        library, modulus_pa = (
+            self.library_for(known),
+            modulus.mean_pa + 2.0 * modulus.sd_pa,
+        )
         tip_m = library.tip_m[library.tip_m < STEEP_M]
-        walls = np.full(len(tip_m), known.thickness_m), np.full(len(tip_m), known.iop_pa / modulus_pa)
-        return STEEPER * modulus_pa * float((np.diff(library.forces(*walls, tip_m)) / np.diff(tip_m)).max())
+        walls = (
+            np.full(len(tip_m), known.thickness_m),
+            np.full(len(tip_m), known.iop_pa / modulus_pa),
+        )
+        return (
+            STEEPER
+            * modulus_pa
+            * float((np.diff(library.forces(*walls, tip_m)) / np.diff(tip_m)).max())
+        )
 
-    def _read(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
+    def _read(
+        self,
+        seen: verdicts.Look,
+        frame: Pixels,  # noqa: ARG002 - a reader's signature
+        scale: PixelScale,
+        known: Known,
+    ) -> Answer:
         """Return the answer of both methods."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
         if reason := self._not_fitted(seen, boundaries, known):
-            return replace(unusable(self.classes, reason), can_calibrate=verdicts.can_calibrate(seen, boundaries))
+            return replace(
+                unusable(self.classes, reason),
+                can_calibrate=verdicts.can_calibrate(seen, boundaries),
+            )
         prior = self._prior(seen, boundaries, known, self.study.reader)
         smoothing_m = self.study.calibration.surface_smoothing_m
-        fit = fit_boundaries(self.library_for(known), boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
+        fit = fit_boundaries(
+            self.library_for(known),
+            boundaries.lateral_m,
+            boundaries.depth_m,
+            prior,
+            smoothing_m,
+        )
         if fit is None:
             return unusable(self.classes, TOO_LITTLE)
-        factor = self.factors.of_fit(known, fit) * frame_stretch(seen.segmentation, known, self.study.reader)
+        factor = self.factors.of_fit(known, fit) * frame_stretch(
+            seen.segmentation, known, self.study.reader
+        )
         return self._judged(seen, boundaries, known, fit, prior, factor)
 
-    def _not_fitted(self, seen: verdicts.Look, boundaries: Boundaries, known: Known) -> str | None:
+    def _not_fitted(
+        self, seen: verdicts.Look, boundaries: Boundaries, known: Known
+    ) -> str | None:
         """Return why a wall is not fitted, None if it is."""
         places = boundaries.lateral_m, boundaries.depth_m[0]
         return (
             self.outside(known)
-            or verdicts.needle_elsewhere(seen.needle, known, self.library.needle_radius_m)
-            or verdicts.too_little_wall(*places, self.study.slice, known.has_calibrated_modulus)
+            or verdicts.needle_elsewhere(
+                seen.needle, known, self.library.needle_radius_m
+            )
+            or verdicts.too_little_wall(
+                *places, self.study.slice, known.has_calibrated_modulus
+            )
         )
 
-    def _prior(self, seen: verdicts.Look, wall: Boundaries, known: Known, trained: ReaderStudy) -> Prior:
+    def _prior(
+        self, seen: verdicts.Look, wall: Boundaries, known: Known, trained: ReaderStudy
+    ) -> Prior:
         if seen.needle:
-            trained = replace(trained, gap_m=Range(min=0.0, max=self.library.needle_radius_m))  # for an unknown gap
+            trained = replace(
+                trained, gap_m=Range(min=0.0, max=self.library.needle_radius_m)
+            )  # for an unknown gap
         return replace(prior_of(known, trained), wall_sd_m=wall.sd_m)
 
     def read_together(
-        self, frames: Sequence[Pixels], scale: PixelScale, known: Known = NOTHING_KNOWN, planes: Sequence[Plane] = (),
+        self,
+        frames: Sequence[Pixels],
+        scale: PixelScale,
+        known: Known = NOTHING_KNOWN,
+        planes: Sequence[Plane] = (),
         walls: Sequence[Segmentation | None] = (None,),
-    ) -> tuple[Answer, ...]:  # fmt: skip
+    ) -> tuple[Answer, ...]:
         """Read the frames of one moment, one of each plane, by one fit; the gap is not used.
 
         A plane without a wall is left out, with a warning. If the wall in one that is fitted is not that of an eye, or
@@ -305,11 +436,25 @@ class ForceReader(Reader):
             return super().read_together(frames, scale, known, walls=walls)
         known = replace(known, gap_m=None)
         looks = [
-            verdicts.look(one, scale, self.study.slice, SHIFTS, known.thickness_m, self.finder, wall)
+            verdicts.look(
+                one,
+                scale,
+                self.study.slice,
+                SHIFTS,
+                known.thickness_m,
+                self.finder,
+                wall,
+            )
             for one, wall in zip_longest(frames, walls)
         ]
-        seen_walls = [None if seen.reason else segmented_boundaries(seen.segmentation, scale) for seen in looks]
-        each, left_out = list[tuple[Plane, verdicts.Look, Boundaries, Known]](), list[str]()
+        seen_walls = [
+            None if seen.reason else segmented_boundaries(seen.segmentation, scale)
+            for seen in looks
+        ]
+        each, left_out = (
+            list[tuple[Plane, verdicts.Look, Boundaries, Known]](),
+            list[str](),
+        )
         for seen, wall, plane in zip(looks, seen_walls, planes, strict=True):
             here = known.turned(plane.direction_rad)
             reason = seen.reason if wall is None else self._not_fitted(seen, wall, here)
@@ -317,28 +462,58 @@ class ForceReader(Reader):
                 each.append((plane, seen, wall, here))
             else:
                 left_out.append(f"plane {plane.name}: {reason}")
-        found = self._fitted_together(each) if each else [unusable(self.classes, left_out[0])]
+        found = (
+            self._fitted_together(each)
+            if each
+            else [unusable(self.classes, left_out[0])]
+        )
         fault = next((one for one in found if not one.usable), None)
-        of_plane = {plane.name: one for (plane, *_), one in zip(each, found, strict=False)}  # of no fit: one only
+        of_plane = {
+            plane.name: one for (plane, *_), one in zip(each, found, strict=False)
+        }  # of no fit: one only
         answers = list[Answer]()
         for plane, seen in zip(planes, looks, strict=True):
-            shared = of_plane.get(plane.name) or replace(found[0], contact_m=None, fit=None, can_calibrate=False)
+            shared = of_plane.get(plane.name) or replace(
+                found[0], contact_m=None, fit=None, can_calibrate=False
+            )
             if fault is not None:
-                shared = replace(unusable(self.classes, fault.reason or ""), fit=shared.fit)
-            warned = (*shared.warnings, *(f"{LEFT_OUT}{reason}" for reason in left_out)) if shared.usable else ()
-            answers.append(replace(shared, segmentation=seen.segmentation, warnings=warned))
+                shared = replace(
+                    unusable(self.classes, fault.reason or ""), fit=shared.fit
+                )
+            warned = (
+                (*shared.warnings, *(f"{LEFT_OUT}{reason}" for reason in left_out))
+                if shared.usable
+                else ()
+            )
+            answers.append(
+                replace(shared, segmentation=seen.segmentation, warnings=warned)
+            )
         return tuple(answers)
 
-    def _fitted_together(self, each: Sequence[tuple[Plane, verdicts.Look, Boundaries, Known]]) -> list[Answer]:
+    def _fitted_together(
+        self, each: Sequence[tuple[Plane, verdicts.Look, Boundaries, Known]]
+    ) -> list[Answer]:
         """Return the answers of planes with a wall, by the fit to all of them; of one alone, by its own."""
-        smoothing_m, radius_m = self.study.calibration.surface_smoothing_m, self.library.needle_radius_m
+        smoothing_m, radius_m = (
+            self.study.calibration.surface_smoothing_m,
+            self.library.needle_radius_m,
+        )
         trained, library = self.study.reader, self.library_for(each[0][3])
-        priors = [self._prior(seen, wall, known, verdicts.read_by_fit(trained)) for _, seen, wall, known in each]
+        priors = [
+            self._prior(seen, wall, known, verdicts.read_by_fit(trained))
+            for _, seen, wall, known in each
+        ]
         walls = [
-            SeenPlane(plane.offset_m, plane.direction_rad, wall.lateral_m, wall.depth_m, prior,
-                      radius_m / sqrt(3.0) if seen.needle else None)
+            SeenPlane(
+                plane.offset_m,
+                plane.direction_rad,
+                wall.lateral_m,
+                wall.depth_m,
+                prior,
+                radius_m / sqrt(3.0) if seen.needle else None,
+            )
             for (plane, seen, wall, _), prior in zip(each, priors, strict=True)
-        ]  # fmt: skip
+        ]
         fits, place = fit_planes(library, walls, smoothing_m)
         if not fits:
             return [unusable(self.classes, TOO_LITTLE)]
@@ -347,33 +522,59 @@ class ForceReader(Reader):
             angles = [
                 (plane.direction_rad, seen.needle.axis_rad)
                 for (plane, seen, *_), fit in zip(each, fits, strict=True)
-                if seen.needle and seen.needle.axis_rad is not None and shaft_lean(fit, seen.needle) is not None
+                if seen.needle
+                and seen.needle.axis_rad is not None
+                and shaft_lean(fit, seen.needle) is not None
             ]
             place = place.with_shafts(*zip(*angles, strict=True)) if angles else place
         gaps_m, answers = [abs(float(fit.unknown[GAP])) for fit in fits], list[Answer]()
         heres = [known for *_, known in each]
         if place is not None:
-            heres = [replace(known, gap_m=gap_m) for known, gap_m in zip(heres, gaps_m, strict=True)]
+            heres = [
+                replace(known, gap_m=gap_m)
+                for known, gap_m in zip(heres, gaps_m, strict=True)
+            ]
         sections = [seen.segmentation for _, seen, *_ in each]
-        stretch = min(frame_stretch(*pair, trained) for pair in zip(sections, heres, strict=True))
+        stretch = min(
+            frame_stretch(*pair, trained) for pair in zip(sections, heres, strict=True)
+        )
         factor = stretch * max(map(self.factors.of_fit, heres, fits))
-        for (plane, seen, wall, _), here, fit, prior in zip(each, heres, fits, priors, strict=True):
+        for (plane, seen, wall, _), here, fit, prior in zip(
+            each, heres, fits, priors, strict=True
+        ):
             nearest = abs(float(fit.unknown[GAP])) == min(gaps_m)
-            answer = self._judged(seen, wall, here, fit, prior, factor, METHODS[1], nearest)
+            answer = self._judged(
+                seen, wall, here, fit, prior, factor, METHODS[1], nearest
+            )
             reason = None if answer.usable else f"plane {plane.name}: {answer.reason}"
             where = answer.places if place is None else in_space(answer.places, place)
             answers.append(replace(answer, place=place, places=where, reason=reason))
         return together(answers)
 
-    def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:  # noqa: ARG002
+    def _live(
+        self,
+        seen: verdicts.Look,
+        frame: Pixels,  # noqa: ARG002 - a reader's signature
+        scale: PixelScale,  # noqa: ARG002 - a reader's signature
+        known: Known,
+    ) -> Answer:
         if reason := self._unread_slices(seen, known):
             return unusable(self.classes, reason)
-        return verdicts.judged_answer(self.network.read(seen.cuts, known), "network", seen.dent_leaves, self.study)
+        return verdicts.judged_answer(
+            self.network.read(seen.cuts, known), "network", seen.dent_leaves, self.study
+        )
 
     def _judged(
-        self, seen: verdicts.Look, boundaries: Boundaries, known: Known, fit: BoundaryFit, prior: Prior,
-        factor: float, default: str | None = None, may_rest: bool = True,
-    ) -> Answer:  # fmt: skip
+        self,
+        seen: verdicts.Look,
+        boundaries: Boundaries,
+        known: Known,
+        fit: BoundaryFit,
+        prior: Prior,
+        factor: float,
+        default: str | None = None,
+        may_rest: bool = True,
+    ) -> Answer:
         """Read a frame from its fit, if that is the wall of an eye; `default`: the method that answers.
 
         `factor`: of the fit's interval; `may_rest`: a surface without a dent is tried.
@@ -387,17 +588,31 @@ class ForceReader(Reader):
             warnings = (f"{UNCHECKED}: {unread}",) if answer.usable else ()
             answer = replace(answer, warnings=warnings, readings=(("fit", by_fit),))
         else:
-            answer = self._checked({"network": self.network.read(seen.cuts, known), "fit": by_fit}, leaves, default)
-        if may_rest and not seen.dent_leaves:  # an eye at rest does not leave the frame in its middle
+            answer = self._checked(
+                {"network": self.network.read(seen.cuts, known), "fit": by_fit},
+                leaves,
+                default,
+            )
+        if (
+            may_rest and not seen.dent_leaves
+        ):  # an eye at rest does not leave the frame in its middle
             answer = verdicts.unless_at_rest(answer, fit, boundaries, self.study)
         if answer.usable:
             beside = fit.unknown.copy()
             beside[GAP] = abs(beside[GAP])
             library, there = self.library_for(known), replace(fit, unknown=beside)
-            answer = replace(answer, places=places_of(there, prior, library, known, seen.needle))
-        return replace(answer, can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
+            answer = replace(
+                answer, places=places_of(there, prior, library, known, seen.needle)
+            )
+        return replace(
+            answer,
+            can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m),
+            fit=fit,
+        )
 
-    def _checked(self, readings: Mapping[str, Reading], leaves: bool, default: str | None = None) -> Answer:
+    def _checked(
+        self, readings: Mapping[str, Reading], leaves: bool, default: str | None = None
+    ) -> Answer:
         """Return the answer of a method, by default the model's, checked by the other one; `leaves`: the dent does.
 
         If both differ by more than their intervals allow, one of them is wrong, and nothing shows which: the interval
@@ -409,8 +624,14 @@ class ForceReader(Reader):
         warning = disagreement(answering, other, (name, check))
         reading = answering.spanning(other) if warning else answering
         answer = verdicts.judged_answer(reading, name, leaves, self.study)
-        undecided = verdicts.no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
-        reason = verdicts.contact_outside(other, self.study.reader) or (undecided and f"{warning}; {undecided}")
+        undecided = (
+            verdicts.no_class(reading.interval_n, self.study.classes.bounds_n)
+            if warning
+            else None
+        )
+        reason = verdicts.contact_outside(other, self.study.reader) or (
+            undecided and f"{warning}; {undecided}"
+        )
         if answer.usable and reason:
             answer = unusable(self.classes, reason)
         warnings = (warning,) if warning and answer.usable else ()
@@ -435,15 +656,21 @@ class RawReader(Reader):
         super().__post_init__()
         self._window = FrameWindow.of(self.study.raw_reader)
 
-    def _live(self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
+    def _live(
+        self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known
+    ) -> Answer:
         reason = (
             other_index(self.study, scale.refractive_index)
             or self.refusal(known)
-            or verdicts.needle_elsewhere(seen.needle, known, self.study.needle.outer_diameter_m / 2)
+            or verdicts.needle_elsewhere(
+                seen.needle, known, self.study.needle.outer_diameter_m / 2
+            )
             or verdicts.seen_by_network(seen.extent_m, self.study.slice)
         )
         if reason:
             return unusable(self.classes, reason)
         reading = self.network.read(self._window.reduced(frame, scale)[None], known)
-        answer = verdicts.judged_answer(reading, "network", seen.dent_leaves, self.study)
+        answer = verdicts.judged_answer(
+            reading, "network", seen.dent_leaves, self.study
+        )
         return replace(answer, readings=(("network", reading),))

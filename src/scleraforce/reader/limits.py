@@ -9,19 +9,43 @@ from dataclasses import dataclass
 from math import hypot, inf, sqrt
 from pathlib import Path
 
-from scleraforce.known import NOTHING_KNOWN, OWN_SOURCES, UNKNOWN, Known, Modulus, known_of_recording, open_doubts
+from scleraforce.known import (
+    NOTHING_KNOWN,
+    OWN_SOURCES,
+    UNKNOWN,
+    Known,
+    Modulus,
+    known_of_recording,
+    open_doubts,
+)
 from scleraforce.models import folder_study, model_folder, model_name, read_folder
-from scleraforce.reader.verdicts import LEAST_FRAME_M, least_wall_m, read_by_fit, wall_seen
+from scleraforce.reader.verdicts import (
+    LEAST_FRAME_M,
+    least_wall_m,
+    read_by_fit,
+    wall_seen,
+)
 from scleraforce.recording.folder import OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.study import Choice, LibraryStudy, Range, ReaderStudy, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 
-CLASSIFIER, READER, RAW_READER = KINDS = ("classifier", "reader", "raw-reader")  # of models that read forces
+CLASSIFIER, READER, RAW_READER = KINDS = (
+    "classifier",
+    "reader",
+    "raw-reader",
+)  # of models that read forces
 SAME_INDEX = 1e-3  # of refractive indices
-MODULUS, PRESSURE, WALL, GAP = EYE = "Young's modulus", "IOP", "wall thickness", "gap between B-scan and needle axis"
+MODULUS, PRESSURE, WALL, GAP = EYE = (
+    "Young's modulus",
+    "IOP",
+    "wall thickness",
+    "gap between B-scan and needle axis",
+)
 
 
-COARSEST_M = 30e-6  # of a pixel that forces are read from: walls are found in coarser ones
+COARSEST_M = (
+    30e-6  # of a pixel that forces are read from: walls are found in coarser ones
+)
 
 
 @dataclass(frozen=True)
@@ -40,7 +64,11 @@ class _Compared:
         low, high = (from_si(bound, self.unit) for bound in self.trained.bounds)
         if high == inf:
             return f"{low:.4g} {self.printed} or more"
-        return f"{low:.4g} {self.printed}" if low == high else f"{low:.4g} to {high:.4g} {self.printed}"
+        return (
+            f"{low:.4g} {self.printed}"
+            if low == high
+            else f"{low:.4g} to {high:.4g} {self.printed}"
+        )
 
     @property
     def outside(self) -> str | None:
@@ -55,7 +83,9 @@ class _Compared:
         return f"{self.name} {found:.4g} {self.printed}, the model was trained on {self.covered}"
 
 
-def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) -> str | None:
+def outside_training(
+    known: Known, trained: ReaderStudy, library: LibraryStudy
+) -> str | None:
     """Return why a model cannot read an eye: a known value lies outside the training; None: all lie inside.
 
     A value that is not a number is outside. A modulus of the eye's own may lie outside by its uncertainty: its standard
@@ -79,18 +109,32 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
     if kind not in KINDS:
         return ()
     study = folder_study(folder)
-    window, radius_m, least_m = study.slice, _largest_radius_m(study), least_wall_m(study.slice)
+    window, radius_m, least_m = (
+        study.slice,
+        _largest_radius_m(study),
+        least_wall_m(study.slice),
+    )
     width = f"{from_si(least_m, 'mm'):.4g} mm or more"
     if kind == READER:
         width = f"{from_si(LEAST_FRAME_M, 'mm'):.4g} mm or more; {width} without a calibration, and for the monitor"
-    curve_mm = from_si(radius_m - sqrt(radius_m**2 - (least_m / 2) ** 2), "mm")  # of the surface over that width
+    curve_mm = from_si(
+        radius_m - sqrt(radius_m**2 - (least_m / 2) ** 2), "mm"
+    )  # of the surface over that width
     depth = f"{curve_mm:.1f} mm or more, for deep dents {from_si(window.rows * window.pixel_m, 'mm'):.4g} mm"
     frames = (("width of the frames", width), ("depth of the frames", depth))
-    compared = (_of_slices if kind == CLASSIFIER else _of_walls)(study, NOTHING_KNOWN, None)
-    return (*frames, *((entry.name, entry.covered) for entry in compared), ("needle", _needle_words(study)))
+    compared = (_of_slices if kind == CLASSIFIER else _of_walls)(
+        study, NOTHING_KNOWN, None
+    )
+    return (
+        *frames,
+        *((entry.name, entry.covered) for entry in compared),
+        ("needle", _needle_words(study)),
+    )
 
 
-def limits(kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
+def limits(
+    kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | None = None
+) -> tuple[str, ...]:
     """Return a sentence for each known value that the training of a kind of model did not cover.
 
     A reader was trained on its library's walls, wherever on the eye the needle pushes; a classifier on its data set,
@@ -99,11 +143,24 @@ def limits(kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | No
     if kind == CLASSIFIER:
         sealed = open_doubts(None if known.globe is None else known.globe.kind)
         compared = _sentences(_of_slices(study, known, scan))
-        return (*_unseen(study, scan, kind), *sealed, *compared, *_other_needle(study, gauge))
+        return (
+            *_unseen(study, scan, kind),
+            *sealed,
+            *compared,
+            *_other_needle(study, gauge),
+        )
     refused = _refusals(known, read_by_fit(study.reader), study.library)
-    others = _sentences(entry for entry in _of_walls(study, known, scan) if entry.name not in EYE)
+    others = _sentences(
+        entry for entry in _of_walls(study, known, scan) if entry.name not in EYE
+    )
     index = other_index(study, scan.refractive_index) if kind == RAW_READER else None
-    return (*_unseen(study, scan, kind), *refused, *others, *_other_needle(study, gauge), *([index] if index else ()))
+    return (
+        *_unseen(study, scan, kind),
+        *refused,
+        *others,
+        *_other_needle(study, gauge),
+        *([index] if index else ()),
+    )
 
 
 def other_index(study: Study, refractive_index: float) -> str | None:
@@ -116,27 +173,49 @@ def other_index(study: Study, refractive_index: float) -> str | None:
 
 def _of_eye(known: Known, trained: ReaderStudy) -> tuple[_Compared, ...]:
     return (
-        _Compared(MODULUS, _uncovered_modulus(known.modulus, trained), trained.youngs_modulus_pa, "mpa", "MPa"),
+        _Compared(
+            MODULUS,
+            _uncovered_modulus(known.modulus, trained),
+            trained.youngs_modulus_pa,
+            "mpa",
+            "MPa",
+        ),
         _Compared(PRESSURE, known.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
         _Compared(WALL, known.thickness_m, trained.thickness_m, "um", "µm"),
         _Compared(GAP, known.gap_m, trained.gap_m, "mm", "mm"),
     )
 
 
-def _of_walls(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compared, ...]:
+def _of_walls(
+    study: Study, known: Known, scan: OctInfo | None
+) -> tuple[_Compared, ...]:
     """Return the ranges of a reader's training: of the eye, of the plane, and of the scale of its frames."""
     trained = read_by_fit(study.reader)
     rigidity = known.globe.mean if known.globe and known.globe.can_be_sealed else None
     rigidities = Range(min=UNKNOWN.lowest, max=UNKNOWN.highest)
     return (
         *_of_eye(known, trained),
-        _Compared("rigidity of a sealed globe", rigidity, rigidities, "mmhg13_per_ul", "mmHg^(1/3)/µl"),
-        _Compared("tilt of the B-scan", scan.plane_tilt_rad if scan else None, trained.tilt_rad, "deg", "°"),
+        _Compared(
+            "rigidity of a sealed globe",
+            rigidity,
+            rigidities,
+            "mmhg13_per_ul",
+            "mmHg^(1/3)/µl",
+        ),
+        _Compared(
+            "tilt of the B-scan",
+            scan.plane_tilt_rad if scan else None,
+            trained.tilt_rad,
+            "deg",
+            "°",
+        ),
         _pixel(study, scan),
     )
 
 
-def _of_slices(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compared, ...]:
+def _of_slices(
+    study: Study, known: Known, scan: OctInfo | None
+) -> tuple[_Compared, ...]:
     """Return the ranges of a classifier's data set."""
     gap = study.dataset.gap_m or Choice((study.needle.gap_m,))
     thickness = Choice(tuple(group.thickness_m for group in study.dataset.group))
@@ -144,9 +223,23 @@ def _of_slices(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compa
     return (
         _Compared(GAP, known.gap_m, gap, "mm", "mm"),
         _Compared(WALL, known.thickness_m, thickness, "um", "µm"),
-        _Compared("polar angle", known.polar_rad, study.needle.polar_angle_rad, "deg", "°"),
-        _Compared("tilt of the B-scan", scan.plane_tilt_rad if scan else None, study.dataset.tilt_rad, "deg", "°"),
-        _Compared("direction of the B-scan", direction_rad, study.dataset.direction_rad, "deg", "°"),
+        _Compared(
+            "polar angle", known.polar_rad, study.needle.polar_angle_rad, "deg", "°"
+        ),
+        _Compared(
+            "tilt of the B-scan",
+            scan.plane_tilt_rad if scan else None,
+            study.dataset.tilt_rad,
+            "deg",
+            "°",
+        ),
+        _Compared(
+            "direction of the B-scan",
+            direction_rad,
+            study.dataset.direction_rad,
+            "deg",
+            "°",
+        ),
         _pixel(study, scan),
     )
 
@@ -155,10 +248,18 @@ def _pixel(study: Study, scan: OctInfo | None) -> _Compared:
     """Return the scale, compared with that of the scenes that the wall finder was trained on."""
     pixel_m = scan.depth_m / scan.rows if scan else None
     drawn = study.scenes.window.pixel_m.bounds
-    return _Compared("depth of a pixel", pixel_m, Range(min=drawn[0], max=min(drawn[1], COARSEST_M)), "um", "µm")
+    return _Compared(
+        "depth of a pixel",
+        pixel_m,
+        Range(min=drawn[0], max=min(drawn[1], COARSEST_M)),
+        "um",
+        "µm",
+    )
 
 
-def _refusals(known: Known, trained: ReaderStudy, library: LibraryStudy) -> tuple[str, ...]:
+def _refusals(
+    known: Known, trained: ReaderStudy, library: LibraryStudy
+) -> tuple[str, ...]:
     reasons = _sentences(_of_eye(known, trained))
     softest, stiffest = library.stiffening_ends
     stiffening = known.stiffening or 0.0
@@ -177,9 +278,17 @@ def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float |
     if modulus is None:
         return None
     low, high = trained.youngs_modulus_pa.bounds
-    carried = hypot(2.0 * trained.thickness_noise_fraction, trained.iop_noise_fraction / 3.0)
-    reach = hypot(modulus.relative_sd, carried) if modulus.source in OWN_SOURCES else 0.0
-    return None if low * (1.0 - reach) <= modulus.mean_pa <= high * (1.0 + reach) else modulus.mean_pa
+    carried = hypot(
+        2.0 * trained.thickness_noise_fraction, trained.iop_noise_fraction / 3.0
+    )
+    reach = (
+        hypot(modulus.relative_sd, carried) if modulus.source in OWN_SOURCES else 0.0
+    )
+    return (
+        None
+        if low * (1.0 - reach) <= modulus.mean_pa <= high * (1.0 + reach)
+        else modulus.mean_pa
+    )
 
 
 def _sentences(compared: Iterable[_Compared]) -> tuple[str, ...]:
@@ -195,15 +304,30 @@ def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
     left_m = max(radius_m - scan.depth_m, 0.0)
     between_columns_m = scan.width_m * (1.0 - 1.0 / scan.columns)
     window = study.slice
-    most_m = min(between_columns_m, window.columns * window.pixel_m, 2.0 * sqrt(radius_m**2 - left_m**2))
+    most_m = min(
+        between_columns_m,
+        window.columns * window.pixel_m,
+        2.0 * sqrt(radius_m**2 - left_m**2),
+    )
     width_mm, depth_mm = from_si(scan.width_m, "mm"), from_si(scan.depth_m, "mm")
     frames = f"frames of {width_mm:.4g} x {depth_mm:.4g} mm: at most"
-    if short := wall_seen(most_m, least_wall_m(window, scan.width_m if kind == READER else inf)):
+    if short := wall_seen(
+        most_m, least_wall_m(window, scan.width_m if kind == READER else inf)
+    ):
         return (f"{frames} {short}",)
-    narrow = wall_seen(most_m, least_wall_m(window), "are needed without a calibration, and by the monitor")
-    said, needed_mm = [f"{frames} {narrow}"] if narrow else [], from_si(window.rows * window.pixel_m, "mm")
+    narrow = wall_seen(
+        most_m,
+        least_wall_m(window),
+        "are needed without a calibration, and by the monitor",
+    )
+    said, needed_mm = (
+        [f"{frames} {narrow}"] if narrow else [],
+        from_si(window.rows * window.pixel_m, "mm"),
+    )
     if depth_mm < needed_mm:
-        said.append(f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm")
+        said.append(
+            f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm"
+        )
     return tuple(said)
 
 
@@ -215,7 +339,9 @@ def _other_needle(study: Study, gauge: int | None) -> tuple[str, ...]:
     """Return a sentence on a needle of another gauge than the model's, whose dent has another form."""
     if gauge is None or gauge == nearest_gauge(study.needle.outer_diameter_m):
         return ()
-    return (f"needle of {gauge} gauge, the model was trained on {_needle_words(study)}",)
+    return (
+        f"needle of {gauge} gauge, the model was trained on {_needle_words(study)}",
+    )
 
 
 def _needle_words(study: Study) -> str:

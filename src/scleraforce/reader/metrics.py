@@ -14,10 +14,16 @@ import numpy as np
 
 from scleraforce.arrays import Bytes, Flags, Integers
 
-SDS_OF_INTERVAL = NormalDist().inv_cdf(0.95)  # of a normal distribution, to either end of its 90 % interval
-LIMIT_SDS = NormalDist().inv_cdf(0.975)  # to either end of the range of 95 % of all differences
-SHARED_ERROR = ("Frames of one eye share the error of its calibration, so they hold or miss together: 90 % is the mean "
-                "of many eyes; of single ones, from less than half to all hold.")  # fmt: skip
+SDS_OF_INTERVAL = NormalDist().inv_cdf(
+    0.95
+)  # of a normal distribution, to either end of its 90 % interval
+LIMIT_SDS = NormalDist().inv_cdf(
+    0.975
+)  # to either end of the range of 95 % of all differences
+SHARED_ERROR = (
+    "Frames of one eye share the error of its calibration, so they hold or miss together: 90 % is the mean "
+    "of many eyes; of single ones, from less than half to all hold."
+)
 RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
 
 
@@ -48,7 +54,13 @@ class Proportion:
         z = NormalDist().inv_cdf(0.5 + 0.95 / 2)
         weight = z * z / self.total
         centre = (self.value + weight / 2) / (1 + weight)
-        half = z / (1 + weight) * sqrt(self.value * (1 - self.value) / self.total + weight / (4 * self.total))
+        half = (
+            z
+            / (1 + weight)
+            * sqrt(
+                self.value * (1 - self.value) / self.total + weight / (4 * self.total)
+            )
+        )
         return max(0.0, centre - half), min(1.0, centre + half)
 
     def words(self, nothing: str = "-") -> str:
@@ -61,14 +73,20 @@ class Proportion:
         return f"{self.value:.2f} ({low:.2f} to {high:.2f})" if self.total else nothing
 
 
-def confusion_matrix(target: Sequence[int], predicted: Sequence[int], classes: int = 3) -> Integers:
+def confusion_matrix(
+    target: Sequence[int], predicted: Sequence[int], classes: int = 3
+) -> Integers:
     """Count the trials by target (row) and predicted (column) class, shape (classes, classes)."""
     if len(target) != len(predicted):
         raise ValueError(f"{len(target)} targets but {len(predicted)} predictions")
     if any(not 0 <= label < classes for label in (*target, *predicted)):
         raise ValueError(f"a class outside 0 to {classes - 1}")
     counts = np.zeros((classes, classes), dtype=np.int64)
-    np.add.at(counts, (np.asarray(target, dtype=np.intp), np.asarray(predicted, dtype=np.intp)), 1)
+    np.add.at(
+        counts,
+        (np.asarray(target, dtype=np.intp), np.asarray(predicted, dtype=np.intp)),
+        1,
+    )
     return counts
 
 
@@ -113,12 +131,18 @@ class ForceTrial:
         above = self.measured_n - self.read_n
         if not wide:
             return low <= self.measured_n <= high
-        return -hypot(self.read_n - low, wide) <= above <= hypot(high - self.read_n, wide)
+        return (
+            -hypot(self.read_n - low, wide) <= above <= hypot(high - self.read_n, wide)
+        )
 
 
 def mean_absolute_error(trials: Sequence[ForceTrial]) -> float:
     """Return the mean absolute error, N; NaN without trials."""
-    return sum(abs(trial.read_n - trial.measured_n) for trial in trials) / len(trials) if trials else nan
+    return (
+        sum(abs(trial.read_n - trial.measured_n) for trial in trials) / len(trials)
+        if trials
+        else nan
+    )
 
 
 def agreement(trials: Sequence[ForceTrial]) -> tuple[float, float, float]:
@@ -127,7 +151,10 @@ def agreement(trials: Sequence[ForceTrial]) -> tuple[float, float, float]:
     The limits are 1.96 standard deviations to either side of the mean (Bland and Altman 1986).
     """
     off_n = [trial.read_n - trial.measured_n for trial in trials]
-    middle_n, reach_n = fmean(off_n), LIMIT_SDS * stdev(off_n) if len(off_n) > 1 else nan
+    middle_n, reach_n = (
+        fmean(off_n),
+        LIMIT_SDS * stdev(off_n) if len(off_n) > 1 else nan,
+    )
     return middle_n, middle_n - reach_n, middle_n + reach_n
 
 
@@ -139,10 +166,14 @@ def coverage(trials: Sequence[ForceTrial]) -> Proportion:
 def coverage_by_eye(trials: Sequence[ForceTrial]) -> dict[str, Proportion]:
     """Return the coverage of each eye's trials."""
     eyes = dict.fromkeys(trial.eye for trial in trials)
-    return {eye: coverage([trial for trial in trials if trial.eye == eye]) for eye in eyes}
+    return {
+        eye: coverage([trial for trial in trials if trial.eye == eye]) for eye in eyes
+    }
 
 
-def coverage_band(eyes: Sequence[str], covered: Sequence[bool]) -> tuple[float, float] | None:
+def coverage_band(
+    eyes: Sequence[str], covered: Sequence[bool]
+) -> tuple[float, float] | None:
     """Return the 95 % band of the share of covered frames, by a bootstrap over whole eyes; None without frames.
 
     Frames of one eye share its errors, so eyes are resampled, not frames.
@@ -150,22 +181,35 @@ def coverage_band(eyes: Sequence[str], covered: Sequence[bool]) -> tuple[float, 
     if not eyes:
         return None
     _, numbers = np.unique(eyes, return_inverse=True)
-    hits_e, frames_e = np.bincount(numbers, weights=np.asarray(covered)), np.bincount(numbers)
+    hits_e, frames_e = (
+        np.bincount(numbers, weights=np.asarray(covered)),
+        np.bincount(numbers),
+    )
     rng = np.random.default_rng(RESAMPLING_SEED)
     drawn_re = rng.integers(len(frames_e), size=(RESAMPLES, len(frames_e)))
-    low, high = np.percentile(hits_e[drawn_re].sum(axis=1) / frames_e[drawn_re].sum(axis=1), BAND)
+    low, high = np.percentile(
+        hits_e[drawn_re].sum(axis=1) / frames_e[drawn_re].sum(axis=1), BAND
+    )
     return float(low), float(high)
 
 
 def band_of(trials: Sequence[ForceTrial]) -> tuple[float, float] | None:
     """Return the 95 % band of the coverage of other such eyes (`coverage_band`); None without trials."""
-    return coverage_band([trial.eye for trial in trials], [trial.covered for trial in trials])
+    return coverage_band(
+        [trial.eye for trial in trials], [trial.covered for trial in trials]
+    )
 
 
 def held_by_eye(trials: Sequence[ForceTrial]) -> str:
     """Return the number of forces that the intervals of each eye hold, in words: '1 of 1 of a'."""
-    return ", ".join(f"{held.hits} of {held.total} of {eye}" for eye, held in coverage_by_eye(trials).items())
+    return ", ".join(
+        f"{held.hits} of {held.total} of {eye}"
+        for eye, held in coverage_by_eye(trials).items()
+    )
 
 
 def _shares(confusion: Integers, totals: Integers) -> tuple[Proportion, ...]:
-    return tuple(Proportion(int(hits), int(total)) for hits, total in zip(np.diag(confusion), totals, strict=True))
+    return tuple(
+        Proportion(int(hits), int(total))
+        for hits, total in zip(np.diag(confusion), totals, strict=True)
+    )

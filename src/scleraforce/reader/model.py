@@ -29,13 +29,22 @@ Finder = str | PathLike[str] | None
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     """Load a model folder of kind "wall-finder"; arguments and errors as for `load_model`."""
     folder = models.read_folder(Path(path), (models.WALL_FINDER,))
-    study, (session, metadata) = models.folder_study(folder), models.folder_session(folder, threads)
-    finder = WallFinder(session, study.wall_finder, str(folder.path / models.NETWORK_FILE))
+    study, (session, metadata) = (
+        models.folder_study(folder),
+        models.folder_session(folder, threads),
+    )
+    finder = WallFinder(
+        session, study.wall_finder, str(folder.path / models.NETWORK_FILE)
+    )
     models.check_provenance(folder, metadata)
     return finder
 
 
-def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = models.SHIPPED_WALL_FINDER) -> Reader:
+def load_model(
+    path: str | PathLike[str],
+    threads: int = 1,
+    finder: Finder = models.SHIPPED_WALL_FINDER,
+) -> Reader:
     """Load a model folder of any kind that reads forces.
 
     `path` is the folder that `scleraforce train` wrote, or the name of a bundled one ("default"); `threads` are ONNX
@@ -45,7 +54,10 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = mod
     """
     folder = models.read_folder(Path(path), KINDS)
     kind = folder.record["kind"]
-    study, (session, provenance) = models.folder_study(folder), models.folder_session(folder, threads)
+    study, (session, provenance) = (
+        models.folder_study(folder),
+        models.folder_session(folder, threads),
+    )
     if kind == CLASSIFIER:
         model: Reader = Classifier(folder.path, study, session)
     else:
@@ -56,7 +68,9 @@ def load_model(path: str | PathLike[str], threads: int = 1, finder: Finder = mod
             model = RawReader(folder.path, study, network)
         else:
             default = folder.record.get("default", "")
-            model = ForceReader(folder.path, study, network, _library(folder), default, factors)
+            model = ForceReader(
+                folder.path, study, network, _library(folder), default, factors
+            )
     models.check_provenance(folder, provenance)
     model.record, model.provenance = folder.record, provenance
     model.finder = None if finder is None else load_wall_finder(finder, threads)
@@ -68,7 +82,10 @@ def suited(reader: Reader, known: Known) -> Reader:
 
     The reader is changed only if it refuses the eye and the other one does not.
     """
-    others = {models.SHIPPED_READER: models.SHIPPED_LIVING, models.SHIPPED_LIVING: models.SHIPPED_READER}
+    others = {
+        models.SHIPPED_READER: models.SHIPPED_LIVING,
+        models.SHIPPED_LIVING: models.SHIPPED_READER,
+    }
     if reader.path not in others or reader.outside(known) is None:
         return reader
     other = _bundled(others[reader.path])
@@ -81,14 +98,18 @@ def _bundled(folder: Path) -> Reader:
 
 
 def load_classifier(
-    path: str | PathLike[str], threads: int = 1, finder: Finder = models.SHIPPED_WALL_FINDER
+    path: str | PathLike[str],
+    threads: int = 1,
+    finder: Finder = models.SHIPPED_WALL_FINDER,
 ) -> Classifier:
     """Load a model folder of kind "classifier"; arguments and errors as for `load_model`."""
     return _of_kind(load_model(path, threads, finder), Classifier)
 
 
 def load_force_reader(
-    path: str | PathLike[str], threads: int = 1, finder: Finder = models.SHIPPED_WALL_FINDER
+    path: str | PathLike[str],
+    threads: int = 1,
+    finder: Finder = models.SHIPPED_WALL_FINDER,
 ) -> ForceReader:
     """Load a model folder of kind "reader"; arguments and errors as for `load_model`."""
     return _of_kind(load_model(path, threads, finder), ForceReader)
@@ -96,18 +117,24 @@ def load_force_reader(
 
 def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
     if not isinstance(model, wanted):
-        raise ModelError(f"{model.path}: kind: found {model.kind!r}, a {wanted.kind} is needed here")
+        raise ModelError(
+            f"{model.path}: kind: found {model.kind!r}, a {wanted.kind} is needed here"
+        )
     return model
 
 
 def _library(folder: models.ModelFolder) -> Library:
     """Read the library and prepare the arrays that its first evaluation would otherwise wait for."""
     try:
-        library = load_library(folder.path / models.LIBRARY_FILE, folder.files[models.LIBRARY_FILE])
+        library = load_library(
+            folder.path / models.LIBRARY_FILE, folder.files[models.LIBRARY_FILE]
+        )
     except InputError as fault:
         raise ModelError(str(fault)) from fault
     thickness_m = library.thickness_m[:1]
-    library.at_tip(thickness_m, library.iop_ratio_ends(thickness_m)[0], library.tip_m[:1])
+    library.at_tip(
+        thickness_m, library.iop_ratio_ends(thickness_m)[0], library.tip_m[:1]
+    )
     return library
 
 
@@ -118,15 +145,24 @@ WARMING_FRAMES = 20
 
 
 def warming_frame(
-    shape: tuple[int, int], scale: PixelScale, radius_m: float, thickness_m: float | None = None
+    shape: tuple[int, int],
+    scale: PixelScale,
+    radius_m: float,
+    thickness_m: float | None = None,
 ) -> Counts:
     """Return a raw B-scan (row, column) of the wall of an eye at rest, the same at each call."""
     (rows, columns), rng = shape, np.random.default_rng(0)
     lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m
     falls_m = radius_m - np.sqrt(np.maximum(radius_m**2 - lateral_m**2, 0.0))
-    depth_m = (np.arange(rows)[:, None] + 0.5 - SURFACE * rows) * scale.depth_m - falls_m
-    is_tissue = (depth_m > 0.0) & (depth_m < (thickness_m or THICKNESS_M) * scale.refractive_index)
-    noise, tissue = (rng.integers(*counts, shape, dtype=np.uint16) for counts in (NOISE, TISSUE))
+    depth_m = (
+        np.arange(rows)[:, None] + 0.5 - SURFACE * rows
+    ) * scale.depth_m - falls_m
+    is_tissue = (depth_m > 0.0) & (
+        depth_m < (thickness_m or THICKNESS_M) * scale.refractive_index
+    )
+    noise, tissue = (
+        rng.integers(*counts, shape, dtype=np.uint16) for counts in (NOISE, TISSUE)
+    )
     return noise + np.where(is_tissue, tissue, np.uint16(0))
 
 
@@ -137,9 +173,18 @@ class LiveReader:
     """
 
     def __init__(self, reader: Reader, known: Known, refractive_index: float) -> None:
-        self._reader, self._known, self._refractive_index = reader, known, refractive_index
+        self._reader, self._known, self._refractive_index = (
+            reader,
+            known,
+            refractive_index,
+        )
         scanner, scale = reader.study.oct, PixelScale.of(reader.study.oct)
-        frame = warming_frame((scanner.rows, scanner.columns), scale, reader.study.eye.radius_m, known.thickness_m)
+        frame = warming_frame(
+            (scanner.rows, scanner.columns),
+            scale,
+            reader.study.eye.radius_m,
+            known.thickness_m,
+        )
         for _ in range(WARMING_FRAMES):
             self.read(frame, scale)
 
@@ -155,5 +200,9 @@ class LiveReader:
 
     def read(self, frame: Pixels, scale: PixelScale) -> Answer:
         """Read one raw frame (`Reader.read_live`); the scanner's refractive index takes precedence over the scale's."""
-        scale = PixelScale(lateral_m=scale.lateral_m, depth_m=scale.depth_m, refractive_index=self._refractive_index)
+        scale = PixelScale(
+            lateral_m=scale.lateral_m,
+            depth_m=scale.depth_m,
+            refractive_index=self._refractive_index,
+        )
         return self._reader.read_live(frame, scale, self._known)

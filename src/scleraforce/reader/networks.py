@@ -41,9 +41,13 @@ def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
 
 
 def histogram_reading(
-    histogram: Sequence[float], edges_m2: Sequence[float], modulus_pa: float, bounds_n: tuple[float, ...],
-    contact_m: float = 0.0, factor_of: Callable[[float], float] = lambda _: 1.0,
-) -> Reading:  # fmt: skip
+    histogram: Sequence[float],
+    edges_m2: Sequence[float],
+    modulus_pa: float,
+    bounds_n: tuple[float, ...],
+    contact_m: float = 0.0,
+    factor_of: Callable[[float], float] = lambda _: 1.0,
+) -> Reading:
     """Return the reading of one histogram.
 
     `histogram`: probabilities of the bins, of any positive sum; with one that is not a number the reading is NaN.
@@ -57,15 +61,25 @@ def histogram_reading(
     sums = list(accumulate(histogram, initial=0.0))
     total = sums[-1] if 0.0 < sums[-1] < inf else nan
     low_n, median_n, high_n = (
-        modulus_pa * _crossing(sums, edges_m2, share * total) for share in (INTERVAL[0], 0.5, INTERVAL[1])
+        modulus_pa * _crossing(sums, edges_m2, share * total)
+        for share in (INTERVAL[0], 0.5, INTERVAL[1])
     )
     factor = factor_of(median_n)
     asked_n = unstretched(median_n, bounds_n, factor)
-    below = [0.0, *(_sum_below(sums, edges_m2, force_n / modulus_pa) / total for force_n in asked_n), 1.0]
+    below = [
+        0.0,
+        *(
+            _sum_below(sums, edges_m2, force_n / modulus_pa) / total
+            for force_n in asked_n
+        ),
+        1.0,
+    ]
     return Reading(
-        probabilities=tuple(after - before for before, after in pairwise(below)), force_n=median_n,
-        interval_n=stretched_interval(median_n, (low_n, high_n), factor), contact_m=contact_m,
-    )  # fmt: skip
+        probabilities=tuple(after - before for before, after in pairwise(below)),
+        force_n=median_n,
+        interval_n=stretched_interval(median_n, (low_n, high_n), factor),
+        contact_m=contact_m,
+    )
 
 
 def _crossing(sums: Sequence[float], edges_m2: Sequence[float], wanted: float) -> float:
@@ -76,7 +90,9 @@ def _crossing(sums: Sequence[float], edges_m2: Sequence[float], wanted: float) -
     return edges_m2[last - 1] + part * (edges_m2[last] - edges_m2[last - 1])
 
 
-def _sum_below(sums: Sequence[float], edges_m2: Sequence[float], ratio_m2: float) -> float:
+def _sum_below(
+    sums: Sequence[float], edges_m2: Sequence[float], ratio_m2: float
+) -> float:
     """Return the sum below a ratio."""
     last = bisect_right(edges_m2, ratio_m2)
     if last >= len(edges_m2):
@@ -87,10 +103,25 @@ def _sum_below(sums: Sequence[float], edges_m2: Sequence[float], ratio_m2: float
 
 # One column of the network's input for each.
 GIVEN = (
-    "modulus known", "modulus", "log modulus sd", "iop known", "log iop", "log iop ratio",
-    "thickness known", "thickness", "gap known", "gap", "rigidity low", "rigidity high",
-    "polar angle known", "polar angle", "direction known", "pole along", "pole across", "stiffening",
-)  # fmt: skip
+    "modulus known",
+    "modulus",
+    "log modulus sd",
+    "iop known",
+    "log iop",
+    "log iop ratio",
+    "thickness known",
+    "thickness",
+    "gap known",
+    "gap",
+    "rigidity low",
+    "rigidity high",
+    "polar angle known",
+    "polar angle",
+    "direction known",
+    "pole along",
+    "pole across",
+    "stiffening",
+)
 
 
 STIFF = np.log1p(30.0)  # at a stiffening of 30 the input is 1
@@ -123,7 +154,9 @@ def given_modulus(eyes: GivenEyes, study: ReaderStudy) -> tuple[Floats, Floats]:
     low, high = study.youngs_modulus_pa.bounds
     mean = 0.5 * (low + high)
     sd, unknown = (high - low) / sqrt(12.0) / mean, np.isnan(eyes.modulus_pa)
-    return np.where(unknown, mean, eyes.modulus_pa), np.where(unknown, sd, eyes.modulus_sd_fraction)
+    return np.where(unknown, mean, eyes.modulus_pa), np.where(
+        unknown, sd, eyes.modulus_sd_fraction
+    )
 
 
 def given_inputs(eyes: GivenEyes, study: ReaderStudy) -> NDArray[np.float32]:
@@ -134,23 +167,40 @@ def given_inputs(eyes: GivenEyes, study: ReaderStudy) -> NDArray[np.float32]:
     unknown polar angle it is that of the range's middle.
     """
     modulus, sd = given_modulus(eyes, study)
-    e, p, s = study.youngs_modulus_pa.bounds, study.iop_pa.bounds, study.modulus_sd_fraction.bounds
+    e, p, s = (
+        study.youngs_modulus_pa.bounds,
+        study.iop_pa.bounds,
+        study.modulus_sd_fraction.bounds,
+    )
     iop_ratio = (np.log(p[0] / e[1]), np.log(p[1] / e[0]))
     a = study.polar_angle_rad.bounds
     polar = np.minimum(eyes.polar_rad, radians(LARGEST_POLAR_DEG))
-    pole = pole_directions(np.where(np.isnan(polar), 0.5 * (a[0] + a[1]), polar), eyes.direction_rad)
+    pole = pole_directions(
+        np.where(np.isnan(polar), 0.5 * (a[0] + a[1]), polar), eyes.direction_rad
+    )
     pole /= max(np.sin(a[1]), 1e-12)
     columns = (
-        ~np.isnan(eyes.modulus_pa), _scaled(modulus, *e), _scaled(np.log(sd), np.log(s[0]), np.log(s[1])),
-        ~np.isnan(eyes.iop_pa), _scaled(np.log(eyes.iop_pa), np.log(p[0]), np.log(p[1])),
+        ~np.isnan(eyes.modulus_pa),
+        _scaled(modulus, *e),
+        _scaled(np.log(sd), np.log(s[0]), np.log(s[1])),
+        ~np.isnan(eyes.iop_pa),
+        _scaled(np.log(eyes.iop_pa), np.log(p[0]), np.log(p[1])),
         _scaled(np.log(eyes.iop_pa / modulus), *iop_ratio),
-        ~np.isnan(eyes.thickness_m), _scaled(eyes.thickness_m, *study.thickness_m.bounds),
-        ~np.isnan(eyes.gap_m), _scaled(eyes.gap_m, *study.gap_m.bounds),
+        ~np.isnan(eyes.thickness_m),
+        _scaled(eyes.thickness_m, *study.thickness_m.bounds),
+        ~np.isnan(eyes.gap_m),
+        _scaled(eyes.gap_m, *study.gap_m.bounds),
         _scaled(eyes.rigidity_low, UNKNOWN.lowest, UNKNOWN.highest),
         _scaled(eyes.rigidity_high, UNKNOWN.lowest, UNKNOWN.highest),
-        ~np.isnan(polar), _scaled(polar, *a), ~np.isnan(eyes.direction_rad), *pole.T, np.log1p(eyes.stiffening) / STIFF,
-    )  # fmt: skip
-    inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
+        ~np.isnan(polar),
+        _scaled(polar, *a),
+        ~np.isnan(eyes.direction_rad),
+        *pole.T,
+        np.log1p(eyes.stiffening) / STIFF,
+    )
+    inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(
+        np.float32
+    )
     return inputs
 
 
@@ -172,32 +222,58 @@ class ForceNetwork:
     """
 
     def __init__(
-        self, session: onnxruntime.InferenceSession, study: Study, place: str, factors: IntervalFactors = NO_FACTORS,
+        self,
+        session: onnxruntime.InferenceSession,
+        study: Study,
+        place: str,
+        factors: IntervalFactors = NO_FACTORS,
         raw: bool = False,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Check a network; raises `ModelError`."""
-        trained = read_by_fit(study.reader) if raw else study.reader  # raw frames are of eyes with gaps from 0
+        trained = (
+            read_by_fit(study.reader) if raw else study.reader
+        )  # raw frames are of eyes with gaps from 0
         self._session, self._place, self._factors = session, place, factors
         self._trained, self._bounds_n = trained, study.classes.bounds_n
         self._edges_m2 = ratio_edges(trained.bins, trained.max_force_ratio)
         self._inputs_of = lru_cache(maxsize=EYES)(self._inputs)
         self._pictures = FINDER_FRAMES if raw else SLICES
-        shape = [study.raw_reader.rows, study.raw_reader.columns] if raw else [study.slice.rows, study.slice.columns]
+        shape = (
+            [study.raw_reader.rows, study.raw_reader.columns]
+            if raw
+            else [study.slice.rows, study.slice.columns]
+        )
         seen = ("tensor(float)" if raw else "tensor(uint8)", shape)
         inputs = {self._pictures: seen, GIVEN_INPUT: ("tensor(float)", [len(GIVEN)])}
-        outputs = {HISTOGRAM: ("tensor(float)", [trained.bins]), CONTACT: ("tensor(float)", list[int]())}
+        outputs = {
+            HISTOGRAM: ("tensor(float)", [trained.bins]),
+            CONTACT: ("tensor(float)", list[int]()),
+        }
         check_interface(session, inputs, outputs, place)
 
     def read(self, pictures: NDArray[Any], known: Known) -> Reading:
         """Return the network's reading of pictures of one wall (picture, row, column): the mean of its histograms."""
         given, modulus_pa, factor_of, edges_m2 = self._inputs_of(known, len(pictures))
-        inputs: dict[str, NDArray[Any]] = {self._pictures: np.ascontiguousarray(pictures), GIVEN_INPUT: given}
+        inputs: dict[str, NDArray[Any]] = {
+            self._pictures: np.ascontiguousarray(pictures),
+            GIVEN_INPUT: given,
+        }
         histogram, contact_m = run_network(self._session, OUTPUTS, inputs, self._place)
-        if histogram.shape != (len(pictures), len(self._edges_m2) - 1) or contact_m.shape != (len(pictures),):
+        if histogram.shape != (
+            len(pictures),
+            len(self._edges_m2) - 1,
+        ) or contact_m.shape != (len(pictures),):
             found = f"{histogram.shape} and {contact_m.shape} to {len(pictures)} {self._pictures}"
             raise ModelError(f"{self._place}: answers {found}")
         mean = histogram.mean(axis=0).tolist()
-        return histogram_reading(mean, edges_m2, modulus_pa, self._bounds_n, float(contact_m.mean()), factor_of)
+        return histogram_reading(
+            mean,
+            edges_m2,
+            modulus_pa,
+            self._bounds_n,
+            float(contact_m.mean()),
+            factor_of,
+        )
 
     def _inputs(
         self, known: Known, count: int
@@ -219,10 +295,22 @@ def given_eye(known: Known) -> GivenEyes:
     """Return one eye as the network's training represents it: arrays (1,), NaN where a value is unknown."""
     modulus, globe = known.modulus, UNKNOWN if known.globe is None else known.globe
     of_modulus = (modulus.mean_pa, modulus.relative_sd) if modulus else (None, None)
-    low, high = globe.band  # by the cube-root law, as steep at the resting pressure as the globe's own law
+    low, high = (
+        globe.band
+    )  # by the cube-root law, as steep at the resting pressure as the globe's own law
     if globe.law != RIGIDITY_LAWS[0] and known.iop_pa is not None:
         steepness = float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
         low, high = low * steepness, high * steepness
-    of_eye = known.iop_pa, known.thickness_m, known.gap_m, low, high, known.polar_rad, known.direction_rad
+    of_eye = (
+        known.iop_pa,
+        known.thickness_m,
+        known.gap_m,
+        low,
+        high,
+        known.polar_rad,
+        known.direction_rad,
+    )
     values = (*of_modulus, *of_eye, known.stiffening or 0.0)
-    return GivenEyes(*(np.array([np.nan if value is None else value]) for value in values))
+    return GivenEyes(
+        *(np.array([np.nan if value is None else value]) for value in values)
+    )

@@ -35,7 +35,10 @@ from scleraforce.units import from_si
 LEAST_WALL_SHARE = 0.7
 LEAST_FRAME_M = 5e-3
 OUTLIERS = 0.3  # deep dents have steep sides, which are segmented badly: in a fit that is good otherwise
-ROUGH_M, ROUGH_OUTLIERS = 8e-6, 0.1  # ... in one that is less good they say that it is another surface
+ROUGH_M, ROUGH_OUTLIERS = (
+    8e-6,
+    0.1,
+)  # ... in one that is less good they say that it is another surface
 DEVIATION_SD = 4.0  # of thickness and size from their known values
 # A layer below the wall may be taken for a part of it (the choroid); hardly anything makes it look thinner.
 THINNER_M, THICKER_M = 40e-6, 200e-6
@@ -56,7 +59,9 @@ def fit_leaves(fit: BoundaryFit, slice_study: SliceStudy) -> bool:
     return bool(dent.max(initial=0.0) > slice_study.rows * slice_study.pixel_m)
 
 
-def no_class(interval_n: tuple[float, float], bounds_n: tuple[float, ...]) -> str | None:
+def no_class(
+    interval_n: tuple[float, float], bounds_n: tuple[float, ...]
+) -> str | None:
     """Return a sentence if an interval reaches into every class, else None."""
     low_n, high_n = interval_n
     if low_n >= bounds_n[0] or high_n <= bounds_n[-1]:
@@ -65,7 +70,10 @@ def no_class(interval_n: tuple[float, float], bounds_n: tuple[float, ...]) -> st
 
 
 def too_little_wall(
-    lateral_m: Floats, outer_m: Floats, slice_study: SliceStudy, is_calibrated: bool = False
+    lateral_m: Floats,
+    outer_m: Floats,
+    slice_study: SliceStudy,
+    is_calibrated: bool = False,
 ) -> str | None:
     """Return why too little of a wall is seen to fit it, None if enough is.
 
@@ -75,19 +83,27 @@ def too_little_wall(
     width_m = slice_study.columns * slice_study.pixel_m
     seen = lateral_m[(np.abs(lateral_m) <= width_m / 2) & np.isfinite(outer_m)]
     extent_m = float(seen[-1] - seen[0]) if len(seen) else 0.0
-    frame_m = float(lateral_m[-1] - lateral_m[0]) * len(lateral_m) / (len(lateral_m) - 1)
+    frame_m = (
+        float(lateral_m[-1] - lateral_m[0]) * len(lateral_m) / (len(lateral_m) - 1)
+    )
     short = wall_seen(extent_m, least_wall_m(slice_study, frame_m))
     if short or is_calibrated:
         return short
-    return wall_seen(extent_m, least_wall_m(slice_study), "are needed without a calibration")
+    return wall_seen(
+        extent_m, least_wall_m(slice_study), "are needed without a calibration"
+    )
 
 
 def least_wall_m(slice_study: SliceStudy, frame_m: float = inf) -> float:
     """Return the least extent of a wall, from end to end, that has to be seen in frames of a width."""
-    return LEAST_WALL_SHARE * min(max(frame_m, LEAST_FRAME_M), slice_study.columns * slice_study.pixel_m)
+    return LEAST_WALL_SHARE * min(
+        max(frame_m, LEAST_FRAME_M), slice_study.columns * slice_study.pixel_m
+    )
 
 
-def wall_seen(extent_m: float, least_m: float, needing: str = "are needed") -> str | None:
+def wall_seen(
+    extent_m: float, least_m: float, needing: str = "are needed"
+) -> str | None:
     """Return a sentence if too little of a wall is seen, else None."""
     if extent_m >= least_m:
         return None
@@ -107,8 +123,10 @@ def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
     if low_m - slack_m <= reading.contact_m <= high_m + slack_m:
         return None
     covered = f"{from_si(low_m, 'mm'):.4g} to {from_si(high_m, 'mm'):.4g} mm"
-    return (f"contact {from_si(reading.contact_m, 'mm'):.1f} mm from the frame's middle, the model "
-            f"was trained on {covered}")  # fmt: skip
+    return (
+        f"contact {from_si(reading.contact_m, 'mm'):.1f} mm from the frame's middle, the model "
+        f"was trained on {covered}"
+    )
 
 
 NO_EYE = "does not look like the wall of an eye"
@@ -128,13 +146,22 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     if not away[at.SIZE] <= DEVIATION_SD:
         return f"{NO_EYE}: its curvature is that of an eye {np.exp(fit.unknown[at.SIZE]):.2f} times as large"
     form = dict(zip(at.FORMS, fit.unknown[at.FORM].tolist(), strict=True))
-    if all(form[f"{side}_angle_rad"] < CORNEA_RAD or form[f"{side}_curvature"] > CORNEA_CURVATURE for side in SIDES):
+    if all(
+        form[f"{side}_angle_rad"] < CORNEA_RAD
+        or form[f"{side}_curvature"] > CORNEA_CURVATURE
+        for side in SIDES
+    ):
         return f"{NO_EYE}: it bends like a cornea on both sides of the contact"
-    shown_m, stated_m = float(fit.unknown[at.THICKNESS] + fit.unknown[at.INNER_OFFSET]), float(prior.mean[at.THICKNESS])
+    shown_m, stated_m = (
+        float(fit.unknown[at.THICKNESS] + fit.unknown[at.INNER_OFFSET]),
+        float(prior.mean[at.THICKNESS]),
+    )
     slack_m = DEVIATION_SD * float(prior.sd[at.THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:
-        return (f"the wall looks {from_si(shown_m, 'um'):.0f} µm thick, not "
-                f"{from_si(stated_m, 'um'):.0f} µm as it should")  # fmt: skip
+        return (
+            f"the wall looks {from_si(shown_m, 'um'):.0f} µm thick, not "
+            f"{from_si(stated_m, 'um'):.0f} µm as it should"
+        )
     return None
 
 
@@ -149,7 +176,9 @@ def read_by_fit(trained: ReaderStudy) -> ReaderStudy:
     return replace(trained, gap_m=Range(min=0.0, max=trained.gap_m.bounds[1]))
 
 
-def needle_elsewhere(needle: SeenNeedle | None, known: Known, radius_m: float) -> str | None:
+def needle_elsewhere(
+    needle: SeenNeedle | None, known: Known, radius_m: float
+) -> str | None:
     """Return why a needle in the picture contradicts the known gap; None if it does not.
 
     >>> seen = SeenNeedle(angle_rad=0.0, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(256.0, -0.5), hidden=(244, 268))
@@ -159,11 +188,15 @@ def needle_elsewhere(needle: SeenNeedle | None, known: Known, radius_m: float) -
     """
     if needle is None or known.gap_m is None or known.gap_m <= radius_m + SLACK_M:
         return None
-    return (f"a needle is seen, although the B-scan is said to pass {from_si(known.gap_m, 'mm'):.4g} mm from its axis: "
-            f"its radius is {from_si(radius_m, 'mm'):.4g} mm")  # fmt: skip
+    return (
+        f"a needle is seen, although the B-scan is said to pass {from_si(known.gap_m, 'mm'):.4g} mm from its axis: "
+        f"its radius is {from_si(radius_m, 'mm'):.4g} mm"
+    )
 
 
-NEEDLE_SEEN = "a needle hides a part of the wall, and the network was not trained on such slices"
+NEEDLE_SEEN = (
+    "a needle hides a part of the wall, and the network was not trained on such slices"
+)
 
 _NOTHING = np.zeros((1, 0, 0), dtype=np.uint8)  # no slice
 
@@ -196,9 +229,14 @@ SECOND_SURFACE = (
 
 
 def look(
-    frame: Pixels, scale: PixelScale, slice_study: SliceStudy, shifts: tuple[float, ...] = (0.0,),
-    thickness_m: float | None = None, finder: WallFinder | None = None, wall: Segmentation | None = None,
-) -> Look:  # fmt: skip
+    frame: Pixels,
+    scale: PixelScale,
+    slice_study: SliceStudy,
+    shifts: tuple[float, ...] = (0.0,),
+    thickness_m: float | None = None,
+    finder: WallFinder | None = None,
+    wall: Segmentation | None = None,
+) -> Look:
     """Segment a frame, or take its `wall`, which was given, and draw the slices that a model reads.
 
     Where the thickness is not known and there is time for a finder, a second surface below the first is a fault.
@@ -247,18 +285,33 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
             f"{from_si(reading.width_n, 'mn'):.0f} mN",
         )
     return Answer(
-        predicted=reading.predicted, probabilities=reading.probabilities, usable=True, reason=None,
-        force_n=reading.force_n, interval_n=reading.interval_n, contact_m=reading.contact_m,
-    )  # fmt: skip
+        predicted=reading.predicted,
+        probabilities=reading.probabilities,
+        usable=True,
+        reason=None,
+        force_n=reading.force_n,
+        interval_n=reading.interval_n,
+        contact_m=reading.contact_m,
+    )
 
 
-SIDE_M, STEP_M = 1e-3, at.SOFT_M  # from a surface's ends and between the places tried of a limbus
-ROUNDS, RIDGE = 4, 1e-9  # of least squares; for a limbus near the end of a surface, with nothing beyond
+SIDE_M, STEP_M = (
+    1e-3,
+    at.SOFT_M,
+)  # from a surface's ends and between the places tried of a limbus
+ROUNDS, RIDGE = (
+    4,
+    1e-9,
+)  # of least squares; for a limbus near the end of a surface, with nothing beyond
 NOISE = 1.0  # mean square of the distances from a true wall
-ONE_UNKNOWN = 2.0  # squares of standard deviations that one unknown more is worth (Akaike)
+ONE_UNKNOWN = (
+    2.0  # squares of standard deviations that one unknown more is worth (Akaike)
+)
 
 
-def unless_at_rest(answer: Answer, fit: BoundaryFit, boundaries: Boundaries, study: Study) -> Answer:
+def unless_at_rest(
+    answer: Answer, fit: BoundaryFit, boundaries: Boundaries, study: Study
+) -> Answer:
     """Return an answer, or an unusable one if its force is above the first bound and the eye seems to be at rest.
 
     A wall that lies as near as its noise lets it is doubted only if the other surface lies nearer by an unknown more.
@@ -266,14 +319,20 @@ def unless_at_rest(answer: Answer, fit: BoundaryFit, boundaries: Boundaries, stu
     if answer.force_n is None or answer.force_n <= study.classes.bounds_n[0]:
         return answer
     largest_m = study.eye.radius_m * float(np.exp(DEVIATION_SD * FREE_SD[at.SIZE]))
-    dented, resting, independent = distances(fit, boundaries.lateral_m, boundaries.depth_m[0], largest_m)
+    dented, resting, independent = distances(
+        fit, boundaries.lateral_m, boundaries.depth_m[0], largest_m
+    )
     if dented <= resting + (ONE_UNKNOWN / independent if dented <= NOISE else 0.0):
         return answer
     reason = "a surface without a dent, flatter than an eye's, lies nearer than the dented wall: is the scale right?"
-    return replace(unusable(len(answer.probabilities or ()), reason), readings=answer.readings)
+    return replace(
+        unusable(len(answer.probabilities or ()), reason), readings=answer.readings
+    )
 
 
-def distances(fit: BoundaryFit, lateral_m: Floats, outer_m: Floats, radius_m: float) -> tuple[float, float, float]:
+def distances(
+    fit: BoundaryFit, lateral_m: Floats, outer_m: Floats, radius_m: float
+) -> tuple[float, float, float]:
     """Return the distances from a frame's surface of the fitted wall and of the nearest surface without a dent.
 
     They are mean squares in standard deviations of a boundary, with Cauchy's weights; then follows the number of
@@ -281,7 +340,9 @@ def distances(fit: BoundaryFit, lateral_m: Floats, outer_m: Floats, radius_m: fl
     infinite. `lateral_m` (column,) increases; `outer_m` is the depth of the frame's surface, NaN where unseen.
     """
     wall_m = fit.wall_bmc[0][np.argsort(fit.wall_bmc[0][:, 0])]
-    seen = np.flatnonzero(np.isfinite(outer_m) & (lateral_m > wall_m[0, 0]) & (lateral_m < wall_m[-1, 0]))
+    seen = np.flatnonzero(
+        np.isfinite(outer_m) & (lateral_m > wall_m[0, 0]) & (lateral_m < wall_m[-1, 0])
+    )
     seen = seen[:: -(-len(seen) // COLUMNS)]
     at_m, depth_m = lateral_m[seen], outer_m[seen]
     dented_m, width_m = np.interp(at_m, *wall_m.T), at_m[-1] - at_m[0]
@@ -291,7 +352,9 @@ def distances(fit: BoundaryFit, lateral_m: Floats, outer_m: Floats, radius_m: fl
     beyond = along - limbus[:, None]
     ramp = 0.5 * (beyond + np.hypot(beyond, at.SOFT_M / width_m))
     arcs = [np.broadcast_to(along**power, ramp.shape) for power in range(4)]
-    basis = np.stack([*arcs, ramp, ramp**2], axis=1) * (OUTER_SD_M / sd_m)  # (limbus, term, column)
+    basis = np.stack([*arcs, ramp, ramp**2], axis=1) * (
+        OUTER_SD_M / sd_m
+    )  # (limbus, term, column)
     wanted, weight = (depth_m - depth_m.mean()) / sd_m, np.ones(ramp.shape)
     for _ in range(ROUNDS):
         weighted = basis * weight[:, None]
@@ -300,8 +363,17 @@ def distances(fit: BoundaryFit, lateral_m: Floats, outer_m: Floats, radius_m: fl
         off = wanted - (terms.swapaxes(1, 2) @ basis)[:, 0]
         weight = 1.0 / (1.0 + (off / CAUCHY) ** 2)
     square, cube, change = terms[:, 2, 0], terms[:, 3, 0], terms[:, 5, 0]
-    bends = square + 1.5 * cube * (limbus + along[0]), square + 1.5 * cube * (limbus + along[-1]) + change
-    is_flat = np.minimum(*bends) * 2.0 * OUTER_SD_M / width_m**2 < 1.0 / radius_m  # in the mean of an arc
+    bends = (
+        square + 1.5 * cube * (limbus + along[0]),
+        square + 1.5 * cube * (limbus + along[-1]) + change,
+    )
+    is_flat = (
+        np.minimum(*bends) * 2.0 * OUTER_SD_M / width_m**2 < 1.0 / radius_m
+    )  # in the mean of an arc
     off = np.vstack([off[is_flat], (depth_m - dented_m) / sd_m])
     found = (off**2 / (1.0 + (off / CAUCHY) ** 2)).mean(axis=1)
-    return float(found[-1]), float(found[:-1].min(initial=np.inf)), float(width_m / CORRELATED_M)
+    return (
+        float(found[-1]),
+        float(found[:-1].min(initial=np.inf)),
+        float(width_m / CORRELATED_M),
+    )

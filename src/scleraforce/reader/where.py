@@ -24,7 +24,9 @@ from scleraforce.units import HumanUnit, from_si
 
 Error = tuple[float, float, float]
 
-NARROWER = 0.5  # of the prior's standard deviation: a wider posterior is hardly the picture's
+NARROWER = (
+    0.5  # of the prior's standard deviation: a wider posterior is hardly the picture's
+)
 LEAST_DENT = 3.0  # standard deviations of it: no shallower one counts
 # Of walls of the library beside walls in 3-D (benchmarks/bench_where.py, seeds 2, 43, 47): standard deviations in m,
 # and per m of dent, and how many times as large they are of walls that are not even, which do not show the gap.
@@ -45,17 +47,26 @@ class Place:
     @classmethod
     def of(cls, value: float, sd: float, least: float = -np.inf) -> "Place":
         """Return the place of a normal distribution, its interval cut off at `least`."""
-        return cls(value, max(value - NINETY_PERCENT * float(sd), least), value + NINETY_PERCENT * float(sd))
+        return cls(
+            value,
+            max(value - NINETY_PERCENT * float(sd), least),
+            value + NINETY_PERCENT * float(sd),
+        )
 
     def in_unit(self, unit: HumanUnit) -> tuple[float, list[float]]:
         """Return the value and the ends of its interval in a unit."""
-        return from_si(self.value, unit), [from_si(self.low, unit), from_si(self.high, unit)]
+        return from_si(self.value, unit), [
+            from_si(self.low, unit),
+            from_si(self.high, unit),
+        ]
 
     @property
     def unsigned(self) -> "Place":
         """The place of the absolute value."""
         ends = abs(self.low), abs(self.high)
-        return Place(abs(self.value), 0.0 if self.low < 0.0 < self.high else min(ends), max(ends))
+        return Place(
+            abs(self.value), 0.0 if self.low < 0.0 < self.high else min(ends), max(ends)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +101,13 @@ class Places:
 NOWHERE = Places()
 
 
-def places_of(fit: BoundaryFit, prior: Prior, library: Library, known: Known, needle: SeenNeedle | None) -> Places:
+def places_of(
+    fit: BoundaryFit,
+    prior: Prior,
+    library: Library,
+    known: Known,
+    needle: SeenNeedle | None,
+) -> Places:
     """Return what a frame's fit tells of the needle's place; `known` and `prior`: as in the fit."""
     lean = None
     if (angle_rad := shaft_lean(fit, needle)) is not None:
@@ -103,10 +120,16 @@ def places_of(fit: BoundaryFit, prior: Prior, library: Library, known: Known, ne
         uneven = error[2] if fit.is_uneven else 1.0
         return hypot(sd, uneven * error[0], uneven * error[1] * dent_m)
 
-    def place(which: int, error: Error, given: bool = False, least: float = -np.inf) -> Place | None:
+    def place(
+        which: int, error: Error, given: bool = False, least: float = -np.inf
+    ) -> Place | None:
         sd = with_error(float(fit.sd[which]), error)
         told = given or sd < NARROWER * prior.sd[which]
-        return Place.of(float(fit.unknown[which]), min(sd, prior.sd[which]), least) if told else None
+        return (
+            Place.of(float(fit.unknown[which]), min(sd, prior.sd[which]), least)
+            if told
+            else None
+        )
 
     depth_m, depth_sd_m = contact_depth(fit, prior, library)
     return Places(
@@ -122,13 +145,22 @@ def in_space(places: Places, place: SpatialPlace) -> Places:
     """Return the places of one of several planes with the lean that they show together, the angle in space."""
     if place.lean_rad is None:
         return replace(places, lean_rad=None)
-    return replace(places, lean_rad=Place.of(place.lean_rad, hypot(max(place.tilt_sd_rad), SHAFT_SD_RAD), 0.0))
+    return replace(
+        places,
+        lean_rad=Place.of(
+            place.lean_rad, hypot(max(place.tilt_sd_rad), SHAFT_SD_RAD), 0.0
+        ),
+    )
 
 
-def contact_depth(fit: BoundaryFit, prior: Prior, library: Library) -> tuple[float, float]:
+def contact_depth(
+    fit: BoundaryFit, prior: Prior, library: Library
+) -> tuple[float, float]:
     """Return the depth of the dented surface on the needle's axis below the frame's top, m, and its SD."""
     unknown_su = np.concatenate([fit.unknown[None], fit.unknown + STEP * fit.spread])
-    on_axis_m = library.shapes(*library_walls(library, unknown_su, law_of(prior.globe).pressure))[:, 0, 0, 1]
+    on_axis_m = library.shapes(
+        *library_walls(library, unknown_su, law_of(prior.globe).pressure)
+    )[:, 0, 0, 1]
     upright_m = np.exp(unknown_su[:, at.SIZE]) * on_axis_m
     places_m = upright_m * np.cos(unknown_su[:, at.ROTATION]) + unknown_su[:, at.DEPTH]
     return float(places_m[0]), float(np.linalg.norm(places_m[1:] - places_m[0]) / STEP)

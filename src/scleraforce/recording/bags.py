@@ -25,16 +25,28 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 # Types of a sample by sensor_msgs/Image's encoding; colours have 3 or 4 of one byte.
-GREYS = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2", "16SC1": "i2", "32FC1": "f4"}
+GREYS = {
+    "mono8": "u1",
+    "8UC1": "u1",
+    "mono16": "u2",
+    "16UC1": "u2",
+    "16SC1": "i2",
+    "32FC1": "f4",
+}
 COLOURS = ("rgb8", "bgr8", "rgba8", "bgra8")
 # What decides on the meaning of a message's bytes, and stays the same within a topic.
 IMAGE_FIELDS = ("encoding", "is_bigendian", "height", "width", "step", "format")
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 FORCES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Vector3Stamped")
 SECOND_NS = 1_000_000_000
-NEIGHBOURS = 25  # messages before and after a stamp that runs back, whose delays are compared
+NEIGHBOURS = (
+    25  # messages before and after a stamp that runs back, whose delays are compared
+)
 SPLIT = "record or filter them into bags of their own (rosbag filter, ros2 bag convert, mcap filter)"
-EARLIEST_MS, LATEST_MS = 1.0, 1000.0  # before and after its stamp, that a message arrives on one clock
+EARLIEST_MS, LATEST_MS = (
+    1.0,
+    1000.0,
+)  # before and after its stamp, that a message arrives on one clock
 
 
 def _image_pixels(message: Any, place: str) -> NDArray[Any]:
@@ -42,21 +54,34 @@ def _image_pixels(message: Any, place: str) -> NDArray[Any]:
     if hasattr(message, "format"):
         packed = bytes(message.data)
         if not packed.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
-            raise FrameError(f"{place}: compressed as {message.format!r}; PNG and JPEG are read")
+            raise FrameError(
+                f"{place}: compressed as {message.format!r}; PNG and JPEG are read"
+            )
         return read_picture(place, packed)[0]
     if (encoding := message.encoding) not in (*GREYS, *COLOURS):
-        raise FrameError(f"{place}: encoding {encoding!r}; one of {', '.join((*GREYS, *COLOURS))}")
+        raise FrameError(
+            f"{place}: encoding {encoding!r}; one of {', '.join((*GREYS, *COLOURS))}"
+        )
     kind = np.dtype((">" if message.is_bigendian else "<") + GREYS.get(encoding, "u1"))
     rows, columns, step = int(message.height), int(message.width), int(message.step)
     samples = len(encoding) - 1 if encoding in COLOURS else 1
-    data, used = np.asarray(message.data, dtype=np.uint8), columns * samples * kind.itemsize
+    data, used = (
+        np.asarray(message.data, dtype=np.uint8),
+        columns * samples * kind.itemsize,
+    )
     if step < used or data.size < rows * step:
-        raise FrameError(f"{place}: damaged: {data.size} bytes for {rows} rows of {step}")
+        raise FrameError(
+            f"{place}: damaged: {data.size} bytes for {rows} rows of {step}"
+        )
     lines = np.ascontiguousarray(data[: rows * step].reshape(rows, step)[:, :used])
-    pixels = lines.view(kind).astype(kind.newbyteorder("=")).reshape(rows, columns, samples)
+    pixels = (
+        lines.view(kind).astype(kind.newbyteorder("=")).reshape(rows, columns, samples)
+    )
     if encoding in GREYS:
         return pixels[..., 0]
-    return np.asarray(cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{encoding[:-1].upper()}2GRAY")))
+    return np.asarray(
+        cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{encoding[:-1].upper()}2GRAY"))
+    )
 
 
 class _Heard(NamedTuple):
@@ -69,7 +94,10 @@ class _Heard(NamedTuple):
 
 
 def read_bag(
-    path: Path, image_topic: str | None = None, force_topic: str | None = None, by_arrival: bool = False
+    path: Path,
+    image_topic: str | None = None,
+    force_topic: str | None = None,
+    by_arrival: bool = False,
 ) -> tuple[Scan | None, ForceLog | None]:
     """Return a bag's frames and forces, None without such a topic; `by_arrival` takes the times of arrival."""
     with _opened(path) as bag:
@@ -85,44 +113,72 @@ def read_bag(
 @contextmanager
 def _opened(path: Path) -> "Iterator[AnyReader]":
     with scans.named_faults(path, "ROS bag"):
-        highlevel, typesys = (scans.package_for(f"rosbags.{name}", "a ROS bag") for name in ("highlevel", "typesys"))
+        highlevel, typesys = (
+            scans.package_for(f"rosbags.{name}", "a ROS bag")
+            for name in ("highlevel", "typesys")
+        )
         # Older ROS 2 bags do not hold the definitions of their messages.
         store = typesys.get_typestore(typesys.Stores.LATEST)
         with highlevel.AnyReader([path], default_typestore=store) as bag:
             yield bag
 
 
-def _topic(bag: "AnyReader", kinds: Sequence[str], chosen: str | None, option: str) -> "Sequence[Connection]":
+def _topic(
+    bag: "AnyReader", kinds: Sequence[str], chosen: str | None, option: str
+) -> "Sequence[Connection]":
     """Return the connections of the chosen topic, or of the only one of the kinds; empty without such a topic."""
-    found = {each.topic for each in bag.connections if each.msgtype in kinds and each.msgcount}
+    found = {
+        each.topic
+        for each in bag.connections
+        if each.msgtype in kinds and each.msgcount
+    }
     if chosen is not None and chosen not in found:
-        raise InputError(f"{option}: no topic {chosen} of {' or '.join(kinds)}; {_listed(bag.connections)}")
+        raise InputError(
+            f"{option}: no topic {chosen} of {' or '.join(kinds)}; {_listed(bag.connections)}"
+        )
     if chosen is None and len(found) > 1:
-        raise UnansweredError(option, f"which topic? There are {', '.join(sorted(found))}")
+        raise UnansweredError(
+            option, f"which topic? There are {', '.join(sorted(found))}"
+        )
     topic = chosen or next(iter(found), None)
-    connections = [each for each in bag.connections if each.topic == topic and each.msgcount]
+    connections = [
+        each for each in bag.connections if each.topic == topic and each.msgcount
+    ]
     for other in connections[1:]:
         if other.msgtype != connections[0].msgtype:
-            raise InputError(f"{topic}: messages of two types, {connections[0].msgtype} and {other.msgtype}; {SPLIT}")
+            raise InputError(
+                f"{topic}: messages of two types, {connections[0].msgtype} and {other.msgtype}; {SPLIT}"
+            )
     # A type has one definition when messages are decoded, whichever connection they came by.
     for first, other in product(connections[:1], bag.connections):
         if other.msgtype == first.msgtype and _definition(other) != _definition(first):
-            two = " and ".join(f"connection {each.id} ({each.topic})" for each in (first, other))
-            raise InputError(f"{topic}: two definitions of {first.msgtype}, of {two}; {SPLIT}")
+            two = " and ".join(
+                f"connection {each.id} ({each.topic})" for each in (first, other)
+            )
+            raise InputError(
+                f"{topic}: two definitions of {first.msgtype}, of {two}; {SPLIT}"
+            )
     return connections
 
 
 def _definition(connection: "Connection") -> str:
     """Return a message's definition without comments and blank lines, which do not change its bytes."""
-    lines = (line.partition("#")[0].split() for line in connection.msgdef.data.splitlines())
+    lines = (
+        line.partition("#")[0].split() for line in connection.msgdef.data.splitlines()
+    )
     return "\n".join(" ".join(words) for words in lines if words)
 
 
 def _listed(connections: "Sequence[Connection]") -> str:
-    return ", ".join(f"{each.topic} ({each.msgtype})" for each in connections) or "no topics"
+    return (
+        ", ".join(f"{each.topic} ({each.msgtype})" for each in connections)
+        or "no topics"
+    )
 
 
-def _messages(bag: "AnyReader", connections: "Sequence[Connection]") -> Iterator[tuple[_Heard, Any]]:
+def _messages(
+    bag: "AnyReader", connections: "Sequence[Connection]"
+) -> Iterator[tuple[_Heard, Any]]:
     for each, arrived_ns, data in bag.messages(connections):
         message: Any = bag.deserialize(data, each.msgtype)
         stamp = message.header.stamp
@@ -138,7 +194,9 @@ def _ordered(
         if each.frame_id != heard[0].frame_id:
             found = f"{heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message {nth}"
             raise InputError(f"header.frame_id is {found}; {SPLIT}")
-    publisher, captured_ns, arrived_ns = np.array([each[:3] for each in heard], dtype=np.int64).T
+    publisher, captured_ns, arrived_ns = np.array(
+        [each[:3] for each in heard], dtype=np.int64
+    ).T
     late_ms = from_si((arrived_ns - captured_ns) / float(SECOND_NS), "ms")
     stamps_ns = arrived_ns if by_arrival else captured_ns
     if not by_arrival:
@@ -146,18 +204,26 @@ def _ordered(
         _check_publishers(publisher, late_ms)
     notes = [_late_note(late_ms)]
     if len(counts := np.unique(publisher, return_counts=True)[1]) > 1:
-        notes.append(f"{len(counts)} publishers, with {' and '.join(map(str, counts))} messages; merged by their time")
+        notes.append(
+            f"{len(counts)} publishers, with {' and '.join(map(str, counts))} messages; merged by their time"
+        )
     order = np.argsort(stamps_ns, kind="stable")
     if (moved := np.flatnonzero(np.diff(stamps_ns) < 0) + 1).size:
         _check_one_clock(stamps_ns, late_ms)
-        notes.append(f"{moved.size} messages arrived later than others with later stamps; sorted by stamp")
+        notes.append(
+            f"{moved.size} messages arrived later than others with later stamps; sorted by stamp"
+        )
     repeated = np.flatnonzero(np.diff(stamps_ns[order]) == 0)
-    for one, other in zip(order[repeated].tolist(), order[repeated + 1].tolist(), strict=True):
+    for one, other in zip(
+        order[repeated].tolist(), order[repeated + 1].tolist(), strict=True
+    ):
         if content(one) != content(other):
             found = f"messages {one} and {other} differ and have one stamp, {stamps_ns[one] / SECOND_NS:.6f} s"
             raise RecordingError(f"its stamps do not run forward: {found}; {SPLIT}")
     if repeated.size:
-        notes.append(f"{repeated.size} messages repeat another's stamp and content; they are left out")
+        notes.append(
+            f"{repeated.size} messages repeat another's stamp and content; they are left out"
+        )
     order = np.delete(order, repeated + 1)
     return stamps_ns[order] / float(SECOND_NS), order, tuple(notes)
 
@@ -166,29 +232,49 @@ def _check_stamped(captured_ns: Integers, late_ms: Floats) -> None:
     empty = captured_ns == 0
     # A clock may begin at 0, but no more than one message is of that moment, and it takes as long as others to arrive.
     others = late_ms[~empty]
-    begins = empty.sum() == 1 and others.size and abs(late_ms[empty][0] - np.median(others)) <= LATEST_MS
+    begins = (
+        empty.sum() == 1
+        and others.size
+        and abs(late_ms[empty][0] - np.median(others)) <= LATEST_MS
+    )
     if empty.any() and not begins:
         found = f"{empty.sum()} of {empty.size} messages are without a capture stamp (header.stamp is 0)"
-        raise UnansweredError("--by-arrival", f"{found}: take the times of arrival, which lag by an unknown time?")
+        raise UnansweredError(
+            "--by-arrival",
+            f"{found}: take the times of arrival, which lag by an unknown time?",
+        )
 
 
 def _check_one_clock(stamps_ns: Integers, late_ms: Floats) -> None:
     """Check that late delivery alone reordered stamps: it leaves the shortest delay of the neighbours unchanged."""
     at = int(np.argmin(np.diff(stamps_ns))) + 1
     back_ms = from_si((stamps_ns[at - 1] - stamps_ns[at]) / SECOND_NS, "ms")
-    before_ms, after_ms = late_ms[max(0, at - NEIGHBOURS) : at], late_ms[at : at + NEIGHBOURS]
+    before_ms, after_ms = (
+        late_ms[max(0, at - NEIGHBOURS) : at],
+        late_ms[at : at + NEIGHBOURS],
+    )
     set_back = after_ms.min() - before_ms.min() > back_ms / 2.0
     if set_back or np.ptp(late_ms) > LATEST_MS:
-        pair = ", ".join(f"message {nth} is of {stamps_ns[nth] / SECOND_NS:.6f} s" for nth in (at - 1, at))
+        pair = ", ".join(
+            f"message {nth} is of {stamps_ns[nth] / SECOND_NS:.6f} s"
+            for nth in (at - 1, at)
+        )
         late = f"late delivery ({late_ms.min():.1f} to {late_ms.max():.1f} ms after the stamp) does not explain it"
         raise RecordingError(f"its stamps do not run forward: {pair}; {late}; {SPLIT}")
 
 
 def _check_publishers(publisher: Integers, late_ms: Floats) -> None:
-    typical_ms = {int(each): float(np.median(late_ms[publisher == each])) for each in np.unique(publisher)}
+    typical_ms = {
+        int(each): float(np.median(late_ms[publisher == each]))
+        for each in np.unique(publisher)
+    }
     if max(typical_ms.values()) - min(typical_ms.values()) > LATEST_MS:
-        listed = " and ".join(f"{value:.0f} ms (connection {each})" for each, value in typical_ms.items())
-        raise RecordingError(f"its publishers are not on one clock: messages arrive {listed} after stamps; {SPLIT}")
+        listed = " and ".join(
+            f"{value:.0f} ms (connection {each})" for each, value in typical_ms.items()
+        )
+        raise RecordingError(
+            f"its publishers are not on one clock: messages arrive {listed} after stamps; {SPLIT}"
+        )
 
 
 def _late_note(late_ms: Floats) -> str:
@@ -200,13 +286,19 @@ def _late_note(late_ms: Floats) -> str:
     return f"{text}: its clock is not that of the bag; where the other topic's is, --clock-offset-s corrects it"
 
 
-def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool) -> Scan:
+def _scan(
+    path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool
+) -> Scan:
     topic = connections[0].topic
     heard: list[_Heard] = []
     digests: list[bytes] = []
     stated: dict[str, object] = {}
     for nth, (each, message) in enumerate(_messages(bag, connections)):
-        fields = {name: getattr(message, name) for name in IMAGE_FIELDS if hasattr(message, name)}
+        fields = {
+            name: getattr(message, name)
+            for name in IMAGE_FIELDS
+            if hasattr(message, name)
+        }
         if not heard:
             stated, first = fields, _image_pixels(message, topic)
             check_size(*first.shape)
@@ -222,8 +314,17 @@ def _scan(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_
     names = tuple(f"{path}: {topic}[{nth}]" for nth in order.tolist())
     (rows, columns), bits = first.shape, 8 if first.dtype == np.uint8 else None
     times = Times(time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}")
-    scan = Scan(names, rows, columns, lambda: _pictures(path, topic, order.tolist()), bits=bits, times=times)
-    return replace(scan, notes=tuple(f"{topic}: {note}" for note in notes)).of_file(path)
+    scan = Scan(
+        names,
+        rows,
+        columns,
+        lambda: _pictures(path, topic, order.tolist()),
+        bits=bits,
+        times=times,
+    )
+    return replace(scan, notes=tuple(f"{topic}: {note}" for note in notes)).of_file(
+        path
+    )
 
 
 def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStream:
@@ -232,7 +333,9 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStre
     wanted, turn = set(order), iter(order)
     due = next(turn)
     with _opened(path) as bag:
-        connections = [each for each in bag.connections if each.topic == topic and each.msgcount]
+        connections = [
+            each for each in bag.connections if each.topic == topic and each.msgcount
+        ]
         for nth, (_, message) in enumerate(_messages(bag, connections)):
             if nth not in wanted:
                 continue
@@ -242,15 +345,36 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStre
                 due = next(turn, -1)
 
 
-def _log(path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool) -> ForceLog:
+def _log(
+    path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool
+) -> ForceLog:
     heard, values, topic = [], [], connections[0].topic
     for each, message in _messages(bag, connections):
-        vectors = (message.wrench.force, message.wrench.torque) if hasattr(message, "wrench") else (message.vector,)
-        values.append([coordinate for vector in vectors for coordinate in (vector.x, vector.y, vector.z)])
+        vectors = (
+            (message.wrench.force, message.wrench.torque)
+            if hasattr(message, "wrench")
+            else (message.vector,)
+        )
+        values.append(
+            [
+                coordinate
+                for vector in vectors
+                for coordinate in (vector.x, vector.y, vector.z)
+            ]
+        )
         heard.append(each)
     wrench_sc = np.array(values, dtype=np.float64)
     with scans.named_faults(topic, "topic"):
-        time_s, order, notes = _ordered(heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival)
-    measured: Flags = np.asarray(~np.isnan(wrench_sc).all(axis=0))  # what a sensor does not measure is NaN in ROS
+        time_s, order, notes = _ordered(
+            heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival
+        )
+    measured: Flags = np.asarray(
+        ~np.isnan(wrench_sc).all(axis=0)
+    )  # what a sensor does not measure is NaN in ROS
     columns = tuple(np.array(FORCE_COLUMNS[1:])[: len(measured)][measured].tolist())
-    return ForceLog(time_s, wrench_sc[order][:, measured], columns, tuple(f"{path}: {topic}: {note}" for note in notes))
+    return ForceLog(
+        time_s,
+        wrench_sc[order][:, measured],
+        columns,
+        tuple(f"{path}: {topic}: {note}" for note in notes),
+    )

@@ -14,26 +14,54 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
-from scleraforce.recording.pixels import PixelSize, Scan, Times, inverted, one_grey, rising
+from scleraforce.recording.pixels import (
+    PixelSize,
+    Scan,
+    Times,
+    inverted,
+    one_grey,
+    rising,
+)
 from scleraforce.units import to_si
 
 if TYPE_CHECKING:
     from pydicom import Dataset, FileDataset
 
 GREY_KINDS = ("MONOCHROME1", "MONOCHROME2")
-KINDS_READ = (*GREY_KINDS, "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
+KINDS_READ = (
+    *GREY_KINDS,
+    "PALETTE COLOR",
+    "RGB",
+    "YBR_FULL",
+    "YBR_FULL_422",
+    "YBR_ICT",
+    "YBR_RCT",
+)
 SAMPLES = dict.fromkeys((*GREY_KINDS, "PALETTE COLOR"), 1)  # the others have three
 # What turns stored values into grey levels in another way than along a straight line.
 TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}  # by manufacturer and model
-NEEDED = ("Rows", "Columns", "BitsAllocated", "BitsStored", "PixelRepresentation", "PixelData")  # to know the pixels
+NEEDED = (
+    "Rows",
+    "Columns",
+    "BitsAllocated",
+    "BitsStored",
+    "PixelRepresentation",
+    "PixelData",
+)  # to know the pixels
 FLOATS = ("FloatPixelData", "DoubleFloatPixelData")
 CELL_BITS = (8, 16, 32)  # BitsAllocated
 JPEG_BEGINS = (b"\xff\xd8\xff", b"\xff\x4f\xff\x51")
 SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
-FRAME_TIMES = ("FrameReferenceDateTime", "FrameAcquisitionDateTime")  # the moment of the frame, else its beginning
-FRAME_TIME, FRAME_TIME_VECTOR = 0x00181063, 0x00181065  # what FrameIncrementPointer names
+FRAME_TIMES = (
+    "FrameReferenceDateTime",
+    "FrameAcquisitionDateTime",
+)  # the moment of the frame, else its beginning
+FRAME_TIME, FRAME_TIME_VECTOR = (
+    0x00181063,
+    0x00181065,
+)  # what FrameIncrementPointer names
 
 
 def read_dicom(path: Path, data: bytes | None = None) -> Scan:
@@ -44,14 +72,32 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         rows, columns = int(dataset.Rows), int(dataset.Columns)
         scans.check_bytes(count * rows * columns * (int(dataset.BitsAllocated) // 8))
         dark_large, notes = _dark_is_large(dataset)
-        maker = tuple(str(dataset.get(name, "")).strip() for name in ("Manufacturer", "ManufacturerModelName"))
+        maker = tuple(
+            str(dataset.get(name, "")).strip()
+            for name in ("Manufacturer", "ManufacturerModelName")
+        )
         if maker in A_SCANS_ALONG_ROWS:
-            notes.append("this scanner writes A-scans along the rows: rows and columns were exchanged")
+            notes.append(
+                "this scanner writes A-scans along the rows: rows and columns were exchanged"
+            )
         size, scale_fault = scans.one_size(_pixel_sizes(dataset))
         times, times_fault = _times(dataset, count)
         names, bits = scans.frame_names(path, count), _bits(dataset)
-        scan = Scan(names, rows, columns, lambda: _pictures(path, data, dark_large), bits=bits, notes=tuple(notes))
-        scan = replace(scan, size=size, scale_fault=scale_fault, times=times, times_fault=times_fault).of_file(path)
+        scan = Scan(
+            names,
+            rows,
+            columns,
+            lambda: _pictures(path, data, dark_large),
+            bits=bits,
+            notes=tuple(notes),
+        )
+        scan = replace(
+            scan,
+            size=size,
+            scale_fault=scale_fault,
+            times=times,
+            times_fault=times_fault,
+        ).of_file(path)
     return scan.turned() if maker in A_SCANS_ALONG_ROWS else scan
 
 
@@ -64,8 +110,13 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[FileDataset]":
     with config.disable_value_validation(), scans.named_faults(path, "DICOM"):
         with path.open("rb") if data is None else BytesIO(data) as file:
             read_preamble(file, force=False)
-            if _read_file_meta_info(file).get("TransferSyntaxUID", None) == DeflatedExplicitVRLittleEndian:
-                raise FrameError("a deflated DICOM file, whose size is not known in advance; save it uncompressed")
+            if (
+                _read_file_meta_info(file).get("TransferSyntaxUID", None)
+                == DeflatedExplicitVRLittleEndian
+            ):
+                raise FrameError(
+                    "a deflated DICOM file, whose size is not known in advance; save it uncompressed"
+                )
             file.seek(0)
             dataset = dcmread(file)
         yield dataset
@@ -84,22 +135,37 @@ def _cell(dataset: "Dataset") -> tuple[int, int, int]:
 def _places(dataset: "Dataset", sequence: str) -> "Iterator[tuple[str, Dataset]]":
     """Yield the data set and the items of a sequence in its functional groups, each with its place in words."""
     yield "", dataset
-    for groups in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
+    for groups in (
+        "SharedFunctionalGroupsSequence",
+        "PerFrameFunctionalGroupsSequence",
+    ):
         for nth, group in enumerate(dataset.get(groups, None) or []):
-            place = f" of frame {nth + 1}" if groups.startswith("PerFrame") else f" of {groups}"
+            place = (
+                f" of frame {nth + 1}"
+                if groups.startswith("PerFrame")
+                else f" of {groups}"
+            )
             for item in group.get(sequence, None) or []:
                 yield place, item
 
 
 def _check_image(dataset: "FileDataset", frames: int) -> None:
     if floats := [name for name in FLOATS if name in dataset]:
-        raise FrameError(f"pixels are floats ({floats[0]}); export whole numbers (PixelData)")
+        raise FrameError(
+            f"pixels are floats ({floats[0]}); export whole numbers (PixelData)"
+        )
     if missing := [name for name in NEEDED if dataset.get(name, None) is None]:
         raise FrameError(f"a DICOM file without {', '.join(missing)}; export it anew")
     kind = _grey_kind(dataset)
     if kind not in KINDS_READ:
-        raise FrameError(f"PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
-    rows, columns, samples = int(dataset.Rows), int(dataset.Columns), int(dataset.get("SamplesPerPixel", 1))
+        raise FrameError(
+            f"PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}"
+        )
+    rows, columns, samples = (
+        int(dataset.Rows),
+        int(dataset.Columns),
+        int(dataset.get("SamplesPerPixel", 1)),
+    )
     scans.check_size(rows, columns, samples)
     if samples != SAMPLES.get(kind, 3):
         found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
@@ -107,14 +173,20 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
     allocated, stored, high = _cell(dataset)
     if allocated not in CELL_BITS or not 1 <= stored <= high + 1 <= allocated:
         found = f"BitsAllocated {allocated}, BitsStored {stored}, HighBit {high}"
-        raise FrameError(f"{found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at HighBit")
+        raise FrameError(
+            f"{found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at HighBit"
+        )
     if dataset.file_meta.TransferSyntaxUID.is_compressed:
         _check_compressed(dataset, frames)
         return
-    size = rows * columns * (2 if kind == "YBR_FULL_422" else samples) * (allocated // 8)
+    size = (
+        rows * columns * (2 if kind == "YBR_FULL_422" else samples) * (allocated // 8)
+    )
     if len(dataset.PixelData) // size != frames:
         found = f"PixelData has {len(dataset.PixelData):,} bytes, which are {len(dataset.PixelData) / size:.4g} frames"
-        raise FrameError(f"damaged: NumberOfFrames is {frames}, {found}; export it anew")
+        raise FrameError(
+            f"damaged: NumberOfFrames is {frames}, {found}; export it anew"
+        )
 
 
 def _check_compressed(dataset: "FileDataset", frames: int) -> None:
@@ -128,16 +200,24 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
         found = f"HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}"
         raise FrameError(f"{found}; save it uncompressed")
     table, *packed = generate_fragments(dataset.PixelData)
-    count = len(packed) if syntax == RLELossless else sum(each.startswith(JPEG_BEGINS) for each in (table, *packed))
+    count = (
+        len(packed)
+        if syntax == RLELossless
+        else sum(each.startswith(JPEG_BEGINS) for each in (table, *packed))
+    )
     if count > frames:
-        raise FrameError(f"damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images")
+        raise FrameError(
+            f"damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images"
+        )
     if syntax == RLELossless:
         for stream in generate_frames(dataset.PixelData, number_of_frames=frames):
             _check_rle(stream, int(dataset.Rows) * int(dataset.Columns))
     if syntax not in JPEG2000TransferSyntaxes:
         return
     signs = ("unsigned", "signed")
-    for image in map(get_j2k_parameters, generate_frames(dataset.PixelData, number_of_frames=frames)):
+    for image in map(
+        get_j2k_parameters, generate_frames(dataset.PixelData, number_of_frames=frames)
+    ):
         if image["is_signed"] != bool(stated := dataset.PixelRepresentation):
             found = f"PixelRepresentation is {stated} ({signs[bool(stated)]})"
             raise FrameError(
@@ -164,35 +244,63 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
     cancel. The two of the display are one inversion in PS3.3 C.8.11.3 (DX) and two in other readers, so both together
     are refused.
     """
-    kind, shape = _grey_kind(dataset), str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
+    kind, shape = (
+        _grey_kind(dataset),
+        str(dataset.get("PresentationLUTShape", None) or "IDENTITY"),
+    )
     for place, item in _places(dataset, "FrameVOILUTSequence"):
         for table in (name for name in TABLES if item.get(name, None)):
-            raise FrameError(f"{table}{place}: a table of grey levels, which is not read; export it applied")
+            raise FrameError(
+                f"{table}{place}: a table of grey levels, which is not read; export it applied"
+            )
     if shape not in ("IDENTITY", "INVERSE"):
         raise FrameError(f"PresentationLUTShape: {shape}; IDENTITY or INVERSE")
     if kind == "MONOCHROME1" and shape == "INVERSE":
         both = "PhotometricInterpretation MONOCHROME1 and PresentationLUTShape INVERSE"
-        raise FrameError(f"{both}: one inversion to some programs, two to others; export it as MONOCHROME2")
-    slope, (_, stored, high), padding = _slope(dataset), _cell(dataset), dataset.get("PixelPaddingValue", None)
-    possible = {f"RescaleSlope {slope:g}": slope < 0.0, "MONOCHROME1": kind == "MONOCHROME1"}
+        raise FrameError(
+            f"{both}: one inversion to some programs, two to others; export it as MONOCHROME2"
+        )
+    slope, (_, stored, high), padding = (
+        _slope(dataset),
+        _cell(dataset),
+        dataset.get("PixelPaddingValue", None),
+    )
+    possible = {
+        f"RescaleSlope {slope:g}": slope < 0.0,
+        "MONOCHROME1": kind == "MONOCHROME1",
+    }
     turns = [
-        name for name, turned in (possible | {"PresentationLUTShape INVERSE": shape == "INVERSE"}).items() if turned
+        name
+        for name, turned in (
+            possible | {"PresentationLUTShape INVERSE": shape == "INVERSE"}
+        ).items()
+        if turned
     ]
     if turns and kind not in GREY_KINDS:
-        raise FrameError(f"{turns[0]} and PhotometricInterpretation {kind}; export it as MONOCHROME2")
+        raise FrameError(
+            f"{turns[0]} and PhotometricInterpretation {kind}; export it as MONOCHROME2"
+        )
     notes = {
         "colour became grey": kind not in GREY_KINDS,
         f"{' and '.join(turns)}: dark and bright were exchanged": len(turns) == 1,
         f"{' and '.join(turns)} cancel: pixels stay as stored": len(turns) == 2,
-        f"HighBit is {high}, BitsStored {stored}: pixels were shifted": high != stored - 1,
-        f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame": padding is not None,
+        f"HighBit is {high}, BitsStored {stored}: pixels were shifted": high
+        != stored - 1,
+        f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame": padding
+        is not None,
     }
     return len(turns) == 1, [note for note, holds in notes.items() if holds]
 
 
 def _slope(dataset: "Dataset") -> float:
     found = [
-        (place, (float(item.RescaleSlope), float(item.get("RescaleIntercept", None) or 0.0)))
+        (
+            place,
+            (
+                float(item.RescaleSlope),
+                float(item.get("RescaleIntercept", None) or 0.0),
+            ),
+        )
         for place, item in _places(dataset, "PixelValueTransformationSequence")
         if item.get("RescaleSlope", None) is not None
     ]
@@ -200,8 +308,12 @@ def _slope(dataset: "Dataset") -> float:
         return 1.0
     slope = found[0][1][0]
     if other := next((each for each in found if each[1] != found[0][1]), None):
-        two = " and ".join(f"{scale[0]:g}, {scale[1]:g}{place}" for place, scale in (found[0], other))
-        raise FrameError(f"RescaleSlope and RescaleIntercept {two}; export frames of one scale of grey")
+        two = " and ".join(
+            f"{scale[0]:g}, {scale[1]:g}{place}" for place, scale in (found[0], other)
+        )
+        raise FrameError(
+            f"RescaleSlope and RescaleIntercept {two}; export frames of one scale of grey"
+        )
     if not np.isfinite(slope) or slope == 0.0:
         raise FrameError(f"RescaleSlope: {slope:g}; it is a number other than 0")
     return slope
@@ -210,7 +322,11 @@ def _slope(dataset: "Dataset") -> float:
 def _bits(dataset: "Dataset") -> int | None:
     """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever was stored."""
     kind, stored = _grey_kind(dataset), int(dataset.BitsStored)
-    known = stored <= 16 and not int(dataset.PixelRepresentation) if kind in GREY_KINDS else stored == 8
+    known = (
+        stored <= 16 and not int(dataset.PixelRepresentation)
+        if kind in GREY_KINDS
+        else stored == 8
+    )
     return stored if known and kind != "PALETTE COLOR" else None
 
 
@@ -226,7 +342,9 @@ def _pictures(path: Path, data: bytes | None, dark_large: bool) -> scans.Picture
             if kind == "PALETTE COLOR":
                 yield one_grey(np.asarray(apply_color_lut(values, dataset)))
             elif kind in GREY_KINDS:
-                bright = inverted(values, int(dataset.BitsStored)) if dark_large else values
+                bright = (
+                    inverted(values, int(dataset.BitsStored)) if dark_large else values
+                )
                 yield _without_padding(dataset, values, bright)
             else:
                 yield one_grey(values)
@@ -235,31 +353,60 @@ def _pictures(path: Path, data: bytes | None, dark_large: bool) -> scans.Picture
 def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
     """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1); no other bit may be set."""
     allocated, stored, high = _cell(dataset)
-    if stored == allocated or cells.dtype.itemsize * 8 != allocated:  # codecs give smaller cells where these suffice
+    if (
+        stored == allocated or cells.dtype.itemsize * 8 != allocated
+    ):  # codecs give smaller cells where these suffice
         return cells
     cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
-    values = (cells << (allocated - high - 1)) >> (allocated - stored)  # keeps the sign of signed ones
-    plain, shown = (each.view(f"u{each.dtype.itemsize}") for each in (cells, values << (high + 1 - stored)))
-    stray = (plain != shown) & (plain != shown & plain.dtype.type((1 << (high + 1)) - 1))  # a sign may end at HighBit
+    values = (cells << (allocated - high - 1)) >> (
+        allocated - stored
+    )  # keeps the sign of signed ones
+    plain, shown = (
+        each.view(f"u{each.dtype.itemsize}")
+        for each in (cells, values << (high + 1 - stored))
+    )
+    stray = (plain != shown) & (
+        plain != shown & plain.dtype.type((1 << (high + 1)) - 1)
+    )  # a sign may end at HighBit
     if stray.any():
         found = f"a pixel is {int(plain[stray][0]):#x}"
-        raise FrameError(f"BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew")
+        raise FrameError(
+            f"BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew"
+        )
     return values
 
 
-def _without_padding(dataset: "Dataset", values: NDArray[Any], bright: NDArray[Any]) -> NDArray[Any]:
+def _without_padding(
+    dataset: "Dataset", values: NDArray[Any], bright: NDArray[Any]
+) -> NDArray[Any]:
     """Return a picture whose pixels of PixelPaddingValue, up to PixelPaddingRangeLimit, are as dark as its darkest."""
-    value, limit = (dataset.get(name, None) for name in ("PixelPaddingValue", "PixelPaddingRangeLimit"))
+    value, limit = (
+        dataset.get(name, None)
+        for name in ("PixelPaddingValue", "PixelPaddingRangeLimit")
+    )
     if value is None:
         return bright
-    first, last, stored = int(value), int(value if limit is None else limit), int(dataset.BitsStored)
-    if values.dtype.kind == "i":  # some programs write the negative ones without their sign
-        first, last = (end - (1 << stored) if end >= 1 << (stored - 1) else end for end in (first, last))
+    first, last, stored = (
+        int(value),
+        int(value if limit is None else limit),
+        int(dataset.BitsStored),
+    )
+    if (
+        values.dtype.kind == "i"
+    ):  # some programs write the negative ones without their sign
+        first, last = (
+            end - (1 << stored) if end >= 1 << (stored - 1) else end
+            for end in (first, last)
+        )
     padded = (values >= min(first, last)) & (values <= max(first, last))
     if not padded.any() or padded.all():
         return bright
     darkest = bright[~padded].min()
-    return np.where(padded, darkest if values.dtype.kind == "i" else np.minimum(bright, darkest), bright)
+    return np.where(
+        padded,
+        darkest if values.dtype.kind == "i" else np.minimum(bright, darkest),
+        bright,
+    )
 
 
 def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
@@ -269,11 +416,20 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
             spacing = _numbers(item, name)
             if len(spacing) == 2 and min(spacing) > 0.0:
                 depth_m, lateral_m = (to_si(length, "mm") for length in spacing)
-                sizes.append(PixelSize(f"DICOM's {name}{place}", depth_m=depth_m, lateral_m=lateral_m))
+                sizes.append(
+                    PixelSize(
+                        f"DICOM's {name}{place}", depth_m=depth_m, lateral_m=lateral_m
+                    )
+                )
     ratio = _numbers(dataset, "PixelAspectRatio")
     if sizes and len(ratio) == 2 and min(ratio) > 0.0:
-        depth_m, source = sizes[0].depth_m or 0.0, f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}"
-        sizes.append(PixelSize(source, depth_m=depth_m, lateral_m=depth_m * ratio[1] / ratio[0]))
+        depth_m, source = (
+            sizes[0].depth_m or 0.0,
+            f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}",
+        )
+        sizes.append(
+            PixelSize(source, depth_m=depth_m, lateral_m=depth_m * ratio[1] / ratio[0])
+        )
     return sizes
 
 
@@ -287,24 +443,47 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
     try:
         zone = datetime.strptime(stated_zone, "%z").tzinfo
     except ValueError as fault:
-        raise FrameError(f"TimezoneOffsetFromUTC: {stated_zone!r}; like +0100, from -1200 to +1400") from fault
+        raise FrameError(
+            f"TimezoneOffsetFromUTC: {stated_zone!r}; like +0100, from -1200 to +1400"
+        ) from fault
     for name in FRAME_TIMES:
-        contents = [item.get(name, None) for place, item in _places(dataset, "FrameContentSequence") if place]
-        time_s = np.array([_seconds(stated, zone) for stated in contents], dtype=np.float64)  # None becomes NaN
+        contents = [
+            item.get(name, None)
+            for place, item in _places(dataset, "FrameContentSequence")
+            if place
+        ]
+        time_s = np.array(
+            [_seconds(stated, zone) for stated in contents], dtype=np.float64
+        )  # None becomes NaN
         if len(contents) == count and rising(time_s):
             return Times(time_s, f"DICOM's {name}"), None
     if count == 1:
         moment = _seconds(dataset.get("AcquisitionDateTime", None), zone)
-        return None if moment is None else Times(np.array([moment]), "DICOM's AcquisitionDateTime"), None
-    steps_ms, pointers = _numbers(dataset, "FrameTimeVector"), _numbers(dataset, "FrameIncrementPointer")
+        return None if moment is None else Times(
+            np.array([moment]), "DICOM's AcquisitionDateTime"
+        ), None
+    steps_ms, pointers = (
+        _numbers(dataset, "FrameTimeVector"),
+        _numbers(dataset, "FrameIncrementPointer"),
+    )
     step_ms = float(dataset.get("FrameTime", None) or 0.0)
     by_step = step_ms > 0.0 and (FRAME_TIME in pointers or not steps_ms)
     if steps_ms and not by_step:
         if len(steps_ms) != count:
-            return None, f"FrameTimeVector has {len(steps_ms)} values, NumberOfFrames is {count}"
+            return (
+                None,
+                f"FrameTimeVector has {len(steps_ms)} values, NumberOfFrames is {count}",
+            )
         time_s = np.cumsum(to_si(np.array(steps_ms), "ms"))
-        if step_ms > 0.0 and FRAME_TIME_VECTOR not in pointers and not np.allclose(steps_ms[1:], step_ms, rtol=0.01):
-            return None, f"FrameTime is {step_ms:g} ms, FrameTimeVector has {steps_ms[1]:g} ms"
+        if (
+            step_ms > 0.0
+            and FRAME_TIME_VECTOR not in pointers
+            and not np.allclose(steps_ms[1:], step_ms, rtol=0.01)
+        ):
+            return (
+                None,
+                f"FrameTime is {step_ms:g} ms, FrameTimeVector has {steps_ms[1]:g} ms",
+            )
         if rising(time_s):
             return Times(time_s - time_s[0], "DICOM's FrameTimeVector"), None
     if FRAME_TIME_VECTOR in pointers and not steps_ms:

@@ -22,8 +22,19 @@ from scleraforce.whole_files import KINDS, read_text, renamed_when_whole, write_
 Row = dict[str, Any]
 
 # Lists of two numbers, and the columns that they become.
-PAIRS = {"interval_mn": ("interval_low_mn", "interval_high_mn"), "tip_mm": ("tip_lateral_mm", "tip_depth_mm")}
-FORMULA_BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")  # of cells that spreadsheets evaluate ("CSV injection")
+PAIRS = {
+    "interval_mn": ("interval_low_mn", "interval_high_mn"),
+    "tip_mm": ("tip_lateral_mm", "tip_depth_mm"),
+}
+FORMULA_BEGINS = (
+    "=",
+    "+",
+    "-",
+    "@",
+    "\t",
+    "\r",
+    "\n",
+)  # of cells that spreadsheets evaluate ("CSV injection")
 
 
 def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
@@ -31,11 +42,16 @@ def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
     planes = bool(recording.info.oct.plane)
     each = zip(recording.frames, label_frames(recording, classes), strict=True)
     return [
-        {"file": frame.file, "time_s": frame.time_s, **({"plane": frame.plane} if planes else {}),
-         "pierced": bool(frame.pierced), "measured_force_mn": from_si(trial.measured_force_n, "mn"),
-         "target": trial.target}
+        {
+            "file": frame.file,
+            "time_s": frame.time_s,
+            **({"plane": frame.plane} if planes else {}),
+            "pierced": bool(frame.pierced),
+            "measured_force_mn": from_si(trial.measured_force_n, "mn"),
+            "target": trial.target,
+        }
         for frame, trial in each
-    ]  # fmt: skip
+    ]
 
 
 def read_answers(path: Path) -> list[Row]:
@@ -46,27 +62,44 @@ def read_answers(path: Path) -> list[Row]:
         raise InputError(f"{path}: {fault}") from fault
     frames = found.get("frames") if isinstance(found, dict) else None
     if not isinstance(frames, list) or not all(
-        isinstance(each, dict) and isinstance(each.get("file"), str) and isinstance(each.get("recording"), str | None)
+        isinstance(each, dict)
+        and isinstance(each.get("file"), str)
+        and isinstance(each.get("recording"), str | None)
         for each in frames
     ):
-        raise InputError(f"{path}: no frames with a file each; give what evaluate, read or segment print with --json")
+        raise InputError(
+            f"{path}: no frames with a file each; give what evaluate, read or segment print with --json"
+        )
     return frames
 
 
-def with_answers(rows: Sequence[Row], answers: Sequence[Row], recording: Path) -> list[Row]:
+def with_answers(
+    rows: Sequence[Row], answers: Sequence[Row], recording: Path
+) -> list[Row]:
     """Return rows with the answers to their frames; what the recording states stays, but a target is the answer's."""
-    alone = len({Path(row["file"]).name for row in rows}) == len(rows)  # else folders tell frames of one name apart
-    asked, files = ([Path(row["file"]).name if alone else row["file"] for row in each] for each in (rows, answers))
+    alone = len({Path(row["file"]).name for row in rows}) == len(
+        rows
+    )  # else folders tell frames of one name apart
+    asked, files = (
+        [Path(row["file"]).name if alone else row["file"] for row in each]
+        for each in (rows, answers)
+    )
     here = recording.resolve()
     by_file = {
-        file: each for file, each in zip(files, answers, strict=True)
-        if (named := each.get("recording")) is None or Path(named).resolve() == here or Path(named).name == here.name
-    }  # fmt: skip
+        file: each
+        for file, each in zip(files, answers, strict=True)
+        if (named := each.get("recording")) is None
+        or Path(named).resolve() == here
+        or Path(named).name == here.name
+    }
     if not by_file.keys() & set(asked):
         raise InputError(f"{recording}: none of its frames is among the answers")
     found = [by_file.get(file, {}) for file in asked]
     pairs = zip(rows, found, strict=True)
-    return [{**answer, **row, "target": answer.get("target", row["target"])} for row, answer in pairs]
+    return [
+        {**answer, **row, "target": answer.get("target", row["target"])}
+        for row, answer in pairs
+    ]
 
 
 def flat(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -82,11 +115,18 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
     columns: dict[str, Any] = {}
     for key, value in row.items():
         if key in PAIRS or key.endswith("_interval"):
-            names = PAIRS.get(key) or tuple(key.replace("_interval", end) for end in ("_low", "_high"))
-            columns |= zip(names, value if isinstance(value, list) else (None, None), strict=False)
+            names = PAIRS.get(key) or tuple(
+                key.replace("_interval", end) for end in ("_low", "_high")
+            )
+            columns |= zip(
+                names, value if isinstance(value, list) else (None, None), strict=False
+            )
         elif isinstance(value, Mapping | list):
             inner = dict(enumerate(value)) if isinstance(value, list) else value
-            columns |= {f"{key}_{name}": entry for name, entry in flat({str(n): v for n, v in inner.items()}).items()}
+            columns |= {
+                f"{key}_{name}": entry
+                for name, entry in flat({str(n): v for n, v in inner.items()}).items()
+            }
         else:
             columns[key] = value
     return columns
@@ -94,23 +134,33 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def data_frame(rows: Iterable[Mapping[str, Any]]) -> Any:
     """Return rows as a table of pandas, with the columns of `flat`; raises `InputError` without pandas."""
-    return package_for("pandas", "a DataFrame", "tables").DataFrame(tidy(map(finite, rows)))
+    return package_for("pandas", "a DataFrame", "tables").DataFrame(
+        tidy(map(finite, rows))
+    )
 
 
 def tidy(rows: Iterable[Mapping[str, Any]]) -> list[Row]:
     """Return flat rows that all have the same columns, None where a row lacks one."""
     flattened = [flat(row) for row in rows]
     every = dict.fromkeys(name for row in flattened for name in row)
-    filled = {name for row in flattened for name, value in row.items() if value is not None}
+    filled = {
+        name for row in flattened for name, value in row.items() if value is not None
+    }
     # What is null in one row and an object in another has the object's columns only.
-    names = [name for name in every if name in filled or not any(other.startswith(f"{name}_") for other in every)]
+    names = [
+        name
+        for name in every
+        if name in filled or not any(other.startswith(f"{name}_") for other in every)
+    ]
     return [{name: row.get(name) for name in names} for row in flattened]
 
 
 def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
     """Return rows as a table, empty where a row lacks a key; an apostrophe goes before a would-be formula."""
     found = tidy(rows)
-    return _line(found[0] if found else ()) + "".join(_line(row.values()) for row in found)
+    return _line(found[0] if found else ()) + "".join(
+        _line(row.values()) for row in found
+    )
 
 
 def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
@@ -118,7 +168,9 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     if path.suffix.lower() == ".csv":
         write_whole(csv_text(rows), path)
         return
-    pyarrow, parquet = (package_for(name, ".parquet") for name in ("pyarrow", "pyarrow.parquet"))
+    pyarrow, parquet = (
+        package_for(name, ".parquet") for name in ("pyarrow", "pyarrow.parquet")
+    )
     with renamed_when_whole(path) as part:
         parquet.write_table(pyarrow.Table.from_pylist(tidy(rows)), part)
 
@@ -149,21 +201,38 @@ def write_sequence(recording: Recording, path: Path) -> None:
     for nth, entry in enumerate(recording.frames):
         volume[:, :, 0, nth] = recording.frame(entry).T
     scale = PixelScale.of(oct_info)
-    sides_mm = np.diag([from_si(scale.lateral_m, "mm"), from_si(scale.depth_m, "mm"), SLICE_MM])
+    sides_mm = np.diag(
+        [from_si(scale.lateral_m, "mm"), from_si(scale.depth_m, "mm"), SLICE_MM]
+    )
     header = {
-        "space": "left-posterior-superior", "space directions": np.array([*sides_mm, NOWHERE]),
-        "space units": ["mm", "mm", "mm"], "space origin": np.zeros(3), "kinds": ["domain", "domain", "domain", "list"],
-        "labels": ["lateral", "depth", "", "time"], "units": ["", "", "", "s"], "encoding": "raw",
+        "space": "left-posterior-superior",
+        "space directions": np.array([*sides_mm, NOWHERE]),
+        "space units": ["mm", "mm", "mm"],
+        "space origin": np.zeros(3),
+        "kinds": ["domain", "domain", "domain", "list"],
+        "labels": ["lateral", "depth", "", "time"],
+        "units": ["", "", "", "s"],
+        "encoding": "raw",
         "axis 3 index type": "numeric",
-        "axis 3 index values": " ".join(f"{entry.time_s:.6f}" for entry in recording.frames),
+        "axis 3 index values": " ".join(
+            f"{entry.time_s:.6f}" for entry in recording.frames
+        ),
         "DataNodeClassName": "vtkMRMLScalarVolumeNode",
-    }  # fmt: skip
+    }
     with renamed_when_whole(path) as part, part.open("wb") as file:
         nrrd.write(file, volume, header, index_order="F")
 
 
-IMAGE_TOPIC, FORCE_TOPIC, ANSWER_TOPIC = "/oct/image", "/force/wrench", "/scleraforce/answer"
-IMAGE, WRENCH, ANSWER = "sensor_msgs/msg/Image", "geometry_msgs/msg/WrenchStamped", "scleraforce_msgs/msg/Answer"
+IMAGE_TOPIC, FORCE_TOPIC, ANSWER_TOPIC = (
+    "/oct/image",
+    "/force/wrench",
+    "/scleraforce/answer",
+)
+IMAGE, WRENCH, ANSWER = (
+    "sensor_msgs/msg/Image",
+    "geometry_msgs/msg/WrenchStamped",
+    "scleraforce_msgs/msg/Answer",
+)
 TOPIC_KINDS = {IMAGE_TOPIC: IMAGE, FORCE_TOPIC: WRENCH, ANSWER_TOPIC: ANSWER}
 # What is not known is NaN, of a class -1.
 ANSWER_DEFINITION = """std_msgs/Header header
@@ -181,7 +250,9 @@ SECOND_NS = 1_000_000_000
 ROS = 2
 
 
-def write_mcap(recording: Recording, rows: Sequence[Row], origin_s: float, path: Path) -> None:
+def write_mcap(
+    recording: Recording, rows: Sequence[Row], origin_s: float, path: Path
+) -> None:
     """Write frames (mono16), force log and rows; the recording's clock begins at `origin_s` of its sources'."""
     writing = package_for("mcap.writer", "MCAP")
     typesys = package_for("rosbags.typesys", "MCAP with ROS messages")
@@ -201,37 +272,67 @@ def write_mcap(recording: Recording, rows: Sequence[Row], origin_s: float, path:
         writer.finish()
 
 
-def _messages(recording: Recording, rows: Sequence[Row], origin_s: float, store: Any) -> Iterator[tuple[int, str, Any]]:
+def _messages(
+    recording: Recording, rows: Sequence[Row], origin_s: float, store: Any
+) -> Iterator[tuple[int, str, Any]]:
     """Yield time, topic and message in the order of their times; each frame is read when its turn comes."""
     log, frames_s = recording.forces, [entry.time_s for entry in recording.frames]
-    times_s = {IMAGE_TOPIC: frames_s, ANSWER_TOPIC: frames_s, FORCE_TOPIC: [] if log is None else log.time_s.tolist()}
+    times_s = {
+        IMAGE_TOPIC: frames_s,
+        ANSWER_TOPIC: frames_s,
+        FORCE_TOPIC: [] if log is None else log.time_s.tolist(),
+    }
     origin_ns = round(origin_s) * SECOND_NS
-    events = [(round(each * SECOND_NS) + origin_ns, topic, nth)
-              for topic, topic_times_s in times_s.items() for nth, each in enumerate(topic_times_s)]  # fmt: skip
+    events = [
+        (round(each * SECOND_NS) + origin_ns, topic, nth)
+        for topic, topic_times_s in times_s.items()
+        for nth, each in enumerate(topic_times_s)
+    ]
     for time_ns, topic, nth in sorted(events):
         stamp = store.types["builtin_interfaces/msg/Time"](*divmod(time_ns, SECOND_NS))
         header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="oct")
         if topic == IMAGE_TOPIC:
-            pixels = np.ascontiguousarray(recording.frame(recording.frames[nth]), dtype="<u2")
+            pixels = np.ascontiguousarray(
+                recording.frame(recording.frames[nth]), dtype="<u2"
+            )
             height, width = pixels.shape
             data = pixels.view(np.uint8).ravel()
-            yield time_ns, topic, store.types[IMAGE](header, height, width, "mono16", 0, 2 * width, data)
+            yield (
+                time_ns,
+                topic,
+                store.types[IMAGE](header, height, width, "mono16", 0, 2 * width, data),
+            )
         elif topic == ANSWER_TOPIC:
             yield time_ns, topic, _answer(rows[nth], header, store)
         elif log is not None:
             found = dict(zip(log.columns, log.wrench_sc[nth].tolist(), strict=True))
-            values = [found.get(name, np.nan) for name in FORCE_COLUMNS[1:]]  # zero would be a measurement
-            vector, wrench = (store.types[f"geometry_msgs/msg/{name}"] for name in ("Vector3", "Wrench"))
+            values = [
+                found.get(name, np.nan) for name in FORCE_COLUMNS[1:]
+            ]  # zero would be a measurement
+            vector, wrench = (
+                store.types[f"geometry_msgs/msg/{name}"]
+                for name in ("Vector3", "Wrench")
+            )
             sample = wrench(force=vector(*values[:3]), torque=vector(*values[3:]))
             yield time_ns, topic, store.types[WRENCH](header=header, wrench=sample)
 
 
 def _answer(row: Row, header: Any, store: Any) -> Any:
     low_mn, high_mn = row.get("interval_mn") or (None, None)
-    forces = {name: row.get(name) for name in ("measured_force_mn", "predicted_force_mn")}
+    forces = {
+        name: row.get(name) for name in ("measured_force_mn", "predicted_force_mn")
+    }
     forces |= {"interval_low_mn": low_mn, "interval_high_mn": high_mn}
     return store.types[ANSWER](
-        header=header, file=str(row["file"]), **{name: bool(row.get(name)) for name in ("pierced", "usable")},
-        **{name: float("nan") if value is None else float(value) for name, value in forces.items()},
-        **{name: -1 if row.get(name) is None else int(row[name]) for name in ("target", "predicted")},
-    )  # fmt: skip
+        header=header,
+        file=str(row["file"]),
+        **{name: bool(row.get(name)) for name in ("pierced", "usable")},
+        **{
+            name: float("nan") if value is None else float(value)
+            for name, value in forces.items()
+        },
+        **{
+            name: -1 if row.get(name) is None else int(row[name])
+            for name in ("target", "predicted")
+        },
+    )

@@ -18,19 +18,47 @@ from scleraforce.errors import FrameError, InputError, RecordingError, StudyErro
 from scleraforce.pictures import grey_picture, html_card
 from scleraforce.recording.images import read_frame, read_image
 from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
-from scleraforce.recording.tables import ForceLog, FrameEntry, moments_of, read_force_log, read_frame_list
+from scleraforce.recording.tables import (
+    ForceLog,
+    FrameEntry,
+    moments_of,
+    read_force_log,
+    read_frame_list,
+)
 from scleraforce.recording.walls import RecordedWalls
 from scleraforce.study import parse_record
 from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS, check_relaxation
-from scleraforce.study.fields import allowed, check_fields, check_quantity, option, quantity, required
+from scleraforce.study.fields import (
+    allowed,
+    check_fields,
+    check_quantity,
+    option,
+    quantity,
+    required,
+)
 from scleraforce.units import HumanUnit, from_si, to_si
 from scleraforce.whole_files import KINDS, read_bytes, read_text
 
 # Outer diameters of hypodermic needles, ISO 9626 (normal wall).
 GAUGE_DIAMETER_M = {
-    18: 1.2e-3, 19: 1.1e-3, 20: 0.9e-3, 21: 0.8e-3, 22: 0.7e-3, 23: 0.6e-3, 24: 0.55e-3, 25: 0.5e-3, 26: 0.45e-3,
-    27: 0.4e-3, 28: 0.36e-3, 29: 0.33e-3, 30: 0.3e-3, 31: 0.25e-3, 32: 0.23e-3, 33: 0.2e-3, 34: 0.18e-3,
-}  # fmt: skip
+    18: 1.2e-3,
+    19: 1.1e-3,
+    20: 0.9e-3,
+    21: 0.8e-3,
+    22: 0.7e-3,
+    23: 0.6e-3,
+    24: 0.55e-3,
+    25: 0.5e-3,
+    26: 0.45e-3,
+    27: 0.4e-3,
+    28: 0.36e-3,
+    29: 0.33e-3,
+    30: 0.3e-3,
+    31: 0.25e-3,
+    32: 0.23e-3,
+    33: 0.2e-3,
+    34: 0.18e-3,
+}
 LONGEST_ID = 200
 UNTABLED = ',;"'  # letters that separate and quote cells
 LEAST_TURN_RAD, LEAST_OFFSET_M = 1e-3, 1e-6  # between two planes: a degree is 1.7e-2
@@ -65,10 +93,16 @@ class EyeInfo:
         if fault := name_fault(self.id):
             raise StudyError(f"id: {fault}")
         stated = (self.rigidity_pa13_per_m3, self.rigidity_law, self.leak_time_s)
-        for key, value in zip(("rigidity_mmhg13_per_ul", "rigidity_law", "leak_time_s"), stated, strict=True):
+        for key, value in zip(
+            ("rigidity_mmhg13_per_ul", "rigidity_law", "leak_time_s"),
+            stated,
+            strict=True,
+        ):
             if value is not None and self.globe != "sealed":
                 found = "missing" if self.globe is None else f'"{self.globe}"'
-                raise StudyError(f'{key}: of a sealed globe, globe is {found}; write globe = "sealed", or leave it out')
+                raise StudyError(
+                    f'{key}: of a sealed globe, globe is {found}; write globe = "sealed", or leave it out'
+                )
 
 
 @dataclass(frozen=True)
@@ -92,8 +126,12 @@ class Plane:
         check_fields(self)
         if fault := name_fault(self.name, "plane"):
             raise StudyError(f"name: {fault}")
-        if self.name != self.name.strip() or any(letter in self.name for letter in UNTABLED):
-            raise StudyError(f"name: {self.name!r}; a table cannot hold {UNTABLED}, or a space at an end")
+        if self.name != self.name.strip() or any(
+            letter in self.name for letter in UNTABLED
+        ):
+            raise StudyError(
+                f"name: {self.name!r}; a table cannot hold {UNTABLED}, or a space at an end"
+            )
 
     def lies_at(self, other: "Plane") -> bool:
         """Return whether another plane is the same one, as well where its columns run the other way."""
@@ -115,26 +153,34 @@ def parse_plane(words: str) -> Plane:
     except InputError as fault:
         raise InputError(f"--plane: {words!r}: {fault}") from None
     except ValueError:
-        raise InputError(f"--plane: {words!r} is not NAME:OFFSET_MM:DIRECTION_DEG, like across:0:90") from None
+        raise InputError(
+            f"--plane: {words!r} is not NAME:OFFSET_MM:DIRECTION_DEG, like across:0:90"
+        ) from None
 
 
 def check_planes(planes: tuple[Plane, ...], given: str = "plane") -> None:
     """Raise a `StudyError` that names `given` unless planes can be read together: of different names and places."""
     if len(planes) == 1:
-        raise StudyError(f"{given}: only one; give each plane of the scan, or slice_gap_m without any")
+        raise StudyError(
+            f"{given}: only one; give each plane of the scan, or slice_gap_m without any"
+        )
     for number, plane in enumerate(planes):
         for before in planes[:number]:
             if before.name == plane.name:
                 raise StudyError(f"{given}: name: {plane.name!r} is there twice")
             if before.lies_at(plane):
-                raise StudyError(f"{given}: {before.name!r} and {plane.name!r} are at one place")
+                raise StudyError(
+                    f"{given}: {before.name!r} and {plane.name!r} are at one place"
+                )
 
 
 def check_counts(counts: Mapping[str, int]) -> None:
     """Raise an `InputError` unless there are as many frames of each plane."""
     if len(set(counts.values())) > 1:
         words = ", ".join(f"{name!r} has {count}" for name, count in counts.items())
-        raise InputError(f"--plane: as many frames of each plane are read together; {words}")
+        raise InputError(
+            f"--plane: as many frames of each plane are read together; {words}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,7 +226,9 @@ class NeedleInfo:
     def __post_init__(self) -> None:
         check_fields(self)
         if self.lean_azimuth_rad is not None and self.lean_rad is None:
-            raise StudyError("lean_azimuth_rad: of a needle that leans; give lean_rad as well, or leave it out")
+            raise StudyError(
+                "lean_azimuth_rad: of a needle that leans; give lean_rad as well, or leave it out"
+            )
 
 
 @dataclass(frozen=True)
@@ -208,9 +256,13 @@ class RecordingInfo:
 
     def __post_init__(self) -> None:
         if self.needle.slice_gap_m is None and not self.oct.plane:
-            raise StudyError("needle.slice_gap_m: missing; give it, or [[oct.plane]] for each of several planes")
+            raise StudyError(
+                "needle.slice_gap_m: missing; give it, or [[oct.plane]] for each of several planes"
+            )
         if self.needle.slice_gap_m is not None and self.oct.plane:
-            raise StudyError("needle.slice_gap_m: of a single plane, and there are [[oct.plane]]: leave it out")
+            raise StudyError(
+                "needle.slice_gap_m: of a single plane, and there are [[oct.plane]]: leave it out"
+            )
 
 
 def name_fault(name: str, what: str = "eye") -> str | None:
@@ -230,7 +282,10 @@ def nearest_gauge(outer_diameter_m: float) -> int:
     >>> nearest_gauge(0.7e-3)
     22
     """
-    return min(GAUGE_DIAMETER_M, key=lambda gauge: abs(GAUGE_DIAMETER_M[gauge] - outer_diameter_m))
+    return min(
+        GAUGE_DIAMETER_M,
+        key=lambda gauge: abs(GAUGE_DIAMETER_M[gauge] - outer_diameter_m),
+    )
 
 
 @dataclass(frozen=True)
@@ -248,15 +303,26 @@ class Recording:
         return moments_of(self.frames)
 
     def __repr__(self) -> str:
-        forces = "no force log" if self.forces is None else f"{len(self.forces.time_s)} samples of force"
+        forces = (
+            "no force log"
+            if self.forces is None
+            else f"{len(self.forces.time_s)} samples of force"
+        )
         return f"<Recording {self.path}: eye {self.info.eye.id}, {len(self.frames)} frames, {forces}>"
 
     def _repr_html_(self) -> str:
         """The first frame and what the recording states, for Jupyter."""
-        forces = "not logged" if self.forces is None else f"{len(self.forces.time_s)} samples"
+        forces = (
+            "not logged"
+            if self.forces is None
+            else f"{len(self.forces.time_s)} samples"
+        )
         first, last = self.frames[0], self.frames[-1]
-        facts = {"eye": self.info.eye.id, "frames": f"{len(self.frames)} in {last.time_s - first.time_s:g} s",
-                 "forces": forces}  # fmt: skip
+        facts = {
+            "eye": self.info.eye.id,
+            "frames": f"{len(self.frames)} in {last.time_s - first.time_s:g} s",
+            "forces": forces,
+        }
         picture = None
         with suppress(InputError):  # the frame may be gone
             picture = grey_picture(self.frame(first))
@@ -283,8 +349,12 @@ def check_alone(recording: Recording, file: str) -> None:
     files, stem = [each.file for each in recording.frames], PurePath(file).stem
     if file not in files:
         raise InputError(f"{recording.path}: no frame {file}")
-    if twins := [each for each in files if each != file and PurePath(each).stem == stem]:
-        raise InputError(f"{file}: walls/{stem}.png would be the wall of {twins[0]} too; rename one of the frames")
+    if twins := [
+        each for each in files if each != file and PurePath(each).stem == stem
+    ]:
+        raise InputError(
+            f"{file}: walls/{stem}.png would be the wall of {twins[0]} too; rename one of the frames"
+        )
 
 
 def check_frame(pixels: Pixels, stated: OctInfo, path: Path) -> None:
@@ -320,8 +390,12 @@ def read_recording(path: str | PathLike[str]) -> Recording:
     if not os.path.lexists(path / "forces.csv"):
         return Recording(path, info, frames, None)
     if info.force is None:
-        raise RecordingError(f"{path / 'recording.toml'}: force: missing; forces.csv needs [force] axis, contact_sign")
-    return Recording(path, info, frames, read_force_log(path / "forces.csv", info.force.axis))
+        raise RecordingError(
+            f"{path / 'recording.toml'}: force: missing; forces.csv needs [force] axis, contact_sign"
+        )
+    return Recording(
+        path, info, frames, read_force_log(path / "forces.csv", info.force.axis)
+    )
 
 
 def frame_digest(pixels: Pixels) -> str:
@@ -337,8 +411,16 @@ def frame_digest(pixels: Pixels) -> str:
 
 def tables_digest(recording: Recording) -> str:
     """Return the SHA-256 of a recording's tables (recording.toml, frames.csv, forces.csv), hexadecimal."""
-    tables = (("recording", "recording.toml"), ("frames", "frames.csv"), ("forces", "forces.csv"))
-    return hashlib.sha256(b"".join(read_bytes(recording.path / name, KINDS[kind]) for kind, name in tables)).hexdigest()
+    tables = (
+        ("recording", "recording.toml"),
+        ("frames", "frames.csv"),
+        ("forces", "forces.csv"),
+    )
+    return hashlib.sha256(
+        b"".join(
+            read_bytes(recording.path / name, KINDS[kind]) for kind, name in tables
+        )
+    ).hexdigest()
 
 
 def true_forces(recording: Path) -> dict[str, float]:
@@ -350,7 +432,9 @@ def true_forces(recording: Path) -> dict[str, float]:
         frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
         return {frame["file"]: float(frame["force_n"]) for frame in frames}
     except (ValueError, KeyError, TypeError) as fault:
-        raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
+        raise RecordingError(
+            f"{path}: not the truth of a virtual acquisition: {fault}"
+        ) from fault
 
 
 def read_info(path: Path) -> RecordingInfo:
@@ -358,22 +442,39 @@ def read_info(path: Path) -> RecordingInfo:
     if not path.parent.is_dir():
         raise RecordingError(f"{path.parent}: no such folder; give a recording folder")
     try:
-        return parse_record(RecordingInfo, read_text(path, KINDS["recording"]), str(path))
+        return parse_record(
+            RecordingInfo, read_text(path, KINDS["recording"]), str(path)
+        )
     except StudyError as fault:
         raise RecordingError(str(fault)) from fault
 
 
-def _check_planes(path: Path, frames: tuple[FrameEntry, ...], planes: tuple[Plane, ...]) -> None:
+def _check_planes(
+    path: Path, frames: tuple[FrameEntry, ...], planes: tuple[Plane, ...]
+) -> None:
     names = [plane.name for plane in planes]
     for entry in frames:
         if entry.plane is None and planes:
-            raise RecordingError(f"{path}: plane: missing for {entry.file}; give one of {', '.join(names)}")
+            raise RecordingError(
+                f"{path}: plane: missing for {entry.file}; give one of {', '.join(names)}"
+            )
         if entry.plane is not None and entry.plane not in names:
-            known = f"[[oct.plane]] has {', '.join(names)}" if names else "recording.toml has no [[oct.plane]]"
-            raise RecordingError(f"{path}: plane: {entry.plane!r} of {entry.file} is unknown; {known}")
-    times_s, shown = {entry.time_s for entry in frames}, {entry.plane for entry in frames}
+            known = (
+                f"[[oct.plane]] has {', '.join(names)}"
+                if names
+                else "recording.toml has no [[oct.plane]]"
+            )
+            raise RecordingError(
+                f"{path}: plane: {entry.plane!r} of {entry.file} is unknown; {known}"
+            )
+    times_s, shown = (
+        {entry.time_s for entry in frames},
+        {entry.plane for entry in frames},
+    )
     if len(shown) > 1 and len(times_s) == len(frames):
-        raise RecordingError(f"{path}: plane: no two frames have one time_s; frames of one moment need the same")
+        raise RecordingError(
+            f"{path}: plane: no two frames have one time_s; frames of one moment need the same"
+        )
 
 
 def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
@@ -382,11 +483,16 @@ def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
         file, place = path / "frames" / entry.file, f"{path / 'frames.csv'}: file"
         try:
             inside, there = file.resolve().is_relative_to(folder), file.is_file()
-        except (OSError, RuntimeError) as fault:  # a name that is too long, links that go round
+        except (
+            OSError,
+            RuntimeError,
+        ) as fault:  # a name that is too long, links that go round
             reason = fault.strerror if isinstance(fault, OSError) else fault
             raise RecordingError(f"{place}: {entry.file}: {reason}") from fault
         if not inside:
-            raise RecordingError(f"{place}: {entry.file} leads out of {path / 'frames'}")
+            raise RecordingError(
+                f"{place}: {entry.file} leads out of {path / 'frames'}"
+            )
         if not there:
             raise RecordingError(f"{place}: {file} does not exist")
 
@@ -416,28 +522,42 @@ class ScaledFrame:
         """Size of a pixel as stored, with the refractive index."""
         rows, columns = self.pixels.shape
         lateral_m, depth_m = self.width_m.value / columns, self.depth_m.value / rows
-        return PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=self.refractive_index.value)
+        return PixelScale(
+            lateral_m=lateral_m,
+            depth_m=depth_m,
+            refractive_index=self.refractive_index.value,
+        )
 
 
 def recording_of(path: Path) -> Path | None:
     """Return the recording folder of a frame, which has `frames/` beside recording.toml; None for other images."""
     folder = path.parent.resolve()
-    inside = folder.name == "frames" and os.path.isfile(folder.parent / "recording.toml")
+    inside = folder.name == "frames" and os.path.isfile(
+        folder.parent / "recording.toml"
+    )
     return folder.parent if inside else None
 
 
 def stated_plane(frame: Path) -> tuple[Path, float, Plane] | None:
     """Return the recording of a frame, its time and its plane; None if it is not in a recording of several planes."""
     recording = recording_of(frame)
-    if recording is None or not (oct_info := read_info(recording / "recording.toml").oct).plane:
+    if (
+        recording is None
+        or not (oct_info := read_info(recording / "recording.toml").oct).plane
+    ):
         return None
     for entry in read_frame_list(recording / "frames.csv"):
-        if entry.file == frame.name and (plane := oct_info.named(entry.plane)) is not None:
+        if (
+            entry.file == frame.name
+            and (plane := oct_info.named(entry.plane)) is not None
+        ):
             return recording, entry.time_s, plane
     raise RecordingError(f"{recording / 'frames.csv'}: plane: none for {frame.name}")
 
 
-def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], transpose: bool = False) -> ScaledFrame:
+def read_scaled_frame(
+    path: Path, given: Scanner, assumed: tuple[Scanner, str], transpose: bool = False
+) -> ScaledFrame:
     """Read one frame and find its scale: `given`, else recording.toml's, the file's, or `assumed` with its source."""
     pixels, image = read_image(path)
     if transpose:
@@ -447,10 +567,25 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
     if info is not None:
         check_frame(pixels, info.oct, path)
     lateral_m, depth_m = image.size.lateral_m, image.size.depth_m
-    file = Scanner(width_m=lateral_m and lateral_m * image.columns, depth_m=depth_m and depth_m * image.rows)
-    stated = ((given, "option"), (info.oct if info else Scanner(), "recording.toml"), (file, "file"), assumed)
+    file = Scanner(
+        width_m=lateral_m and lateral_m * image.columns,
+        depth_m=depth_m and depth_m * image.rows,
+    )
+    stated = (
+        (given, "option"),
+        (info.oct if info else Scanner(), "recording.toml"),
+        (file, "file"),
+        assumed,
+    )
     width, depth, index = (
-        next((Sourced(value, source) for scanner, source in stated if (value := getattr(scanner, name))), None)
+        next(
+            (
+                Sourced(value, source)
+                for scanner, source in stated
+                if (value := getattr(scanner, name))
+            ),
+            None,
+        )
         for name in ("width_m", "depth_m", "refractive_index")
     )
     if image.scale_fault and info is None and None in (given.width_m, given.depth_m):
@@ -462,6 +597,10 @@ def read_scaled_frame(path: Path, given: Scanner, assumed: tuple[Scanner, str], 
         try:
             check_quantity(key, from_si(extent.value, "mm"))
         except StudyError as fault:
-            raise FrameError(f"{path}: {fault} (stated by: {extent.source}); give --{key.replace('_', '-')}") from None
+            raise FrameError(
+                f"{path}: {fault} (stated by: {extent.source}); give --{key.replace('_', '-')}"
+            ) from None
     notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
-    return ScaledFrame(pixels, width, depth, index or Sourced(1.0, "assumed"), info, notes)
+    return ScaledFrame(
+        pixels, width, depth, index or Sourced(1.0, "assumed"), info, notes
+    )

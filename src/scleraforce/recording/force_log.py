@@ -14,7 +14,14 @@ from scleraforce.errors import InputError, RecordingError
 from scleraforce.recording import log_text, tables
 from scleraforce.recording.log_text import FORCE, TIME, TORQUE, quantity_of, unit_factor
 from scleraforce.recording.pixels import UnansweredError
-from scleraforce.recording.tables import FORCE_COLUMNS, GROUPED, PLAIN_NUMBERS, ForceLog, Table, number
+from scleraforce.recording.tables import (
+    FORCE_COLUMNS,
+    GROUPED,
+    PLAIN_NUMBERS,
+    ForceLog,
+    Table,
+    number,
+)
 
 STATUS = "status"  # our name of such a column
 # How a column is read: ATI's status word, a flag of faults, a flag of validity. "any": all samples are taken.
@@ -27,42 +34,71 @@ OF_SENSOR = (
     r"rdt|daq|adc|amp|cable|gage|gauge|transducer)[ _-]*)*"
 )
 FAULTS = re.compile(
-    OF_SENSOR + r"(status|error|fault|over[ _-]?load(ed)?|over[ _-]?range|over[ _-]?flow|saturat(ed|ion)|clipp(ed|ing)|"
+    OF_SENSOR
+    + r"(status|error|fault|over[ _-]?load(ed)?|over[ _-]?range|over[ _-]?flow|saturat(ed|ion)|clipp(ed|ing)|"
     r"invalid|alarm|out[ _-]of[ _-]range|disconnected)[ _-]*(code|word|flags?|bits?|register)?"
 )
 VALIDITY = re.compile(OF_SENSOR + r"(valid|validity|ok|good|healthy)([ _-]*flag)?")
 HEX = re.compile(r"[ _-]*[\[(]?hex\w*[\])]?$", re.IGNORECASE)
-CLEAR_WORDS = {"", "ok", "good", "valid", "normal", "none", "false", "no", "no error", "f", "n"}
+CLEAR_WORDS = {
+    "",
+    "ok",
+    "good",
+    "valid",
+    "normal",
+    "none",
+    "false",
+    "no",
+    "no error",
+    "f",
+    "n",
+}
 SET_WORDS = {"ok", "good", "valid", "normal", "true", "yes", "t", "y"}
 
 
 def _status_meaning(name: str, others: Sequence[str]) -> str | None:
     bare = HEX.sub("", name.strip().lower())
     if FAULTS.fullmatch(bare):
-        of_ati = bare != name.strip().lower() and any("sequence" in other.lower() for other in others)
+        of_ati = bare != name.strip().lower() and any(
+            "sequence" in other.lower() for other in others
+        )
         return ATI if of_ati else GOOD_IF_ZERO
     return GOOD_IF_SET if VALIDITY.fullmatch(bare) else None
 
 
 def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str, ...]]:
-    name, meaning, none = column.name, column.unit, np.zeros(len(text.lines), dtype=bool)
+    name, meaning, none = (
+        column.name,
+        column.unit,
+        np.zeros(len(text.lines), dtype=bool),
+    )
     if meaning == ANY:
         return none, ()
-    values, index = np.unique(np.char.strip(np.array(text.column(name))), return_inverse=True)
+    values, index = np.unique(
+        np.char.strip(np.array(text.column(name))), return_inverse=True
+    )
     in_hex = bool(HEX.search(name.strip()))
     codes = {str(value): _code(str(value), in_hex) for value in values}
-    if any(isinstance(code, float) for code in codes.values()):  # a measured quantity, like the error of a position
-        return none, (f"{name}: not taken for the sensor's status, because it has fractions",)
+    if any(
+        isinstance(code, float) for code in codes.values()
+    ):  # a measured quantity, like the error of a position
+        return none, (
+            f"{name}: not taken for the sensor's status, because it has fractions",
+        )
     faulty = np.array([_is_faulty(code, meaning) for code in codes.values()])[index]
     count, first = int(faulty.sum()), int(np.argmax(faulty))
     found = f"{text.place(first)}: {name}: {str(values[index[first]])!r}"
     if count == len(faulty):
         way = f"if this column is not its status, give --column {STATUS}={name}:{ANY}"
-        raise RecordingError(f"{found}, and every sample is flagged: it gave no force; {way}")
+        raise RecordingError(
+            f"{found}, and every sample is flagged: it gave no force; {way}"
+        )
     if count:
         flagged = f"{count} of {len(faulty)} samples are flagged by the sensor and have no force"
         return faulty, (f"{flagged}; the first is {found}",)
-    harmless = ", ".join(value for value, code in codes.items() if meaning == ATI and code)
+    harmless = ", ".join(
+        value for value, code in codes.items() if meaning == ATI and code
+    )
     note = f"{name}: {harmless}: a summary or the user's own threshold, without a fault; its forces are kept"
     return faulty, (note,) if harmless else ()
 
@@ -72,7 +108,13 @@ def _code(text: str, in_hex: bool) -> int | float | str:
         if in_hex or text.lower().startswith("0x"):
             return int(text, 16)
         value = float(text.replace(",", "."))
-        return int(value) if value.is_integer() else value if isfinite(value) else text.lower()
+        return (
+            int(value)
+            if value.is_integer()
+            else value
+            if isfinite(value)
+            else text.lower()
+        )
     except (ValueError, OverflowError):
         return text.lower()
 
@@ -85,22 +127,59 @@ def _is_faulty(code: int | float | str, meaning: str) -> bool:
     return bool(int(code) & ~ATI_HARMLESS) if meaning == ATI else code != 0
 
 
-SHORT_NAMES = {name.partition("_")[0]: name for name in FORCE_COLUMNS} | {STATUS: STATUS}  # fz: fz_n
+SHORT_NAMES = {name.partition("_")[0]: name for name in FORCE_COLUMNS} | {
+    STATUS: STATUS
+}  # fz: fz_n
 # A unit in brackets, or after a mark or a blank: "Fz [mN]", "Force Z / mN", "FZ,mN", "fz_mN", "F_z in mN".
 BRACKETS = re.compile(r"(?P<name>.*?)[\s_,:]*[\[({<](?P<unit>[^\])}>]+)[\])}>]\s*")
 BEHIND_MARK = re.compile(
     r"(?P<name>.*?)(?:\s*[/,:;|_.-]\s*|\s+in\s+|_in_|\s+)(?P<unit>[^\s_/,:;|]+(?:[*.-][^\s_]+)?)\s*"
 )
 TIME_NAMES = {
-    "time", "t", "timestamp", "host_time", "stamp", "elapsed", "elapsed_time", "time_stamp", "sample_time",
-    "relative_time", "x_value", "zeit", "zeitstempel", "messzeit", "temps", "tiempo", "tempo", "header.stamp",
-}  # fmt: skip
+    "time",
+    "t",
+    "timestamp",
+    "host_time",
+    "stamp",
+    "elapsed",
+    "elapsed_time",
+    "time_stamp",
+    "sample_time",
+    "relative_time",
+    "x_value",
+    "zeit",
+    "zeitstempel",
+    "messzeit",
+    "temps",
+    "tiempo",
+    "tempo",
+    "header.stamp",
+}
 CLOCK_NAMES = TIME_NAMES | {
-    "date", "datetime", "date_time", "date_and_time", "time_of_day", "clock", "datum", "datum_zeit", "datum_uhrzeit",
-    "uhrzeit", "heure", "horodatage", "date_heure", "fecha", "hora",
-}  # fmt: skip
-ROS_STAMP, ROS_PREFIX = "field.header.stamp", "field."  # of `rostopic echo -p`: capture, in ns; SI otherwise
-FORCE_WORDS, TORQUE_WORDS = "force|kraft|effort|fuerza|forza|f", "torque|moment|drehmoment|couple|t|m"
+    "date",
+    "datetime",
+    "date_time",
+    "date_and_time",
+    "time_of_day",
+    "clock",
+    "datum",
+    "datum_zeit",
+    "datum_uhrzeit",
+    "uhrzeit",
+    "heure",
+    "horodatage",
+    "date_heure",
+    "fecha",
+    "hora",
+}
+ROS_STAMP, ROS_PREFIX = (
+    "field.header.stamp",
+    "field.",
+)  # of `rostopic echo -p`: capture, in ns; SI otherwise
+FORCE_WORDS, TORQUE_WORDS = (
+    "force|kraft|effort|fuerza|forza|f",
+    "torque|moment|drehmoment|couple|t|m",
+)
 BETWEEN = r"[ ._-]*(?:(?:in|along|axis|achse|richtung)[ ._-]*)?"
 AXIS_NAMES = re.compile(
     rf"(?:(?P<what>{FORCE_WORDS}|{TORQUE_WORDS}){BETWEEN}(?P<axis>[xyz])|"
@@ -139,46 +218,74 @@ def parse_column(text: str) -> LogColumn:
     name, colon, unit = rest.rpartition(":")
     ours, unit = SHORT_NAMES.get(short.strip().lower()), unit.strip()
     if not equals or not colon or ours is None or not name.strip():
-        raise InputError(f"--column: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of {', '.join(SHORT_NAMES)}")
+        raise InputError(
+            f"--column: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of {', '.join(SHORT_NAMES)}"
+        )
     words = {"time_s": log_text.CLOCKS, STATUS: STATUS_MEANINGS}.get(ours, ())
     if ours == STATUS and unit not in words:
-        raise InputError(f"--column: {text!r}: {unit!r} is not one of {', '.join(words)} (docs/formats.md)")
+        raise InputError(
+            f"--column: {text!r}: {unit!r} is not one of {', '.join(words)} (docs/formats.md)"
+        )
     if unit not in words and unit_factor(unit, quantity_of(ours)) is None:
-        raise InputError(f"--column: {text!r}: {unit!r} is not a unit of {quantity_of(ours)} (docs/formats.md)")
+        raise InputError(
+            f"--column: {text!r}: {unit!r} is not a unit of {quantity_of(ours)} (docs/formats.md)"
+        )
     return LogColumn(ours, name.strip(), unit)
 
 
-def columns_by_header(names: Sequence[str], stated_units: dict[str, str], units: Sequence[str] = ()) -> list[LogColumn]:
+def columns_by_header(
+    names: Sequence[str], stated_units: dict[str, str], units: Sequence[str] = ()
+) -> list[LogColumn]:
     """Return the columns that a header names; `stated_units` are above the header, `units` a line of their own."""
     if ROS_STAMP in names:
-        names = [name for name in names if name == ROS_STAMP or name.startswith(ROS_PREFIX)]
+        names = [
+            name for name in names if name == ROS_STAMP or name.startswith(ROS_PREFIX)
+        ]
         stated_units = {FORCE: "N", TORQUE: "Nm", TIME: "ns"}
     each = zip_longest(names, units[: len(names)], fillvalue="")
-    return [column for name, unit in each if (column := _by_name(name, unit, stated_units)) is not None]
+    return [
+        column
+        for name, unit in each
+        if (column := _by_name(name, unit, stated_units)) is not None
+    ]
 
 
-def _of_each_kind(path: Path, by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> list[LogColumn]:
+def _of_each_kind(
+    path: Path, by_header: Sequence[LogColumn], given: Sequence[LogColumn]
+) -> list[LogColumn]:
     """Return one column of each kind: the given one, else the header's; of two times the first."""
     answered = {column.ours: column for column in given if column.ours != STATUS}
     for column in by_header:
         other = answered.setdefault(column.ours, column)
         if other != column and other not in given and column.ours != "time_s":
-            question = f"{path}: {column.short}: is it {other.name!r} or {column.name!r}?"
+            question = (
+                f"{path}: {column.short}: is it {other.name!r} or {column.name!r}?"
+            )
             raise UnansweredError("--column", question, f"{column.short}=NAME:UNIT")
     return list(answered.values())
 
 
-def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[str]) -> tuple[LogColumn, ...]:
+def required_columns(
+    path: Path, columns: Iterable[LogColumn], names: Sequence[str]
+) -> tuple[LogColumn, ...]:
     """Return the columns but for the status, in our order; ask for the time and a force if they are missing."""
     columns, listed = [*columns], ", ".join(map(repr, names))
     found = {column.ours: column for column in columns}
     for column in columns:
         if column.name not in names:
-            raise InputError(f"{path}: --column: no column {column.name!r}; there are {listed}")
+            raise InputError(
+                f"{path}: --column: no column {column.name!r}; there are {listed}"
+            )
         if list(names).count(column.name) > 1:
-            raise InputError(f"{path}: two columns are named {column.name!r}; rename one of them")
+            raise InputError(
+                f"{path}: two columns are named {column.name!r}; rename one of them"
+            )
     missing = {} if "time_s" in found else {"time=NAME:UNIT": "the time"}
-    missing |= {} if any(quantity_of(ours) == FORCE for ours in found) else {"fz=NAME:UNIT": "a force"}
+    missing |= (
+        {}
+        if any(quantity_of(ours) == FORCE for ours in found)
+        else {"fz=NAME:UNIT": "a force"}
+    )
     if missing:
         question = f"which column is {', and which '.join(missing.values())}, and in what unit? There are {listed}"
         raise UnansweredError("--column", f"{path}: {question}", *missing)
@@ -203,12 +310,18 @@ def _ours(word: str) -> str | None:
         return "time_s"
     if (found := AXIS_NAMES.fullmatch(lower)) is None:
         return None
-    what, axis = found["what"] or found["what_after"], found["axis"] or found["axis_before"]
+    what, axis = (
+        found["what"] or found["what_after"],
+        found["axis"] or found["axis_before"],
+    )
     return SHORT_NAMES[("f" if FORCE_WORD.fullmatch(what) else "t") + axis]
 
 
 # What ATI's Net F/T demo and its relatives write above the header.
-STATED = {quantity: rf"(?i){quantity} units?\"?\s*[:=,;\t]+\s*\"?([\w*.-]+)" for quantity in (FORCE, TORQUE)}
+STATED = {
+    quantity: rf"(?i){quantity} units?\"?\s*[:=,;\t]+\s*\"?([\w*.-]+)"
+    for quantity in (FORCE, TORQUE)
+}
 # A number with all possible marks between its thousands, so that "1,000" is not taken for 1.
 WHOLE_NUMBER = r"\d(?:[\d.,'\u2019\s]*\d)?\.?(?:[eE][-+]?\d+)?"
 COUNTS = {
@@ -223,64 +336,105 @@ GAIN = re.compile(
     r"((?:scale|scaling|gain|sensitivity|multiplier|(?:conversion|calibration)[ _-]?(?:factor|constant)|"
     rf"(?:lsb|counts?)\s*(?:per\b|/))[^:=;,\t]*)[:=;,\t]+\s*\"?([-+]?(?:{WHOLE_NUMBER}|\.\d+))"
 )
-RANGE = re.compile(r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)|max(?:imum|\.)? (?:force|load))\b(.*)")
+RANGE = re.compile(
+    r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)|max(?:imum|\.)? (?:force|load))\b(.*)"
+)
 FORCE_IN_TEXT = re.compile(rf"(?i)({WHOLE_NUMBER})\s*(m?n|kn|gf|kgf|lbf)\b")
 
 
-def read_force_text(text: Table, given: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
+def read_force_text(
+    text: Table, given: Sequence[LogColumn]
+) -> tuple[ForceLog, tuple[LogColumn, ...]]:
     """Return a log in SI and its columns, `given` ones first; ask for missing ones and about contradictions."""
     stated = _stated_units(text)
     by_header = columns_by_header(text.names, stated, text.units)
-    if COUNTER in text.names and (rate_hz := _stated_number(SAMPLE_RATE, text)):  # ATI's own clock has whole seconds
-        by_header = [LogColumn("time_s", COUNTER, f"{rate_hz:.12g}Hz"), *(c for c in by_header if c.ours != "time_s")]
+    if COUNTER in text.names and (
+        rate_hz := _stated_number(SAMPLE_RATE, text)
+    ):  # ATI's own clock has whole seconds
+        by_header = [
+            LogColumn("time_s", COUNTER, f"{rate_hz:.12g}Hz"),
+            *(c for c in by_header if c.ours != "time_s"),
+        ]
     elif not any(column.ours == "time_s" for column in (*by_header, *given)):
         by_header += _clock_column(text)
     answered = _of_each_kind(text.path, by_header, given)
     _check_units(text, [column for column in answered if column not in given], stated)
     flags = _flagged(text, given)
-    time, *forces = columns = required_columns(text.path, [*answered, *flags], text.names)
+    time, *forces = columns = required_columns(
+        text.path, [*answered, *flags], text.names
+    )
     read = forces if time.unit in log_text.CLOCKS else columns
     places = [text.names.index(column.name) for column in read]
     mark = tables.decimal_mark(text, places)
     values_sc = tables.numbers_of(text, places, gaps=places[-len(forces) :], mark=mark)
     _check_whole(text, forces, values_sc[:, -len(forces) :], given)
     values_sc *= [column.factor for column in read]
-    time_s, wrench_sc = values_sc[:, 0] if read is columns else _dated(text, time), values_sc[:, -len(forces) :]
+    time_s, wrench_sc = (
+        values_sc[:, 0] if read is columns else _dated(text, time),
+        values_sc[:, -len(forces) :],
+    )
     notes = ["numbers have decimal commas"] if mark == "," else []
     notes += [*_overruled(by_header, given), *tables.gap_notes(text.path, wrench_sc)]
     for column in flags:
         faulty, said = _faulty_samples(text, column)
         wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
         notes += said
-    log = ForceLog(time_s, wrench_sc, tuple(column.ours for column in forces), tuple(notes))
-    return tables.checked_samples(log, text.path, text.place, _range_n(text)), (*columns, *flags)
+    log = ForceLog(
+        time_s, wrench_sc, tuple(column.ours for column in forces), tuple(notes)
+    )
+    return tables.checked_samples(log, text.path, text.place, _range_n(text)), (
+        *columns,
+        *flags,
+    )
 
 
 def _dated(text: Table, time: LogColumn) -> Floats:
     moments = text.column(time.name)
     time_s = log_text.seconds_of(moments, time.unit)
     if isinstance(time_s, int):
-        raise RecordingError(f"{text.place(time_s)}: {time.name}: {moments[time_s]!r} is not a time ({time.unit})")
+        raise RecordingError(
+            f"{text.place(time_s)}: {time.name}: {moments[time_s]!r} is not a time ({time.unit})"
+        )
     return time_s
 
 
 def _stated_units(text: Table) -> dict[str, str]:
-    units = {quantity: found[1] for quantity, pattern in STATED.items() for line in reversed(text.above)
-             if (found := re.search(pattern, line))}  # fmt: skip
-    counts = {quantity: _stated_number(pattern, text) for quantity, pattern in COUNTS.items()}
-    return {quantity: f"{count:.12g}/{unit}" if (count := counts[quantity]) is not None else unit
-            for quantity, unit in units.items()}  # fmt: skip
+    units = {
+        quantity: found[1]
+        for quantity, pattern in STATED.items()
+        for line in reversed(text.above)
+        if (found := re.search(pattern, line))
+    }
+    counts = {
+        quantity: _stated_number(pattern, text) for quantity, pattern in COUNTS.items()
+    }
+    return {
+        quantity: f"{count:.12g}/{unit}"
+        if (count := counts[quantity]) is not None
+        else unit
+        for quantity, unit in units.items()
+    }
 
 
-def _check_units(text: Table, columns: Sequence[LogColumn], stated: dict[str, str]) -> None:
+def _check_units(
+    text: Table, columns: Sequence[LogColumn], stated: dict[str, str]
+) -> None:
     """Ask about a column with two units, or with a factor that is not applied; `stated` units are above the header."""
     forces = [column for column in columns if column.ours != "time_s"]
     own = dict(zip_longest(text.names, text.units, fillvalue=""))
     for column in columns:
-        for other in (stated.get(quantity_of(column.ours), ""), own.get(column.name, "")):
+        for other in (
+            stated.get(quantity_of(column.ours), ""),
+            own.get(column.name, ""),
+        ):
             factor = unit_factor(other, quantity_of(column.ours))
             if factor is not None and not np.isclose(factor, column.factor, rtol=1e-9):
-                raise _question(f"{text.path}: {column.name!r} is in {column.unit} by its name", column, other, columns)
+                raise _question(
+                    f"{text.path}: {column.name!r} is in {column.unit} by its name",
+                    column,
+                    other,
+                    columns,
+                )
     counted = {quantity_of(column.ours) for column in forces if "/" in column.unit}
     for nth, line in enumerate(text.above, start=1):
         found = GAIN.search(line)
@@ -290,37 +444,85 @@ def _check_units(text: Table, columns: Sequence[LogColumn], stated: dict[str, st
             raise _question(said, forces[0], f"1000/{forces[0].unit}", forces)
 
 
-def _check_whole(text: Table, columns: Sequence[LogColumn], values_sc: Floats, given: Sequence[LogColumn]) -> None:
-    counted = [column for column in columns if "/" in column.unit and column not in given]
+def _check_whole(
+    text: Table,
+    columns: Sequence[LogColumn],
+    values_sc: Floats,
+    given: Sequence[LogColumn],
+) -> None:
+    counted = [
+        column for column in columns if "/" in column.unit and column not in given
+    ]
     for column, values in zip(columns, values_sc.T, strict=True):
         broken = np.isfinite(values) & (values != np.rint(values))
         if column in counted and broken.any():
             line, (count, unit) = int(np.argmax(broken)), column.unit.split("/")
-            found = f"{text.place(line)}: {column.name}: {values[line]:g} is not a count"
-            raise _question(f"{found}, but the header states {count} per {unit}", column, unit, counted)
+            found = (
+                f"{text.place(line)}: {column.name}: {values[line]:g} is not a count"
+            )
+            raise _question(
+                f"{found}, but the header states {count} per {unit}",
+                column,
+                unit,
+                counted,
+            )
 
 
-def _question(said: str, column: LogColumn, other: str, columns: Sequence[LogColumn]) -> UnansweredError:
+def _question(
+    said: str, column: LogColumn, other: str, columns: Sequence[LogColumn]
+) -> UnansweredError:
     forms = (each.answer("UNIT") for each in columns)
-    return UnansweredError("--column", f"{said}: {column.answer()} or {column.answer(other)}?", *forms)
+    return UnansweredError(
+        "--column", f"{said}: {column.answer()} or {column.answer(other)}?", *forms
+    )
 
 
 def _range_n(text: Table) -> float:
-    stated = [each for line in text.above if (found := RANGE.search(line)) for each in FORCE_IN_TEXT.findall(found[1])]
-    sizes_n = [(number(size, ",") or 0.0) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated]
+    stated = [
+        each
+        for line in text.above
+        if (found := RANGE.search(line))
+        for each in FORCE_IN_TEXT.findall(found[1])
+    ]
+    sizes_n = [
+        (number(size, ",") or 0.0) * (unit_factor(unit, FORCE) or 0.0)
+        for size, unit in stated
+    ]
     return max(sizes_n, default=0.0) or np.inf
 
 
 def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
     meanings = {name: _status_meaning(name, text.names) for name in text.names}
-    named = {name: LogColumn(STATUS, name, meaning) for name, meaning in meanings.items() if meaning}
-    return tuple((named | {column.name: column for column in given if column.ours == STATUS}).values())
+    named = {
+        name: LogColumn(STATUS, name, meaning)
+        for name, meaning in meanings.items()
+        if meaning
+    }
+    return tuple(
+        (
+            named | {column.name: column for column in given if column.ours == STATUS}
+        ).values()
+    )
 
 
-def _overruled(by_header: Sequence[LogColumn], given: Sequence[LogColumn]) -> tuple[str, ...]:
-    pairs = [(said, own) for said in given for own in by_header if (own.ours, own.name) == (said.ours, said.name)]
-    differ = [(said, own) for said, own in pairs if not np.isclose(own.factor, said.factor, rtol=1e-9)]
-    return tuple(f"{a.name}: read in {a.unit} (--column), where the log states {b.unit}" for a, b in differ)
+def _overruled(
+    by_header: Sequence[LogColumn], given: Sequence[LogColumn]
+) -> tuple[str, ...]:
+    pairs = [
+        (said, own)
+        for said in given
+        for own in by_header
+        if (own.ours, own.name) == (said.ours, said.name)
+    ]
+    differ = [
+        (said, own)
+        for said, own in pairs
+        if not np.isclose(own.factor, said.factor, rtol=1e-9)
+    ]
+    return tuple(
+        f"{a.name}: read in {a.unit} (--column), where the log states {b.unit}"
+        for a, b in differ
+    )
 
 
 def _stated_number(pattern: str, text: Table) -> float | None:
@@ -329,14 +531,19 @@ def _stated_number(pattern: str, text: Table) -> float | None:
         if found := re.search(pattern, line):
             value = None if GROUPED.fullmatch(found[2]) else number(found[2], ",")
             if value is None:
-                raise RecordingError(f"{text.path}:{nth}: {found[1]}: {found[2]!r} is not a number; {PLAIN_NUMBERS}")
+                raise RecordingError(
+                    f"{text.path}:{nth}: {found[1]}: {found[2]!r} is not a number; {PLAIN_NUMBERS}"
+                )
             return value
     return None
 
 
 def _clock_column(text: Table) -> list[LogColumn]:
     for name in text.names:
-        if re.sub(r"[\W_]+", "_", BRACKETS.sub(r"\g<name>", name)).lower().strip("_") not in CLOCK_NAMES:
+        if (
+            re.sub(r"[\W_]+", "_", BRACKETS.sub(r"\g<name>", name)).lower().strip("_")
+            not in CLOCK_NAMES
+        ):
             continue
         moments = text.column(name)
         found = dict.fromkeys(map(log_text.clock_of, moments))
@@ -346,5 +553,9 @@ def _clock_column(text: Table) -> list[LogColumn]:
             return [LogColumn("time_s", name, known[0])]
         if found:
             question = f"is the day or the month first? time={name}:dmy says the day, time={name}:mdy the month"
-            raise UnansweredError("--column", f"{text.path}: {name}: {moments[0]!r}: {question}", "time=NAME:UNIT")
+            raise UnansweredError(
+                "--column",
+                f"{text.path}: {name}: {moments[0]!r}: {question}",
+                "time=NAME:UNIT",
+            )
     return []

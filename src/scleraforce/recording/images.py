@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
 from scleraforce.recording.dicom import read_dicom
-from scleraforce.recording.pixels import Pixels, Scan, Times, as_shown, check_size, named_faults, rising
+from scleraforce.recording.pixels import (
+    Pixels,
+    Scan,
+    Times,
+    as_shown,
+    check_size,
+    named_faults,
+    rising,
+)
 from scleraforce.recording.tiff import read_tiff
 from scleraforce.units import to_si
 from scleraforce.whole_files import KINDS, read_bytes
@@ -52,12 +60,17 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
     else:
         return read_picture(path, data)
     if len(scan.names) != 1:
-        raise FrameError(f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it")
+        raise FrameError(
+            f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it"
+        )
     (pixels,) = scan.pictures()
     if pixels.dtype.kind == "i":
         least = int(pixels.min())
         note = f"{path}: signed pixels: {-least} was added, so that the smallest is 0"
-        scan, pixels = replace(scan, notes=(*scan.notes, note)), pixels.astype(np.int64) - least
+        scan, pixels = (
+            replace(scan, notes=(*scan.notes, note)),
+            pixels.astype(np.int64) - least,
+        )
         pixels = pixels.astype(np.uint16) if int(pixels.max()) < 2**16 else pixels
     with named_faults(path, "image"):
         return scans.grey_pixels(np.ascontiguousarray(pixels)), scan
@@ -69,18 +82,38 @@ def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
         if not data.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
             found = "an empty file" if not data else "not an image that can be read"
             raise FrameError(f"{found}; give a PNG, TIFF, JPEG or a single DICOM image")
-        orientation, of_jpeg = _checked_orientation(data), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        orientation, of_jpeg = (
+            _checked_orientation(data),
+            cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION,
+        )
         flags = of_jpeg if data.startswith(JPEG_SIGNATURE) else cv2.IMREAD_UNCHANGED
         decoded = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
         if decoded is None:
             raise FrameError("damaged: it starts like an image but cannot be decoded")
         pixels: NDArray[Any] = np.asarray(decoded)
-        clear = pixels.ndim == 3 and pixels.shape[-1] == 4 and (pixels[..., 3] != np.iinfo(pixels.dtype).max).any()
+        clear = (
+            pixels.ndim == 3
+            and pixels.shape[-1] == 4
+            and (pixels[..., 3] != np.iinfo(pixels.dtype).max).any()
+        )
         notes = ["its transparency was left out"] if clear else []
-        notes += [f"EXIF Orientation {orientation}: turned as it states"] if orientation != UPRIGHT else []
-        grey: Pixels = np.ascontiguousarray(as_shown(scans.grey_pixels(pixels, cv2.COLOR_BGR2GRAY), orientation))
+        notes += (
+            [f"EXIF Orientation {orientation}: turned as it states"]
+            if orientation != UPRIGHT
+            else []
+        )
+        grey: Pixels = np.ascontiguousarray(
+            as_shown(scans.grey_pixels(pixels, cv2.COLOR_BGR2GRAY), orientation)
+        )
     (rows, columns), bits = grey.shape, 8 if grey.itemsize == 1 else None
-    scan = Scan((str(path),), rows, columns, lambda: iter([read_image(Path(path))[0]]), bits=bits, notes=tuple(notes))
+    scan = Scan(
+        (str(path),),
+        rows,
+        columns,
+        lambda: iter([read_image(Path(path))[0]]),
+        bits=bits,
+        notes=tuple(notes),
+    )
     return grey, scan.of_file(path)
 
 
@@ -91,7 +124,9 @@ def _checked_orientation(data: bytes) -> int:
     with Image.open(BytesIO(data)) as image:
         check_size(image.height, image.width)
         if getattr(image, "is_animated", False):
-            raise FrameError(f"several pictures in one {image.format}; give a file for each frame")
+            raise FrameError(
+                f"several pictures in one {image.format}; give a file for each frame"
+            )
         exif = Image.Exif()
         exif.load(image.info.get("exif", b""))
         orientation = int(exif.get(ORIENTATION_TAG) or UPRIGHT)
@@ -108,14 +143,24 @@ def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> S
     with named_faults(path, "NumPy file of numbers"):
         with path.open("rb") as file:
             if file.read(2) != b"PK":
-                return scans.array_scan(path, np.asarray(np.load(path, mmap_mode="r", allow_pickle=False)), axes)
+                return scans.array_scan(
+                    path,
+                    np.asarray(np.load(path, mmap_mode="r", allow_pickle=False)),
+                    axes,
+                )
         with np.load(path, allow_pickle=False) as held:
             scans.check_bytes(sum(info.file_size for info in held.zip.infolist()))
             found = {name: held[name] for name in held.files}
-        frames = [name for name, value in found.items() if value.ndim in (2, 3) and value.size > 1]
+        frames = [
+            name
+            for name, value in found.items()
+            if value.ndim in (2, 3) and value.size > 1
+        ]
         if array is None and len(frames) != 1:
             listed = ", ".join(found) or "none"
-            raise scans.UnansweredError("--array", f"which array has the frames? There are {listed}")
+            raise scans.UnansweredError(
+                "--array", f"which array has the frames? There are {listed}"
+            )
         name = array or frames[0]
         if name not in found:
             raise FrameError(f"no array {name!r}; there are {', '.join(found)}")
@@ -131,10 +176,16 @@ EVEN = 0.05  # of their median, that steps of time may differ to be even
 def read_film(path: Path) -> Scan:
     """Return a film's frames; all of them are counted first, as the stated number is not reliable."""
     with _opened(path) as film:
-        rows, columns = (int(film.get(what)) for what in (cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_WIDTH))
+        rows, columns = (
+            int(film.get(what))
+            for what in (cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_WIDTH)
+        )
         check_size(rows, columns)
         deep = _is_deep(path, film)
-        rate_hz, stated = float(film.get(cv2.CAP_PROP_FPS)), int(film.get(cv2.CAP_PROP_FRAME_COUNT))
+        rate_hz, stated = (
+            float(film.get(cv2.CAP_PROP_FPS)),
+            int(film.get(cv2.CAP_PROP_FRAME_COUNT)),
+        )
         times_ms = []
         while film.grab():
             times_ms.append(float(film.get(cv2.CAP_PROP_POS_MSEC)))
@@ -145,21 +196,37 @@ def read_film(path: Path) -> Scan:
     steps_s, pace = np.diff(time_s), f"film of {rate_hz:g} frames a second"
     if steps_s.size and np.ptp(steps_s) > EVEN * np.median(steps_s):
         pace = f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
-    notes = ["a film's compression changes grey levels and fine structure; its times are those at which it plays "
-             "(--rate-hz where frames were taken at another rate)"]  # fmt: skip
+    notes = [
+        "a film's compression changes grey levels and fine structure; its times are those at which it plays "
+        "(--rate-hz where frames were taken at another rate)"
+    ]
     count = len(times_ms)
     with path.open("rb") as file:
-        if count < stated and file.read(4) != MATROSKA:  # which states no number of frames
+        if (
+            count < stated and file.read(4) != MATROSKA
+        ):  # which states no number of frames
             notes.append(
                 f"states {stated} frames and plays {count}: cut off, or the others are empty, hidden or damaged"
             )
-    shape, bits, times = (rows, columns), None if deep else 8, Times(time_s, pace) if rising(time_s) else None
-    scan = Scan(scans.frame_names(path, count), *shape, lambda: _pictures(path, shape, deep), bits=bits, times=times)
+    shape, bits, times = (
+        (rows, columns),
+        None if deep else 8,
+        Times(time_s, pace) if rising(time_s) else None,
+    )
+    scan = Scan(
+        scans.frame_names(path, count),
+        *shape,
+        lambda: _pictures(path, shape, deep),
+        bits=bits,
+        times=times,
+    )
     return replace(scan, notes=tuple(notes)).of_file(path)
 
 
 def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
-    tag = (int(film.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF).to_bytes(4, "little")
+    tag = (int(film.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF).to_bytes(
+        4, "little"
+    )
     if tag == GREY_16:
         return True
     if not _has_8_bits(tag):
@@ -176,7 +243,9 @@ def _has_8_bits(tag: bytes) -> bool:
     >>> [_has_8_bits(tag) for tag in (b"I420", b"RGB\x18", b"Y1\0\x0a", b"\x0c\x0b3Y", b"P010", bytes(4))]
     [True, True, False, False, False, False]
     """
-    return (tag.isalnum() and not re.fullmatch(rb"[PYXv]\d(10|12|16)", tag)) or tag[3] in BITS_OF_PIXELS
+    return (tag.isalnum() and not re.fullmatch(rb"[PYXv]\d(10|12|16)", tag)) or tag[
+        3
+    ] in BITS_OF_PIXELS
 
 
 @contextmanager
@@ -188,7 +257,9 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
     try:
         with named_faults(path, "film"):
             if not film.isOpened():
-                raise FrameError("damaged or a kind of film that OpenCV does not decode")
+                raise FrameError(
+                    "damaged or a kind of film that OpenCV does not decode"
+                )
             yield film
     finally:
         film.release()
@@ -201,7 +272,15 @@ def _pictures(path: Path, shape: tuple[int, int], deep: bool) -> scans.PictureSt
             film.set(cv2.CAP_PROP_CONVERT_RGB, 0)
         while (picture := film.read()[1]) is not None:
             if picture.shape[:2] != shape:
-                raise FrameError(f"its frames change their size, from {shape} to {picture.shape[:2]}")
+                raise FrameError(
+                    f"its frames change their size, from {shape} to {picture.shape[:2]}"
+                )
             if picture.dtype != (np.uint16 if deep else np.uint8):
-                raise FrameError(f"decoded as {picture.dtype}, not with the {16 if deep else 8} bits that it has")
-            yield cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
+                raise FrameError(
+                    f"decoded as {picture.dtype}, not with the {16 if deep else 8} bits that it has"
+                )
+            yield (
+                cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+                if picture.ndim == 3
+                else picture
+            )

@@ -12,11 +12,32 @@ import numpy as np
 
 from scleraforce.errors import InputError, RecordingError, StudyError
 from scleraforce.plain_json import parse_json
-from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, name_fault, read_info
+from scleraforce.recording.folder import (
+    EyeInfo,
+    ForceInfo,
+    NeedleInfo,
+    OctInfo,
+    RecordingInfo,
+    name_fault,
+    read_info,
+)
 from scleraforce.recording.force_log import columns_by_header
 from scleraforce.recording.log_text import read_log_text
-from scleraforce.recording.pixels import MOST_BITS, Greys, Scan, Times, UnansweredError, even_times
-from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, on_one_clock, option_name
+from scleraforce.recording.pixels import (
+    MOST_BITS,
+    Greys,
+    Scan,
+    Times,
+    UnansweredError,
+    even_times,
+)
+from scleraforce.recording.sources import (
+    OPTION,
+    Gathered,
+    ImportOptions,
+    on_one_clock,
+    option_name,
+)
 from scleraforce.recording.tables import ForceLog, numbers_of
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import FileKind, read_text
@@ -27,23 +48,41 @@ FILE_NAMES = ("file", "filename", "frame", "image")
 def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
     """Return the frames' times by a table, to each name its time if it names files, or by a rate; None without both."""
     if table is not None and rate_hz is not None:
-        raise InputError("--rate-hz: --times states when frames were taken; give one of them")
+        raise InputError(
+            "--rate-hz: --times states when frames were taken; give one of them"
+        )
     if rate_hz is not None:
         if not 0.0 < rate_hz < float("inf"):
-            raise InputError(f"--rate-hz: {rate_hz:g}; give the frames taken in a second")
+            raise InputError(
+                f"--rate-hz: {rate_hz:g}; give the frames taken in a second"
+            )
         return even_times(len(scan.names), 1.0 / rate_hz, "option")
     if table is None:
         return None
     text = read_log_text(table, least=1)
-    column = next((found for found in columns_by_header(text.names, {}) if found.ours == "time_s"), None)
+    column = next(
+        (
+            found
+            for found in columns_by_header(text.names, {})
+            if found.ours == "time_s"
+        ),
+        None,
+    )
     if column is None:
         listed = ", ".join(map(repr, text.names))
-        raise InputError(f"{table}: no column of times with its unit, like time_s or Time (ms); there are {listed}")
+        raise InputError(
+            f"{table}: no column of times with its unit, like time_s or Time (ms); there are {listed}"
+        )
     time_s = numbers_of(text, [text.names.index(column.name)])[:, 0] * column.factor
     for file in (name for name in text.names if name.lower() in FILE_NAMES):
-        by_name = {Path(name).name: at for name, at in zip(text.column(file), time_s.tolist(), strict=True)}
+        by_name = {
+            Path(name).name: at
+            for name, at in zip(text.column(file), time_s.tolist(), strict=True)
+        }
         if all(Path(name).name in by_name for name in scan.names):
-            return Times(np.array([by_name[Path(name).name] for name in scan.names]), str(table))
+            return Times(
+                np.array([by_name[Path(name).name] for name in scan.names]), str(table)
+            )
     if len(time_s) != len(scan.names):
         raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
     return Times(time_s, str(table))
@@ -55,7 +94,9 @@ class Question:
 
     words: str
     options: str
-    fault: Callable[[Any], str | None] = lambda _: None  # returns why an answer is wrong
+    fault: Callable[[Any], str | None] = lambda _: (
+        None
+    )  # returns why an answer is wrong
     optional: bool = False  # may stay open (None)
     offered: float | None = None  # the sources' suggestion for an optional question
 
@@ -66,26 +107,35 @@ QUESTIONS = {
     "depth_mm": Question("depth of the frames, as stored", "--depth-mm"),
     "refractive_index": Question(
         "refractive index of the depth axis: 1 if the scanner has corrected it (geometric depth), otherwise the "
-        "tissue's, about 1.38 (optical depth)", "--refractive-index",
+        "tissue's, about 1.38 (optical depth)",
+        "--refractive-index",
     ),
     "bits": Question("bits of a pixel that are used", "--bits"),
     "rate_hz": Question("frames taken in a second", "--rate-hz or --times"),
-    "clock_offset_s": Question("force log's clock minus the frames' clock, in seconds", "--clock-offset-s"),
+    "clock_offset_s": Question(
+        "force log's clock minus the frames' clock, in seconds", "--clock-offset-s"
+    ),
     "axis": Question("axis of the force sensor along the needle", "--axis"),
     "contact_sign": Question("sign of that axis in contact", "--contact-sign"),
     "eye": Question("name of the eye", "--eye", name_fault),
     "gauge": Question("gauge of the needle", "--gauge"),
-    "gap_mm": Question("distance of the B-scan plane from the needle's axis", "--gap-mm"),
+    "gap_mm": Question(
+        "distance of the B-scan plane from the needle's axis", "--gap-mm"
+    ),
     "thickness_um": Question("thickness of the wall", "--thickness-um", optional=True),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
 class Asker:
     """The functions that ask a user at a terminal."""
 
-    settle: Callable[[ImportOptions, UnansweredError], ImportOptions]  # adds the answer to a source's open question
-    missing: Callable[[Mapping[str, Question]], dict[str, Any]]  # returns answers by their names in `QUESTIONS`
+    settle: Callable[
+        [ImportOptions, UnansweredError], ImportOptions
+    ]  # adds the answer to a source's open question
+    missing: Callable[
+        [Mapping[str, Question]], dict[str, Any]
+    ]  # returns answers by their names in `QUESTIONS`
     again: Callable[[InputError], None]  # reports a wrong answer, before the next round
 
 
@@ -107,25 +157,45 @@ class Import:
 
     def with_notes(self, notes: Sequence[str]) -> "Import":
         """Return the import with further notes."""
-        return replace(self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes)))
+        return replace(
+            self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes))
+        )
 
 
-Known = dict[str, tuple[Any, str]]  # values by the name of their option, each with its source
+Known = dict[
+    str, tuple[Any, str]
+]  # values by the name of their option, each with its source
 
 
 def complete(
-    gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str], asker: Asker | None,
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportOptions,
+    origins: Mapping[str, str],
+    asker: Asker | None,
     measured_um: Callable[[OctInfo], float | None],
-) -> Import:  # fmt: skip
+) -> Import:
     """Combine options (`origins`), then the sources' values, then another recording's; ask for the rest."""
-    times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
+    times = (
+        given_times(gathered.scan, answers.times, answers.rate_hz)
+        or gathered.scan.times
+    )
     known, questions = open_questions(gathered, greys, answers, origins)
     if asker is None and questions:
-        listed = "; ".join(f"{question.words} ({question.options})" for question in questions.values())
+        listed = "; ".join(
+            f"{question.words} ({question.options})" for question in questions.values()
+        )
         raise InputError(f"neither in the sources nor among the options: {listed}")
     done = None
     while done is None:
-        answered = {} if asker is None else {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
+        answered = (
+            {}
+            if asker is None
+            else {
+                name: (value, ANSWER)
+                for name, value in asker.missing(questions).items()
+            }
+        )
         try:
             done = _completed(gathered, greys, answers, times, known | answered)
         except InputError as wrong:
@@ -136,12 +206,16 @@ def complete(
     source = origins.get(name, ANSWER)
     if value is None and asker is not None:
         shown_um = measured_um(done.info.oct)
-        value = asker.missing({name: replace(QUESTIONS[name], offered=shown_um)}).get(name)
+        value = asker.missing({name: replace(QUESTIONS[name], offered=shown_um)}).get(
+            name
+        )
         source = "measured on the first frames" if value == shown_um else source
     if value is None:
         note = "the wall's thickness is not stated: `calibrate` needs it, and readings are less sure (--thickness-um)"
         return done.with_notes([note])
-    info = replace(done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um")))
+    info = replace(
+        done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um"))
+    )
     return replace(done, info=info, sources=done.sources | {name: source})
 
 
@@ -152,47 +226,81 @@ def open_questions(
     _check_used(gathered, origins)
     if gathered.planes and origins.get("gap_mm") == OPTION:
         raise InputError("--gap-mm: several planes show their gaps; leave it out")
-    times = given_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
+    times = (
+        given_times(gathered.scan, answers.times, answers.rate_hz)
+        or gathered.scan.times
+    )
     needed = _needed(gathered, answers, times)
     stated = _stated(gathered, greys)
     known = stated | {
         name: (value, origins.get(name, ANSWER))
         for name in needed
-        if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
+        if (value := getattr(answers, name)) is not None
+        and (name not in stated or origins.get(name) == OPTION)
     }
-    questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
+    questions = {
+        name: question
+        for name, question in QUESTIONS.items()
+        if name in needed - set(known)
+    }
     scan = gathered.scan
-    for fault, names in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
+    for fault, names in (
+        (scan.scale_fault, ("width_mm", "depth_mm")),
+        (scan.times_fault, ("rate_hz",)),
+    ):
         if fault and questions.keys() & names:
             raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
     if "bits" in questions:
         few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
-        questions["bits"] = replace(questions["bits"], fault=lambda bits: None if greys.fit(bits) else few)
+        questions["bits"] = replace(
+            questions["bits"], fault=lambda bits: None if greys.fit(bits) else few
+        )
     return known, questions
 
 
-def _completed(gathered: Gathered, greys: Greys, answers: ImportOptions, times: Times | None, known: Known) -> Import:
+def _completed(
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportOptions,
+    times: Times | None,
+    known: Known,
+) -> Import:
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
     if not greys.fit(info.oct.bits):
-        raise InputError(f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}")
+        raise InputError(
+            f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}"
+        )
     asked = None if times else given_times(gathered.scan, None, values.get("rate_hz"))
     times = times or asked or Times(np.zeros(1), "a single frame")
     if "rate_hz" in known:
         times = replace(times, source=known["rate_hz"][1])
     offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
-    sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
-    doubts = [fault for fault in (gathered.scan.scale_fault, gathered.scan.times_fault) if fault]
+    sources = {name: known[name][1] for name in QUESTIONS if name in known} | {
+        "times": times.source
+    }
+    doubts = [
+        fault
+        for fault in (gathered.scan.scale_fault, gathered.scan.times_fault)
+        if fault
+    ]
     doubts += [
         f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where {source} states {value:g} mm"
         for name, (value, source) in _stated(gathered, greys).items()
-        if name in ("width_mm", "depth_mm") and abs(known[name][0] - value) > SAME_SCALE * value
+        if name in ("width_mm", "depth_mm")
+        and abs(known[name][0] - value) > SAME_SCALE * value
     ]
-    if log is not None and (count := int(((moved.time_s < log.time_s[0]) | (moved.time_s > log.time_s[-1])).sum())):
+    if log is not None and (
+        count := int(
+            ((moved.time_s < log.time_s[0]) | (moved.time_s > log.time_s[-1])).sum()
+        )
+    ):
         lost = f"{count} frames were taken before or after the forces: they have no label and are not evaluated"
         doubts.append(f"{lost}; mend the clocks (--clock-offset-s) if they should be")
-    return Import(gathered, greys, moved, log, origin_s, info, sources).with_notes(doubts)
+    return Import(gathered, greys, moved, log, origin_s, info, sources).with_notes(
+        doubts
+    )
 
 
 def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
@@ -200,56 +308,107 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
     kinds = {kind for _, kind in gathered.files}
     packed = any(path.suffix.lower() == ".npz" for path, _ in gathered.files)
     for what, there, names in (
-        ("a force log", gathered.log is not None, ("axis", "contact_sign", "average_s", "clock_offset_s")),
+        (
+            "a force log",
+            gathered.log is not None,
+            ("axis", "contact_sign", "average_s", "clock_offset_s"),
+        ),
         ("a force log of text", "log" in kinds, ("columns",)),
         ("a ROS bag", "bag" in kinds, ("image_topic", "force_topic", "by_arrival")),
         ("an .npz file", packed, ("array",)),
-        ("frames whose axes are not fixed", bool(kinds - {"thorlabs", "log"}), ("axes",)),
+        (
+            "frames whose axes are not fixed",
+            bool(kinds - {"thorlabs", "log"}),
+            ("axes",),
+        ),
     ):
-        if unused := [name for name in names if origins.get(name) == OPTION and not there]:
-            raise InputError(f"{option_name(unused[0])}: acts on {what}, which is not among the sources; leave it out")
+        if unused := [
+            name for name in names if origins.get(name) == OPTION and not there
+        ]:
+            raise InputError(
+                f"{option_name(unused[0])}: acts on {what}, which is not among the sources; leave it out"
+            )
 
 
-def _needed(gathered: Gathered, answers: ImportOptions, times: Times | None) -> set[str]:
+def _needed(
+    gathered: Gathered, answers: ImportOptions, times: Times | None
+) -> set[str]:
     needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge"}
     needed |= set() if gathered.planes else {"gap_mm"}
     if times is None and len(gathered.scan.names) > 1:
         needed.add("rate_hz")
     if gathered.log is not None:
         by_bag = len(gathered.files) == 1 and answers.rate_hz is None
-        needed |= {"axis", "contact_sign", *([] if by_bag or answers.times else ["clock_offset_s"])}
+        needed |= {
+            "axis",
+            "contact_sign",
+            *([] if by_bag or answers.times else ["clock_offset_s"]),
+        }
     return needed
 
 
 def _stated(gathered: Gathered, greys: Greys) -> Known:
     scan, log = gathered.scan, gathered.log
     found: Known = {}
-    extents = {"width_mm": (scan.size.lateral_m, scan.columns), "depth_mm": (scan.size.depth_m, scan.rows)}
+    extents = {
+        "width_mm": (scan.size.lateral_m, scan.columns),
+        "depth_mm": (scan.size.depth_m, scan.rows),
+    }
     for name, (pixel_m, count) in extents.items():
         if pixel_m:
-            found[name] = (float(f"{from_si(pixel_m * count, 'mm'):.7g}"), scan.size.source)
+            found[name] = (
+                float(f"{from_si(pixel_m * count, 'mm'):.7g}"),
+                scan.size.source,
+            )
     if greys.scaled:
         found["bits"] = (MOST_BITS, "scaled to them")
     elif scan.bits is not None:
         found["bits"] = (scan.bits, "file")
-    axes = [] if log is None else [name.removesuffix("_n") for name in log.columns if name.endswith("_n")]
+    axes = (
+        []
+        if log is None
+        else [name.removesuffix("_n") for name in log.columns if name.endswith("_n")]
+    )
     if len(axes) == 1:
         found["axis"] = (axes[0], "the only force of the log")
     return found
 
 
-def _info(gathered: Gathered, answers: ImportOptions, values: dict[str, Any]) -> RecordingInfo:
+def _info(
+    gathered: Gathered, answers: ImportOptions, values: dict[str, Any]
+) -> RecordingInfo:
     scan = gathered.scan
     try:
-        width_m, depth_m = (to_si(values[name], "mm") for name in ("width_mm", "depth_mm"))
-        used = {name: values[name] for name in ("bits", "refractive_index")} | {"plane": gathered.planes}
-        oct_info = OctInfo(columns=scan.columns, rows=scan.rows, width_m=width_m, depth_m=depth_m, **used)
-        thickness_m, iop_pa = to_si(answers.thickness_um, "um"), to_si(answers.iop_mmhg, "mmhg")
+        width_m, depth_m = (
+            to_si(values[name], "mm") for name in ("width_mm", "depth_mm")
+        )
+        used = {name: values[name] for name in ("bits", "refractive_index")} | {
+            "plane": gathered.planes
+        }
+        oct_info = OctInfo(
+            columns=scan.columns,
+            rows=scan.rows,
+            width_m=width_m,
+            depth_m=depth_m,
+            **used,
+        )
+        thickness_m, iop_pa = (
+            to_si(answers.thickness_um, "um"),
+            to_si(answers.iop_mmhg, "mmhg"),
+        )
         gap_m = None if gathered.planes else to_si(values["gap_mm"], "mm")
-        eye = EyeInfo(values["eye"], thickness_m=thickness_m, iop_pa=iop_pa, globe=answers.globe)
+        eye = EyeInfo(
+            values["eye"], thickness_m=thickness_m, iop_pa=iop_pa, globe=answers.globe
+        )
         polar_rad = to_si(answers.polar_angle_deg, "deg")
-        needle = NeedleInfo(gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad)
-        force = None if gathered.log is None else ForceInfo(values["axis"], int(values["contact_sign"]))
+        needle = NeedleInfo(
+            gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad
+        )
+        force = (
+            None
+            if gathered.log is None
+            else ForceInfo(values["axis"], int(values["contact_sign"]))
+        )
         if force and answers.average_s is not None:
             force = replace(force, average_s=answers.average_s)
         return RecordingInfo(eye, oct_info, needle, force)
@@ -258,7 +417,9 @@ def _info(gathered: Gathered, answers: ImportOptions, values: dict[str, Any]) ->
 
 
 IMPORT_RECORD = "import.json"
-RECORD_KIND = FileKind(IMPORT_RECORD, 2**20, "`scleraforce import` writes it", RecordingError)
+RECORD_KIND = FileKind(
+    IMPORT_RECORD, 2**20, "`scleraforce import` writes it", RecordingError
+)
 # Of sources of one laboratory; what is of one session or eye (times, offsets, the eye's name) is asked anew.
 KEPT = ("axes", "array", "columns", "image_topic", "force_topic", "grey_range")
 
@@ -266,11 +427,25 @@ KEPT = ("axes", "array", "columns", "image_topic", "force_topic", "grey_range")
 def answers_like(folder: Path) -> dict[str, Any]:
     """Return another recording's answers by the names of options: its scanner, needle, sensor, and import."""
     info = read_info(folder / "recording.toml")
-    sizes_m = {"width_mm": info.oct.width_m, "depth_mm": info.oct.depth_m, "gap_mm": info.needle.slice_gap_m}
-    found: dict[str, Any] = {name: from_si(size_m, "mm") for name, size_m in sizes_m.items()}
-    found |= {"refractive_index": info.oct.refractive_index, "bits": info.oct.bits, "gauge": info.needle.gauge}
+    sizes_m = {
+        "width_mm": info.oct.width_m,
+        "depth_mm": info.oct.depth_m,
+        "gap_mm": info.needle.slice_gap_m,
+    }
+    found: dict[str, Any] = {
+        name: from_si(size_m, "mm") for name, size_m in sizes_m.items()
+    }
+    found |= {
+        "refractive_index": info.oct.refractive_index,
+        "bits": info.oct.bits,
+        "gauge": info.needle.gauge,
+    }
     if (force := info.force) is not None:
-        found |= {"axis": force.axis, "contact_sign": str(force.contact_sign), "average_s": force.average_s}
+        found |= {
+            "axis": force.axis,
+            "contact_sign": str(force.contact_sign),
+            "average_s": force.average_s,
+        }
     answers = _recorded(folder, "answers", {}, "an object")
     return found | {name: answers[name] for name in KEPT if name in answers}
 
@@ -286,8 +461,12 @@ def _recorded(folder: Path, key: str, default: Any, kind: str) -> Any:
         found = parse_json(read_text(path, RECORD_KIND)) if path.exists() else {}
         value = found.get(key, default)
     except (ValueError, AttributeError) as fault:
-        raise RecordingError(f"{path}: {fault}; expected an object, as `scleraforce import` writes it") from fault
-    if isinstance(value, bool) or not isinstance(value, (int, float) if kind == "a number" else type(default)):
+        raise RecordingError(
+            f"{path}: {fault}; expected an object, as `scleraforce import` writes it"
+        ) from fault
+    if isinstance(value, bool) or not isinstance(
+        value, (int, float) if kind == "a number" else type(default)
+    ):
         raise RecordingError(f"{path}: {key}: {value!r} is not {kind}")
     return value
 
@@ -313,6 +492,11 @@ def provenance(done: Import) -> dict[str, Any]:
         "values": done.sources,
         "clock_origin_s": done.origin_s,
         "columns": [column.answer() for column in done.gathered.columns],
-        "grey": {"low": greys.low, "high": greys.high, "scaled": greys.scaled, "not_finite": greys.lost},
+        "grey": {
+            "low": greys.low,
+            "high": greys.high,
+            "scaled": greys.scaled,
+            "not_finite": greys.lost,
+        },
         "notes": list(done.gathered.notes),
     }

@@ -46,7 +46,9 @@ class Trial:
     excluded: str | None = None
 
 
-def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float | None = None) -> tuple[Trial, ...]:
+def label_frames(
+    recording: Recording, classes: ClassesStudy, max_force_n: float | None = None
+) -> tuple[Trial, ...]:
     """Label every frame of a recording, in its order; trials above `max_force_n` are marked as excluded.
 
     Raises:
@@ -61,7 +63,9 @@ def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float
         way = "the columns are in N: multiply forces in mN by 0.001, in gram-force by 0.00981"
         raise RecordingError(f"{recording.path / 'forces.csv'}: {fault}; {way}")
     each = zip(recording.frames, labels, strict=True)
-    return tuple(_trial(recording, frame, label, classes, max_force_n) for frame, label in each)
+    return tuple(
+        _trial(recording, frame, label, classes, max_force_n) for frame, label in each
+    )
 
 
 def labels_n(recording: Recording) -> Sequence[float | str | None]:
@@ -70,8 +74,14 @@ def labels_n(recording: Recording) -> Sequence[float | str | None]:
     if log is None or info is None:
         return [None] * len(recording.frames)
     force_n = contact_force(log, info)
-    windows = [_samples_around(log, force_n, frame.time_s, info.average_s) for frame in recording.frames]
-    return [window if isinstance(window, str) else float(force_n[window].mean()) for window in windows]
+    windows = [
+        _samples_around(log, force_n, frame.time_s, info.average_s)
+        for frame in recording.frames
+    ]
+    return [
+        window if isinstance(window, str) else float(force_n[window].mean())
+        for window in windows
+    ]
 
 
 def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...]:
@@ -80,11 +90,16 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
         return ()
     without = [trial for trial in trials if trial.measured_force_n is None]
     lost = [f"{each.file}: {each.excluded}" for each in without[:1]]
-    said = (f"{len(without)} of {len(trials)} frames have no label and are left out ({reason})" for reason in lost)
+    said = (
+        f"{len(without)} of {len(trials)} frames have no label and are left out ({reason})"
+        for reason in lost
+    )
     return *recording.forces.notes, *said
 
 
-def unit_fault(recording: Recording, labels: Sequence[float | str | None], classes: ClassesStudy) -> str | None:
+def unit_fault(
+    recording: Recording, labels: Sequence[float | str | None], classes: ClassesStudy
+) -> str | None:
     """Return why forces cannot be in N: by the labels, and by the sensor's noise; None if they can.
 
     The noise is taken from the mean difference of neighbours, on which pushes and a few knocks have no effect.
@@ -96,26 +111,51 @@ def unit_fault(recording: Recording, labels: Sequence[float | str | None], class
     sizes_n = np.abs([label if isinstance(label, float) else 0.0 for label in labels])
     raw_n = log.known(info.axis).force_n(info.axis)
     peak = int(np.argmax(sizes_n))
-    noise_n = float(np.abs(np.diff(raw_n)).mean()) * np.sqrt(np.pi) / 2.0 if len(raw_n) > 1 else 0.0
+    noise_n = (
+        float(np.abs(np.diff(raw_n)).mean()) * np.sqrt(np.pi) / 2.0
+        if len(raw_n) > 1
+        else 0.0
+    )
     if sizes_n[peak] > largest_n:
         under = f"under {recording.frames[peak].file}, more than {largest_n:.4g} N"
         return f"{info.axis}_n: {sizes_n[peak]:.4g} N {under}"
     coarse = f"more than the {from_si(LARGEST_NOISE_N, 'mn'):g} mN of a coarse sensor"
-    return f"{info.axis}_n: a noise of {noise_n:.2g} N, {coarse}" if noise_n > LARGEST_NOISE_N else None
+    return (
+        f"{info.axis}_n: a noise of {noise_n:.2g} N, {coarse}"
+        if noise_n > LARGEST_NOISE_N
+        else None
+    )
 
 
 def _trial(
-    recording: Recording, frame: FrameEntry, label: float | str | None, classes: ClassesStudy, max_force_n: float | None
+    recording: Recording,
+    frame: FrameEntry,
+    label: float | str | None,
+    classes: ClassesStudy,
+    max_force_n: float | None,
 ) -> Trial:
     force_n, reason = (label, None) if isinstance(label, float) else (None, label)
     if force_n is not None and force_n < -classes.bounds_n[0] and not frame.pierced:
         found = f"would pull with {-from_si(force_n, 'mn'):.1f} mN at the time of {frame.file}, {frame.time_s:g} s"
         way = "check contact_sign, and that the log starts before the first contact"
-        raise RecordingError(f"{recording.path / 'forces.csv'}: the needle {found}; {way}")
+        raise RecordingError(
+            f"{recording.path / 'forces.csv'}: the needle {found}; {way}"
+        )
     if force_n is not None and max_force_n is not None and force_n > max_force_n:
-        reason = f"above the largest force of the study, {from_si(max_force_n, 'mn'):g} mN"
-    target, excluded = None if force_n is None else classes.classify(force_n), "pierced" if frame.pierced else reason
-    return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=force_n, target=target, excluded=excluded)
+        reason = (
+            f"above the largest force of the study, {from_si(max_force_n, 'mn'):g} mN"
+        )
+    target, excluded = (
+        None if force_n is None else classes.classify(force_n),
+        "pierced" if frame.pierced else reason,
+    )
+    return Trial(
+        file=frame.file,
+        time_s=frame.time_s,
+        measured_force_n=force_n,
+        target=target,
+        excluded=excluded,
+    )
 
 
 def contact_force(log: ForceLog, info: ForceInfo) -> Floats:
@@ -128,14 +168,21 @@ def contact_force(log: ForceLog, info: ForceInfo) -> Floats:
     raw_n = every_n[known]
     if not len(raw_n):
         return every_n
-    every_n[known] = low_pass(raw_n, log.time_s[known]) - raw_n[: tare_samples(raw_n, log.sample_rate_hz)].mean()
+    every_n[known] = (
+        low_pass(raw_n, log.time_s[known])
+        - raw_n[: tare_samples(raw_n, log.sample_rate_hz)].mean()
+    )
     return every_n
 
 
 def tare_samples(raw_n: Floats, rate_hz: float) -> int:
     """Return the number of samples, from the first, whose mean is the tare: all before the first contact."""
     contact = first_contact(raw_n, rate_hz)
-    return len(raw_n) if contact is None else max(contact - round(GUARD_S * rate_hz), (contact + 1) // 2)
+    return (
+        len(raw_n)
+        if contact is None
+        else max(contact - round(GUARD_S * rate_hz), (contact + 1) // 2)
+    )
 
 
 def low_pass(force_n: Floats, time_s: Floats) -> Floats:
@@ -191,13 +238,19 @@ def first_contact(force_n: Floats, rate_hz: float) -> int | None:
     total = np.concatenate([[0.0], np.cumsum(force_n)])
     rise_n = (total[starts + after] - total[starts]) / after - total[starts] / starts
     noise_n = float(np.diff(force_n).std()) / np.sqrt(2.0) if len(starts) else 0.0
-    sure = rise_n > np.maximum(LEAST_RISE_N, SIGNIFICANCE * noise_n * np.sqrt(1.0 / after + 1.0 / starts))
+    sure = rise_n > np.maximum(
+        LEAST_RISE_N, SIGNIFICANCE * noise_n * np.sqrt(1.0 / after + 1.0 / starts)
+    )
     if not sure.any():
         return None
     start = int(starts[int(np.argmax(sure))])
     begin = max(start - 10 * after, 0)  # earlier samples pin the level
-    earliest = max(start - after // 2, start // 2) - begin  # a slow push may begin before its rise is certain
-    return begin + _begin_of_rise(force_n[begin : start + after], earliest, max(block // 10, 1))
+    earliest = (
+        max(start - after // 2, start // 2) - begin
+    )  # a slow push may begin before its rise is certain
+    return begin + _begin_of_rise(
+        force_n[begin : start + after], earliest, max(block // 10, 1)
+    )
 
 
 def _begin_of_rise(force_n: Floats, earliest: int, step: int) -> int:
@@ -216,20 +269,30 @@ def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingErro
     first, last, path = recording.frames[0], recording.frames[-1], recording.path
     spans = f"{log.time_s[0]:g} to {log.time_s[-1]:g} s"
     if last.time_s < log.time_s[0] or first.time_s > log.time_s[-1]:
-        found = f"frames.csv has {first.time_s:g} to {last.time_s:g} s, forces.csv {spans}"
-        return RecordingError(f"{path}: the clocks do not overlap: {found}; bring both to one clock")
+        found = (
+            f"frames.csv has {first.time_s:g} to {last.time_s:g} s, forces.csv {spans}"
+        )
+        return RecordingError(
+            f"{path}: the clocks do not overlap: {found}; bring both to one clock"
+        )
     found = f"no frame has a label; {first.file}: {reason}"
     return RecordingError(f"{path / 'frames.csv'}: {found}; forces.csv spans {spans}")
 
 
-def _samples_around(log: ForceLog, force_n: Floats, time_s: float, average_s: float) -> slice | str:
+def _samples_around(
+    log: ForceLog, force_n: Floats, time_s: float, average_s: float
+) -> slice | str:
     """Return the samples of a frame's window, or why it has no label.
 
     At the ends of the log, half of the window is enough, with samples on both sides of the frame.
     """
-    start, middle, stop = np.searchsorted(log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9])
+    start, middle, stop = np.searchsorted(
+        log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9]
+    )
     expected = average_s * log.sample_rate_hz
-    if middle in (start, stop) or stop - start < expected / 2 - 1e-6:  # its clock is rounded
+    if (
+        middle in (start, stop) or stop - start < expected / 2 - 1e-6
+    ):  # its clock is rounded
         place = f"within {average_s / 2:g} s of its time {time_s:g} s"
         return f"{stop - start} force samples {place}, about {expected:.0f} are needed"
     if missing := int(np.isnan(force_n[start:stop]).sum()):
@@ -240,17 +303,28 @@ def _samples_around(log: ForceLog, force_n: Floats, time_s: float, average_s: fl
 CROSS_FORCE = 2.0  # a needle that is pushed along its axis has no more than that share of the force across it
 OTHER_SIZE = 3.0  # moduli of the training differ by less from the middle of their range
 LEAST_FRAMES = 6  # a curve of three coefficients goes through fewer whatever they show
-MOST_FRAMES = 50  # frames of a film are not independent witnesses: evenly chosen ones are enough
+MOST_FRAMES = (
+    50  # frames of a film are not independent witnesses: evenly chosen ones are enough
+)
 RELATED = 4.6  # gain of log likelihood of a curve over none that chance gives once in a hundred times (chi square, 2)
 BETTER = 10.0  # the same of a shift over the stated times; chance gives about 7 where 12 frames try 240 shifts
-FARTHEST_S, STEP_S, LEAST_SHIFT_S = 60.0, 0.5, 1.0  # of the frames' times, in the search for a shift
+FARTHEST_S, STEP_S, LEAST_SHIFT_S = (
+    60.0,
+    0.5,
+    1.0,
+)  # of the frames' times, in the search for a shift
 LEAST_SCATTER = 1e-3  # of the variance: the rest after reading and label at best
-LEAST_VARIANCE_M2 = (1e-9) ** 2  # of the values of frames: if all are equal, no shift fits better
+LEAST_VARIANCE_M2 = (
+    1e-9
+) ** 2  # of the values of frames: if all are equal, no shift fits better
 LEAST_SHARE = 0.75  # of the frames that must lie on the log under a shift
 
 
 def log_doubts(
-    recording: Recording, classes: ClassesStudy, shown: Sequence[float | None], in_newtons: bool = False
+    recording: Recording,
+    classes: ClassesStudy,
+    shown: Sequence[float | None],
+    in_newtons: bool = False,
 ) -> tuple[str, ...]:
     """Return sentences on a log that does not fit its frames.
 
@@ -260,7 +334,9 @@ def log_doubts(
     doubt = axis_doubt(recording, classes)
     if doubt or recording.forces is None or recording.info.force is None:
         return (doubt,) if doubt else ()
-    values = np.array([np.nan if value is None else value for value in shown], dtype=np.float64)
+    values = np.array(
+        [np.nan if value is None else value for value in shown], dtype=np.float64
+    )
     seen = np.flatnonzero(np.isfinite(values))
     if len(seen) > MOST_FRAMES:
         seen = seen[np.linspace(0, len(seen) - 1, MOST_FRAMES).astype(np.intp)]
@@ -277,10 +353,18 @@ def log_doubts(
     shift_s, gain = _best_shift(means, times_s, values, classes.bounds_n[0])
     if gain > BETTER:
         taken = f"about {abs(shift_s):g} s {'later' if shift_s > 0 else 'earlier'} than frames.csv says"
-        return (f"the frames' times are off: they fit forces.csv as if taken {taken}; bring both to one clock",)
+        return (
+            f"the frames' times are off: they fit forces.csv as if taken {taken}; bring both to one clock",
+        )
     varied = np.ptp(stated_n) > classes.bounds_n[0]
-    if varied and _likelihood(stated_n, values) - _likelihood(np.zeros_like(stated_n), values) < RELATED:
-        return ("forces.csv is unrelated to the frames; check that both are of one session, and their clocks",)
+    if (
+        varied
+        and _likelihood(stated_n, values) - _likelihood(np.zeros_like(stated_n), values)
+        < RELATED
+    ):
+        return (
+            "forces.csv is unrelated to the frames; check that both are of one session, and their clocks",
+        )
     return ()
 
 
@@ -301,13 +385,23 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
     if log is None or info is None:
         return None
     times_s = np.array([frame.time_s for frame in recording.frames])
-    axes = [axis for axis in ("fx", "fy", "fz") if f"{axis}_n" in log.columns and np.isfinite(log.force_n(axis)).any()]
+    axes = [
+        axis
+        for axis in ("fx", "fy", "fz")
+        if f"{axis}_n" in log.columns and np.isfinite(log.force_n(axis)).any()
+    ]
     means = {axis: _means(log, replace(info, axis=axis))(times_s) for axis in axes}
-    peaks_n = {axis: float(np.nanmax(np.abs(mean_n), initial=0.0)) for axis, mean_n in means.items()}
+    peaks_n = {
+        axis: float(np.nanmax(np.abs(mean_n), initial=0.0))
+        for axis, mean_n in means.items()
+    }
     largest = max(axes, key=peaks_n.__getitem__)
     if peaks_n[largest] <= CROSS_FORCE * max(peaks_n[info.axis], classes.bounds_n[0]):
         return None
-    across, along = (f"{from_si(peaks_n[axis], 'mn'):.1f} mN along {axis}" for axis in (largest, info.axis))
+    across, along = (
+        f"{from_si(peaks_n[axis], 'mn'):.1f} mN along {axis}"
+        for axis in (largest, info.axis)
+    )
     return f"forces.csv has up to {across} under the frames, but {along}: check [force] axis, that along the needle"
 
 
@@ -316,7 +410,10 @@ def _means(log: ForceLog, info: ForceInfo) -> Callable[[Floats], Floats]:
     total = np.concatenate([[0.0], np.cumsum(contact_force(log, info))])
 
     def around(times_s: Floats) -> Floats:
-        start, stop = (np.searchsorted(log.time_s, times_s + side * info.average_s / 2) for side in (-1.0, 1.0))
+        start, stop = (
+            np.searchsorted(log.time_s, times_s + side * info.average_s / 2)
+            for side in (-1.0, 1.0)
+        )
         count = np.where(stop > start, stop - start, 1)
         return np.where(stop > start, (total[stop] - total[start]) / count, np.nan)
 
@@ -324,7 +421,10 @@ def _means(log: ForceLog, info: ForceInfo) -> Callable[[Floats], Floats]:
 
 
 def _best_shift(
-    means: Callable[[Floats], Floats], times_s: Floats, shown: Floats, least_span_n: float
+    means: Callable[[Floats], Floats],
+    times_s: Floats,
+    shown: Floats,
+    least_span_n: float,
 ) -> tuple[float, float]:
     """Return the shift of the frames' times that fits the log best, and its gain in log likelihood.
 
@@ -336,11 +436,15 @@ def _best_shift(
     for candidate_s in np.arange(-FARTHEST_S, FARTHEST_S + STEP_S / 2, STEP_S).tolist():
         force_n = means(times_s + candidate_s)
         kept = np.isfinite(force_n)
-        if abs(candidate_s) < LEAST_SHIFT_S or kept.sum() < max(LEAST_SHARE * len(kept), LEAST_FRAMES):
+        if abs(candidate_s) < LEAST_SHIFT_S or kept.sum() < max(
+            LEAST_SHARE * len(kept), LEAST_FRAMES
+        ):
             continue
         if np.ptp(np.sort(force_n[kept])[1:-1]) <= least_span_n:
             continue
-        gain = _likelihood(force_n[kept], shown[kept]) - _likelihood(stated_n[kept], shown[kept])
+        gain = _likelihood(force_n[kept], shown[kept]) - _likelihood(
+            stated_n[kept], shown[kept]
+        )
         if gain > best:
             shift_s, best = candidate_s, gain
     return shift_s, best
@@ -351,12 +455,25 @@ def _likelihood(force_n: Floats, shown: Floats) -> float:
     scaled = force_n / max(float(np.abs(force_n).max()), 1e-12)
     design = np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1)
     rest = shown - design @ np.linalg.lstsq(design, shown, rcond=None)[0]
-    return -0.5 * len(shown) * float(np.log(rest.var() / max(shown.var(), LEAST_VARIANCE_M2) + LEAST_SCATTER))
+    return (
+        -0.5
+        * len(shown)
+        * float(
+            np.log(rest.var() / max(shown.var(), LEAST_VARIANCE_M2) + LEAST_SCATTER)
+        )
+    )
 
 
 # A puncture is a sudden fall of the force in a log: limits of one.
-BEFORE_S, BETWEEN_S = 0.08, 0.02  # of the levels on either side of a fall in a log; a fall is that sudden
-FALL_SHARE, LEAST_FALL_N, DEVIATIONS = 0.4, 2e-3, 6.0  # of the level before; beyond the noise of a mean
+BEFORE_S, BETWEEN_S = (
+    0.08,
+    0.02,
+)  # of the levels on either side of a fall in a log; a fall is that sudden
+FALL_SHARE, LEAST_FALL_N, DEVIATIONS = (
+    0.4,
+    2e-3,
+    6.0,
+)  # of the level before; beyond the noise of a mean
 LEVEL = 0.25  # of the fall: so much the levels themselves may change, or it is a slow retraction
 STIFFNESS_N_M = 100.0  # of a steep wall: what the needle went back explains as much
 LIFTED_N, LIFTED_S = 2e-3, 0.5  # without contact for so long, a push is over
@@ -370,7 +487,9 @@ def log_punctures(log: ForceLog, force_n: Floats, travel_m: Floats) -> list[floa
     """
     count = max(round(BEFORE_S * log.sample_rate_hz), 2)
     gap = max(round(BETWEEN_S * log.sample_rate_hz), 1)
-    noise_n = float(np.abs(np.diff(force_n)).mean()) * np.sqrt(np.pi / count) / 2.0  # of a level
+    noise_n = (
+        float(np.abs(np.diff(force_n)).mean()) * np.sqrt(np.pi / count) / 2.0
+    )  # of a level
     sums_n = np.concatenate([[0.0], np.cumsum(force_n)])
     means_n = (sums_n[count:] - sums_n[:-count]) / count  # of the samples from each on
     first = np.arange(count, len(force_n) - 3 * count - gap)  # of the level before
@@ -379,10 +498,15 @@ def log_punctures(log: ForceLog, force_n: Floats, travel_m: Floats) -> list[floa
     )
     fall_n = before_n - after_n
     half = count // 2
-    back_m = np.nan_to_num(travel_m[first + half] - travel_m[first + count + gap + half])
-    least_n = np.maximum(FALL_SHARE * before_n, LEAST_FALL_N) + STIFFNESS_N_M * np.maximum(back_m, 0.0)
+    back_m = np.nan_to_num(
+        travel_m[first + half] - travel_m[first + count + gap + half]
+    )
+    least_n = np.maximum(
+        FALL_SHARE * before_n, LEAST_FALL_N
+    ) + STIFFNESS_N_M * np.maximum(back_m, 0.0)
     sudden = (fall_n >= np.maximum(least_n, DEVIATIONS * np.sqrt(2.0) * noise_n)) & (
-        np.maximum(np.abs(earlier_n - before_n), np.abs(after_n - later_n)) <= LEVEL * fall_n + 2.0 * noise_n
+        np.maximum(np.abs(earlier_n - before_n), np.abs(after_n - later_n))
+        <= LEVEL * fall_n + 2.0 * noise_n
     )
     touches = np.minimum(after_n, later_n) >= max(LIFTED_N, 3.0 * noise_n)
     found = np.flatnonzero(sudden & touches)
@@ -395,21 +519,41 @@ def with_punctures(recording: Recording) -> Recording:
     """Return a recording whose frames after a puncture in its force log, in the same push, are marked as pierced."""
     log, info = recording.forces, recording.info.force
     if log is None or info is None:
-        return replace(recording, frames=tuple(replace(entry, pierced=False) for entry in recording.frames))
-    log, times_s = log.known(info.axis), np.array([frame.time_s for frame in recording.frames])
+        return replace(
+            recording,
+            frames=tuple(replace(entry, pierced=False) for entry in recording.frames),
+        )
+    log, times_s = (
+        log.known(info.axis),
+        np.array([frame.time_s for frame in recording.frames]),
+    )
     raw_n = info.contact_sign * log.force_n(info.axis)
     tared_n = raw_n - raw_n[: tare_samples(raw_n, log.sample_rate_hz)].mean()
-    known = [(frame.time_s, frame.travel_m) for frame in recording.frames if frame.travel_m is not None]
+    known = [
+        (frame.time_s, frame.travel_m)
+        for frame in recording.frames
+        if frame.travel_m is not None
+    ]
     there_m = np.full(len(log.time_s), np.nan)
     if known:
         at_s, stated_m = np.array(known).T
         there_m = np.interp(log.time_s, at_s, stated_m, left=np.nan, right=np.nan)
-    pierced = after_punctures(times_s, log_punctures(log, tared_n, there_m), log.time_s, contact_force(log, info))
+    pierced = after_punctures(
+        times_s,
+        log_punctures(log, tared_n, there_m),
+        log.time_s,
+        contact_force(log, info),
+    )
     each = zip(recording.frames, pierced, strict=True)
-    return replace(recording, frames=tuple(replace(entry, pierced=is_pierced) for entry, is_pierced in each))
+    return replace(
+        recording,
+        frames=tuple(replace(entry, pierced=is_pierced) for entry, is_pierced in each),
+    )
 
 
-def after_punctures(times_s: Floats, punctures_s: Sequence[float], contact_s: Floats, contact_n: Floats) -> list[bool]:
+def after_punctures(
+    times_s: Floats, punctures_s: Sequence[float], contact_s: Floats, contact_n: Floats
+) -> list[bool]:
     """Return of each frame whether a puncture lies before it, in the same push.
 
     `contact_n` (sample,): the contact force at `contact_s`, by which a push ends.
@@ -422,4 +566,7 @@ def after_punctures(times_s: Floats, punctures_s: Sequence[float], contact_s: Fl
         end_s = ends_s[ends_s > pierced_s]
         return pierced_s <= at_s and (not len(end_s) or at_s < end_s[0])
 
-    return [any(within(pierced_s, at_s) for pierced_s in punctures_s) for at_s in times_s.tolist()]
+    return [
+        any(within(pierced_s, at_s) for pierced_s in punctures_s)
+        for at_s in times_s.tolist()
+    ]

@@ -12,7 +12,13 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
 from scleraforce.recording.pixels import SECONDS
-from scleraforce.recording.tables import SPACES, Table, check_counts, fields_of, is_number
+from scleraforce.recording.tables import (
+    SPACES,
+    Table,
+    check_counts,
+    fields_of,
+    is_number,
+)
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 from scleraforce.whole_files import KINDS, read_text
 
@@ -22,16 +28,31 @@ DAY_S = 86_400
 MONTHS = {
     name: month
     for month, names in enumerate(
-        ("jan", "feb fév fev", "mar mär mrz", "apr avr", "may mai", "jun juin", "jul juil", "aug aoû aou", "sep",
-         "oct okt", "nov", "dec dez déc"), start=1,
+        (
+            "jan",
+            "feb fév fev",
+            "mar mär mrz",
+            "apr avr",
+            "may mai",
+            "jun juin",
+            "jul juil",
+            "aug aoû aou",
+            "sep",
+            "oct okt",
+            "nov",
+            "dec dez déc",
+        ),
+        start=1,
     )
     for name in names.split()
-}  # fmt: skip
+}
 TIME_OF_DAY = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d\d)(:(?P<second>\d\d)([.,:](?P<fraction>\d+))?)?"
     r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?P<zone>Z|UTC|[+-]\d\d:?\d\d)?"
 )
-NUMBERS = r"(?P<first>\d{1,4})(?P<mark>[-/.])(?P<middle>\d{1,2})(?P=mark)(?P<last>\d{1,4})"
+NUMBERS = (
+    r"(?P<first>\d{1,4})(?P<mark>[-/.])(?P<middle>\d{1,2})(?P=mark)(?P<last>\d{1,4})"
+)
 WORDS = (
     r"((?P<name>[^\W\d_]{3,9})\.?\s+(?P<day>\d{1,2})|(?P<day_before>\d{1,2})\.?[\s-]+(?P<name_after>[^\W\d_]{3,9})\.?)"
     r"[,\s-]+(?P<year>\d{4})"
@@ -64,7 +85,10 @@ def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
     time_s = np.empty(len(texts))
     for nth, text in enumerate(texts):
         found = MOMENT.fullmatch(text)
-        if found is None or _kind(found) not in (clock, *([""] if clock in (DAY_FIRST, MONTH_FIRST) else [])):
+        if found is None or _kind(found) not in (
+            clock,
+            *([""] if clock in (DAY_FIRST, MONTH_FIRST) else []),
+        ):
             return nth
         try:
             time_s[nth] = _seconds(found, clock)
@@ -76,12 +100,18 @@ def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
 
 
 def _seconds(found: re.Match[str], clock: str) -> float:
-    hour, half, zone = int(found["hour"]), found["half"], (found["zone"] or "Z").replace("UTC", "Z")
+    hour, half, zone = (
+        int(found["hour"]),
+        found["half"],
+        (found["zone"] or "Z").replace("UTC", "Z"),
+    )
     if half and not 1 <= hour <= 12:
         raise ValueError
     hour = hour % 12 + (12 if half[0] in "pP" else 0) if half else hour
     time = f"{hour:02}:{found['minute']}:{found['second'] or '00'}{zone}"
-    return datetime.fromisoformat(f"{_day(found, clock)}T{time}").timestamp() + float(f"0.{found['fraction'] or 0}")
+    return datetime.fromisoformat(f"{_day(found, clock)}T{time}").timestamp() + float(
+        f"0.{found['fraction'] or 0}"
+    )
 
 
 def _day(found: re.Match[str], clock: str) -> date:
@@ -92,7 +122,13 @@ def _day(found: re.Match[str], clock: str) -> date:
         month = MONTHS.get(name[:4], MONTHS.get(name[:3], 0))
         return date(int(found["year"]), month, int(found["day"] or found["day_before"]))
     order = "ymd" if clock == ISO else clock
-    parts = dict(zip(order, (int(found[part]) for part in ("first", "middle", "last")), strict=True))
+    parts = dict(
+        zip(
+            order,
+            (int(found[part]) for part in ("first", "middle", "last")),
+            strict=True,
+        )
+    )
     return date(parts["y"] + (2000 if parts["y"] < 100 else 0), parts["m"], parts["d"])
 
 
@@ -101,15 +137,34 @@ INCH_M = 0.0254
 POUND_N = 0.45359237 * STANDARD_GRAVITY_M_S2
 
 NEWTONS = {
-    "n": 1.0, "newton": 1.0, "newtons": 1.0, "mn": to_si(1.0, "mn"), "millinewton": to_si(1.0, "mn"),
-    "millinewtons": to_si(1.0, "mn"), "un": 1e-6, "µn": 1e-6, "kn": 1e3,
-    "g": to_si(STANDARD_GRAVITY_M_S2, "mn"), "gf": to_si(STANDARD_GRAVITY_M_S2, "mn"), "kgf": STANDARD_GRAVITY_M_S2,
-    "lbf": POUND_N, "lb": POUND_N,
-}  # fmt: skip
+    "n": 1.0,
+    "newton": 1.0,
+    "newtons": 1.0,
+    "mn": to_si(1.0, "mn"),
+    "millinewton": to_si(1.0, "mn"),
+    "millinewtons": to_si(1.0, "mn"),
+    "un": 1e-6,
+    "µn": 1e-6,
+    "kn": 1e3,
+    "g": to_si(STANDARD_GRAVITY_M_S2, "mn"),
+    "gf": to_si(STANDARD_GRAVITY_M_S2, "mn"),
+    "kgf": STANDARD_GRAVITY_M_S2,
+    "lbf": POUND_N,
+    "lb": POUND_N,
+}
 NEWTON_METRES = {
-    "nm": 1.0, "n-m": 1.0, "n*m": 1.0, "n.m": 1.0, "n m": 1.0, "mnm": to_si(1.0, "mnm"), "nmm": 1e-3, "n-mm": 1e-3,
-    "ncm": 1e-2, "lbf-in": POUND_N * INCH_M, "in-lb": POUND_N * INCH_M,
-}  # fmt: skip
+    "nm": 1.0,
+    "n-m": 1.0,
+    "n*m": 1.0,
+    "n.m": 1.0,
+    "n m": 1.0,
+    "mnm": to_si(1.0, "mnm"),
+    "nmm": 1e-3,
+    "n-mm": 1e-3,
+    "ncm": 1e-2,
+    "lbf-in": POUND_N * INCH_M,
+    "in-lb": POUND_N * INCH_M,
+}
 UNITS = {TIME: SECONDS, FORCE: NEWTONS, TORQUE: NEWTON_METRES}
 RATE = re.compile(r"([\d.]+)\s*hz", re.IGNORECASE)
 PER_UNIT = re.compile(r"(\d+\.?\d*(?:[eE][+-]?\d+)?)\s*/\s*(.+)")
@@ -138,7 +193,9 @@ def unit_factor(unit: str, quantity: str) -> float | None:
         return 1.0 / float(rate[1])
     if unit.strip() == "MN":
         return None
-    return UNITS[quantity].get(unit.strip().lower().replace("\N{GREEK SMALL LETTER MU}", "µ"))
+    return UNITS[quantity].get(
+        unit.strip().lower().replace("\N{GREEK SMALL LETTER MU}", "µ")
+    )
 
 
 LABVIEW_MARK = "LabVIEW Measurement"
@@ -151,77 +208,136 @@ def read_log_text(path: Path, least: int = 2) -> Table:
     """Read a log; its header is the first line with names for the fields below, `least` of them numbers or dates."""
     whole = read_text(path, KINDS["forces"])
     lines = whole.splitlines()
-    text = _of_labview(path, lines) if whole.startswith(LABVIEW_MARK) else _of_lines(path, lines, least)
+    text = (
+        _of_labview(path, lines)
+        if whole.startswith(LABVIEW_MARK)
+        else _of_lines(path, lines, least)
+    )
     check_counts(text)
     return text
 
 
 def _of_labview(path: Path, lines: Sequence[str]) -> Table:
-    ends = [index for index, line in enumerate(lines) if line.strip().strip(",") == LABVIEW_END]
+    ends = [
+        index
+        for index, line in enumerate(lines)
+        if line.strip().strip(",") == LABVIEW_END
+    ]
     if not ends:
-        raise RecordingError(f"{path}: a LabVIEW measurement file without {LABVIEW_END}")
+        raise RecordingError(
+            f"{path}: a LabVIEW measurement file without {LABVIEW_END}"
+        )
     if len(ends) > 2:
         way = "export each to a file of its own"
-        raise RecordingError(f"{path}:{ends[2] + 1}: a second segment (Multi_Headings); {way}")
-    named = (line.removeprefix("Separator").strip() for line in lines[: ends[0]] if line.startswith("Separator"))
+        raise RecordingError(
+            f"{path}:{ends[2] + 1}: a second segment (Multi_Headings); {way}"
+        )
+    named = (
+        line.removeprefix("Separator").strip()
+        for line in lines[: ends[0]]
+        if line.startswith("Separator")
+    )
     stated = next(named, "Tab")
     separator = LABVIEW_SEPARATORS.get(stated.strip(",").lower())
     if separator is None:
-        raise RecordingError(f"{path}: Separator: {stated!r} is not read; export the file with Tab or Comma")
+        raise RecordingError(
+            f"{path}: Separator: {stated!r} is not read; export the file with Tab or Comma"
+        )
     head, top = _entries(lines[: ends[0]], separator), ends[-1] + 1
     segment = _entries(lines[ends[0] + 1 : ends[1]], separator) if ends[1:] else {}
     columns = head.get("X_Columns", ("One",))[0]
-    if columns.lower() == "no" or (columns.lower() == "multi" and segment.get("Channels", ("1",))[0] != "1"):
-        raise RecordingError(f"{path}: X_Columns: {columns} is not read; export the file with one column of times")
+    if columns.lower() == "no" or (
+        columns.lower() == "multi" and segment.get("Channels", ("1",))[0] != "1"
+    ):
+        raise RecordingError(
+            f"{path}: X_Columns: {columns} is not read; export the file with one column of times"
+        )
     dimension = next((each for each in segment.get("X_Dimension", ()) if each), "Time")
     if dimension.lower() != "time":
-        raise RecordingError(f"{path}: X_Dimension: {dimension!r}; the first column of a force log is the time")
+        raise RecordingError(
+            f"{path}: X_Dimension: {dimension!r}; the first column of a force log is the time"
+        )
     mark = head.get("Decimal_Separator", (".",))[0]
     if mark not in (".", ","):
-        raise RecordingError(f"{path}: Decimal_Separator: {mark!r} is neither a point nor a comma")
+        raise RecordingError(
+            f"{path}: Decimal_Separator: {mark!r} is neither a point nor a comma"
+        )
     if top >= len(lines):
         raise RecordingError(f"{path}: no columns below the header")
     names = _names(lines[top], separator)
     units = ("s", *segment.get("Y_Unit_Label", ()), *[""] * len(names))[: len(names)]
-    return _below(Table(path=path, names=names, separator=separator, units=units, mark=mark), lines, top, top + 1)
+    return _below(
+        Table(path=path, names=names, separator=separator, units=units, mark=mark),
+        lines,
+        top,
+        top + 1,
+    )
 
 
 def _entries(lines: Sequence[str], separator: str) -> dict[str, tuple[str, ...]]:
-    fields = [[field.strip() for field in line.split(separator)] for line in lines if line.strip()]
+    fields = [
+        [field.strip() for field in line.split(separator)]
+        for line in lines
+        if line.strip()
+    ]
     return {name: tuple(values) or ("",) for name, *values in fields}
 
 
 def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
     longer, shorter = None, None
     for nth, (line, below) in enumerate(pairwise(lines[:SEARCHED_LINES])):
-        alone = SPACES if len(below.split()) > 1 else ","  # a single column's name may have spaces
+        alone = (
+            SPACES if len(below.split()) > 1 else ","
+        )  # a single column's name may have spaces
         separator = next((mark for mark in "\t;," if mark in line), alone)
         names, fields = _names(line, separator), _names(below, separator, marks="")
-        if separator == SPACES and len(names) > len(fields):  # names with a blank in them
+        if separator == SPACES and len(names) > len(
+            fields
+        ):  # names with a blank in them
             bare = line.lstrip("#%").strip()
             wide, bracketed = re.split(r" {2,}", bare), re.split(r" +(?![\[({<])", bare)
             names = tuple(bracketed if len(bracketed) == len(fields) else wide)
         if not names or any(is_number(name) for name in names):
             continue
-        if sum(is_number(field) or clock_of(field) is not None for field in fields) < least:
+        if (
+            sum(is_number(field) or clock_of(field) is not None for field in fields)
+            < least
+        ):
             continue
         if len(names) < len(fields):
-            shorter = shorter or f"{path}:{nth + 2}: {len(fields)} fields; the header above has {len(names)} names"
+            shorter = (
+                shorter
+                or f"{path}:{nth + 2}: {len(fields)} fields; the header above has {len(names)} names"
+            )
             continue
         longer = longer or (nth, separator, names)
         if len(fields) == len(names):
             longer = nth, separator, names
             break
     if longer is None:
-        raise RecordingError(shorter or f"{path}: no header: a line with the names of columns, above lines of numbers")
+        raise RecordingError(
+            shorter
+            or f"{path}: no header: a line with the names of columns, above lines of numbers"
+        )
     top, separator, names = longer
     # The line above the numbers may have only units, with the names above them.
     units = tuple(name.strip(" []()") for name in names)
     above = _names(lines[top - 1], separator) if top else ()
-    known = [unit for unit in units if any(unit_factor(unit, quantity) is not None for quantity in UNITS)]
+    known = [
+        unit
+        for unit in units
+        if any(unit_factor(unit, quantity) is not None for quantity in UNITS)
+    ]
     if len(known) < 2 or len(above) != len(names):
-        return _below(Table(path=path, names=names, separator=separator), lines, top, top + 1)
-    return _below(Table(path=path, names=above, separator=separator, units=units), lines, top - 1, top + 1)
+        return _below(
+            Table(path=path, names=names, separator=separator), lines, top, top + 1
+        )
+    return _below(
+        Table(path=path, names=above, separator=separator, units=units),
+        lines,
+        top - 1,
+        top + 1,
+    )
 
 
 def _names(line: str, separator: str, marks: str = "#%") -> tuple[str, ...]:
@@ -232,5 +348,11 @@ def _names(line: str, separator: str, marks: str = "#%") -> tuple[str, ...]:
 
 
 def _below(table: Table, lines: Sequence[str], top: int, first: int) -> Table:
-    rest = {nth: line for nth, line in enumerate(lines[first:], start=first + 1) if line.strip()}
-    return replace(table, lines=tuple(rest.values()), numbers=tuple(rest), above=tuple(lines[:top]))
+    rest = {
+        nth: line
+        for nth, line in enumerate(lines[first:], start=first + 1)
+        if line.strip()
+    }
+    return replace(
+        table, lines=tuple(rest.values()), numbers=tuple(rest), above=tuple(lines[:top])
+    )

@@ -29,7 +29,14 @@ MAX_PIXELS = 64 * 2**20
 MAX_SAMPLES = 4  # of a pixel: colour and transparency
 GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
 OVERFULL = "damaged: more is packed in it than its header says"
-MIRRORED = {2: (1,), 3: (0, 1), 4: (0,), 6: (1,), 7: (0, 1), 8: (0,)}  # axes, by TIFF's and EXIF's Orientation
+MIRRORED = {
+    2: (1,),
+    3: (0, 1),
+    4: (0,),
+    6: (1,),
+    7: (0, 1),
+    8: (0,),
+}  # axes, by TIFF's and EXIF's Orientation
 TRANSPOSED = 5  # from this Orientation on, rows are stored as columns
 
 
@@ -54,21 +61,34 @@ class PixelScale:
 
     def __post_init__(self) -> None:
         if not (0.0 < self.lateral_m < 1.0 and 0.0 < self.depth_m < 1.0):
-            raise ValueError(f"a pixel of {self.lateral_m} m x {self.depth_m} m: give its size in metres, above 0")
+            raise ValueError(
+                f"a pixel of {self.lateral_m} m x {self.depth_m} m: give its size in metres, above 0"
+            )
         if not 1.0 <= self.refractive_index <= 2.0:
-            raise ValueError(f"a refractive index of {self.refractive_index}: tissue lies between 1 (corrected) and 2")
+            raise ValueError(
+                f"a refractive index of {self.refractive_index}: tissue lies between 1 (corrected) and 2"
+            )
 
     @classmethod
     def of(cls, scanner: "OctStudy | OctInfo") -> "PixelScale":
         """Return the scale of a scanner's frames (`OctStudy`, `OctInfo`)."""
-        lateral_m, depth_m = scanner.width_m / scanner.columns, scanner.depth_m / scanner.rows
-        return cls(lateral_m=lateral_m, depth_m=depth_m, refractive_index=scanner.refractive_index)
+        lateral_m, depth_m = (
+            scanner.width_m / scanner.columns,
+            scanner.depth_m / scanner.rows,
+        )
+        return cls(
+            lateral_m=lateral_m,
+            depth_m=depth_m,
+            refractive_index=scanner.refractive_index,
+        )
 
 
 def check_size(rows: int, columns: int, samples: int = 1) -> None:
     """Check the size that a file states, before memory is taken for its pixels."""
     if min(rows, columns) < 2:
-        raise FrameError(f"an image of {rows} x {columns} pixels; give one frame, rows x columns")
+        raise FrameError(
+            f"an image of {rows} x {columns} pixels; give one frame, rows x columns"
+        )
     if rows * columns > MAX_PIXELS or not 1 <= samples <= MAX_SAMPLES:
         many = f" with {samples} samples each" if samples > 1 else ""
         most = f"a frame may have {MAX_PIXELS // 2**20} million pixels (docs/recordings.md)"
@@ -79,14 +99,20 @@ def grey_pixels(pixels: NDArray[Any], colour: int = cv2.COLOR_RGB2GRAY) -> Pixel
     """Return grey uint8 or uint16 pixels (rows, columns) of (rows, columns[, 1, 3 or 4]); `colour` is OpenCV's code."""
     if pixels.dtype not in (np.uint8, np.uint16):
         lost = int(np.count_nonzero(~np.isfinite(pixels)))
-        found = f"{lost} pixels that are NaN or infinite" if lost else f"{pixels.dtype} pixels"
+        found = (
+            f"{lost} pixels that are NaN or infinite"
+            if lost
+            else f"{pixels.dtype} pixels"
+        )
         raise FrameError(f"{found}; give whole numbers of 8 or 16 bits")
     if pixels.ndim == 3 and pixels.shape[-1] in (3, 4):
         pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels[..., :3]), colour))
     elif pixels.ndim == 3 and pixels.shape[-1] == 1:
         pixels = pixels[..., 0]
     if pixels.ndim != 2:
-        raise FrameError(f"an image of shape {pixels.shape}; give one frame, rows x columns")
+        raise FrameError(
+            f"an image of shape {pixels.shape}; give one frame, rows x columns"
+        )
     check_size(*pixels.shape)
     return pixels
 
@@ -104,7 +130,9 @@ def inverted(pixels: NDArray[Any], bits: int) -> NDArray[Any]:
         return -pixels.astype(np.int64 if pixels.dtype != np.uint64 else np.float64)
     top = 2**bits - 1
     if int(pixels.max()) > top:
-        raise FrameError(f"damaged: a pixel of {int(pixels.max())} is more than {bits} bits")
+        raise FrameError(
+            f"damaged: a pixel of {int(pixels.max())} is more than {bits} bits"
+        )
     turned: NDArray[Any] = pixels.dtype.type(top) - pixels
     return turned
 
@@ -160,20 +188,33 @@ class Greys:
         picture = np.ascontiguousarray(picture)
         if not self.scaled:
             return np.asarray(picture.astype(np.int64) - int(self.low), dtype=np.uint16)
-        scaled = np.clip((picture.astype(np.float64) - self.low) * (TOP / (self.high - self.low)), 0.0, TOP)
+        scaled = np.clip(
+            (picture.astype(np.float64) - self.low) * (TOP / (self.high - self.low)),
+            0.0,
+            TOP,
+        )
         return np.asarray(np.nan_to_num(np.rint(scaled), nan=0.0), dtype=np.uint16)
 
 
-def find_greys(pictures: Iterable[NDArray[Any]], given: tuple[float, float] | None, name: str) -> Greys:
+def find_greys(
+    pictures: Iterable[NDArray[Any]], given: tuple[float, float] | None, name: str
+) -> Greys:
     """Return the map of pixels to counts: whole numbers that 16 bits hold stay or are shifted, others are scaled."""
     if given is not None and not given[0] < given[1]:
-        raise InputError(f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a larger one")
+        raise InputError(
+            f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a larger one"
+        )
     low, high, lost, whole = np.inf, -np.inf, 0, True
     for picture in pictures:
         if picture.dtype.kind not in "uif":
-            raise FrameError(f"{name}: pixels of type {picture.dtype}; give whole numbers or floats")
+            raise FrameError(
+                f"{name}: pixels of type {picture.dtype}; give whole numbers or floats"
+            )
         known = picture[np.isfinite(picture)] if picture.dtype.kind == "f" else picture
-        whole, lost = whole and picture.dtype.kind != "f", lost + picture.size - known.size
+        whole, lost = (
+            whole and picture.dtype.kind != "f",
+            lost + picture.size - known.size,
+        )
         if known.size:
             low, high = min(low, float(known.min())), max(high, float(known.max()))
     if given is not None:
@@ -181,7 +222,9 @@ def find_greys(pictures: Iterable[NDArray[Any]], given: tuple[float, float] | No
     if whole and high - min(low, 0.0) <= TOP:
         return Greys(low=min(low, 0.0), high=high, scaled=False)
     if not low < high:
-        raise FrameError(f"{name}: all pixels have one value or none; there is nothing to see in them")
+        raise FrameError(
+            f"{name}: all pixels have one value or none; there is nothing to see in them"
+        )
     return Greys(low=low, high=high, scaled=True, lost=lost)
 
 
@@ -197,7 +240,9 @@ def named_faults(path: Path | str, kind: str) -> Iterator[None]:
         if isinstance(fault, OSError) and fault.filename is not None:
             raise
         words = " ".join(str(fault).split()) or type(fault).__name__
-        raise FrameError(f"{path}: damaged or an unknown kind of {kind}: {words}") from fault
+        raise FrameError(
+            f"{path}: damaged or an unknown kind of {kind}: {words}"
+        ) from fault
 
 
 def package_for(name: str, kind: str, extra: str = "formats") -> Any:
@@ -205,7 +250,9 @@ def package_for(name: str, kind: str, extra: str = "formats") -> Any:
     try:
         return import_module(name)
     except ImportError as fault:
-        found = f"{kind} takes the package {name.partition('.')[0]}, which is not installed"
+        found = (
+            f"{kind} takes the package {name.partition('.')[0]}, which is not installed"
+        )
         raise InputError(f"{found}: pip install 'scleraforce[{extra}]'") from fault
 
 
@@ -213,15 +260,49 @@ PictureStream = Iterator[NDArray[Any]]
 
 LARGEST_BYTES = 16 * 2**30  # of the frames of one source, unpacked
 METRES = {
-    "m": 1.0, "meter": 1.0, "metre": 1.0, "cm": 1e-2, "centimeter": 1e-2, "inch": 25.4e-3, "in": 25.4e-3, "mm": 1e-3,
-    "millimeter": 1e-3, "millimetre": 1e-3, "µm": 1e-6, "μm": 1e-6, "um": 1e-6, "micron": 1e-6, "microns": 1e-6,
-    "micrometer": 1e-6, "micrometre": 1e-6, "nm": 1e-9, "nanometer": 1e-9,
-}  # fmt: skip
+    "m": 1.0,
+    "meter": 1.0,
+    "metre": 1.0,
+    "cm": 1e-2,
+    "centimeter": 1e-2,
+    "inch": 25.4e-3,
+    "in": 25.4e-3,
+    "mm": 1e-3,
+    "millimeter": 1e-3,
+    "millimetre": 1e-3,
+    "µm": 1e-6,
+    "μm": 1e-6,
+    "um": 1e-6,
+    "micron": 1e-6,
+    "microns": 1e-6,
+    "micrometer": 1e-6,
+    "micrometre": 1e-6,
+    "nm": 1e-9,
+    "nanometer": 1e-9,
+}
 SECONDS = {
-    "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0, "sekunden": 1.0, "secondes": 1.0, "min": 60.0,
-    "h": 3600.0, "d": 86400.0, "days": 86400.0, "ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "us": 1e-6,
-    "µs": 1e-6, "usec": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9,
-}  # fmt: skip
+    "s": 1.0,
+    "sec": 1.0,
+    "second": 1.0,
+    "seconds": 1.0,
+    "sek": 1.0,
+    "sekunden": 1.0,
+    "secondes": 1.0,
+    "min": 60.0,
+    "h": 3600.0,
+    "d": 86400.0,
+    "days": 86400.0,
+    "ms": 1e-3,
+    "msec": 1e-3,
+    "milliseconds": 1e-3,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "usec": 1e-6,
+    "microseconds": 1e-6,
+    "ns": 1e-9,
+    "nsec": 1e-9,
+    "nanoseconds": 1e-9,
+}
 ROUNDED = 0.001  # sizes of a pixel that differ by less were rounded
 
 
@@ -243,8 +324,13 @@ class PixelSize:
     lateral_m: float | None
 
     def __str__(self) -> str:
-        sizes = ("?" if size_m is None else f"{from_si(size_m, 'mm'):.6g}" for size_m in (self.depth_m, self.lateral_m))
-        return f"{self.source} states pixels of {' x '.join(sizes)} mm (depth x lateral)"
+        sizes = (
+            "?" if size_m is None else f"{from_si(size_m, 'mm'):.6g}"
+            for size_m in (self.depth_m, self.lateral_m)
+        )
+        return (
+            f"{self.source} states pixels of {' x '.join(sizes)} mm (depth x lateral)"
+        )
 
 
 UNKNOWN_SIZE = PixelSize("nothing", depth_m=None, lateral_m=None)
@@ -273,47 +359,78 @@ class Scan:
 
     def turned(self) -> "Scan":
         """Return the scan with rows and columns exchanged: depth ran along the rows."""
-        size = replace(self.size, depth_m=self.size.lateral_m, lateral_m=self.size.depth_m)
+        size = replace(
+            self.size, depth_m=self.size.lateral_m, lateral_m=self.size.depth_m
+        )
         pictures = self.pictures
         return replace(
-            self, rows=self.columns, columns=self.rows, size=size, pictures=lambda: (p.T for p in pictures())
+            self,
+            rows=self.columns,
+            columns=self.rows,
+            size=size,
+            pictures=lambda: (p.T for p in pictures()),
         )
 
     def between(self, first: int | None, last: int | None) -> "Scan":
         """Return the frames from the first to the last one, counted from 1; None: from the beginning, to the end."""
         start, stop = (first or 1) - 1, len(self.names) if last is None else last
         if not 0 <= start < stop <= len(self.names):
-            name = "--last-frame" if first is None or last is not None else "--first-frame"
-            raise InputError(f"{name}: frames {start + 1} to {stop} of {len(self.names)}; give a stretch of these")
+            name = (
+                "--last-frame" if first is None or last is not None else "--first-frame"
+            )
+            raise InputError(
+                f"{name}: frames {start + 1} to {stop} of {len(self.names)}; give a stretch of these"
+            )
         times = self.times and replace(self.times, time_s=self.times.time_s[start:stop])
         stream = self.pictures
-        return replace(self, names=self.names[start:stop], times=times, pictures=lambda: islice(stream(), start, stop))
+        return replace(
+            self,
+            names=self.names[start:stop],
+            times=times,
+            pictures=lambda: islice(stream(), start, stop),
+        )
 
     def of_file(self, path: Path | str) -> "Scan":
         """Return the scan with the file's name before each note and fault."""
-        scale_fault, times_fault = (fault and f"{path}: {fault}" for fault in (self.scale_fault, self.times_fault))
+        scale_fault, times_fault = (
+            fault and f"{path}: {fault}"
+            for fault in (self.scale_fault, self.times_fault)
+        )
         notes = tuple(f"{path}: {note}" for note in self.notes)
-        return replace(self, notes=notes, scale_fault=scale_fault, times_fault=times_fault)
+        return replace(
+            self, notes=notes, scale_fault=scale_fault, times_fault=times_fault
+        )
 
 
 def one_size(sizes: Sequence[PixelSize]) -> tuple[PixelSize, str | None]:
     """Return the size by the first field that states one, and the fault if fields differ."""
-    first, *others = [size for size in sizes if size.depth_m or size.lateral_m] or [UNKNOWN_SIZE]
+    first, *others = [size for size in sizes if size.depth_m or size.lateral_m] or [
+        UNKNOWN_SIZE
+    ]
     for other in others:
         pairs = ((first.depth_m, other.depth_m), (first.lateral_m, other.lateral_m))
-        if any(mine and theirs and abs(mine - theirs) > ROUNDED * mine for mine, theirs in pairs):
+        if any(
+            mine and theirs and abs(mine - theirs) > ROUNDED * mine
+            for mine, theirs in pairs
+        ):
             return UNKNOWN_SIZE, f"{first}, {other}"
     return first, None
 
 
 def frame_names(path: Path, count: int) -> tuple[str, ...]:
     """Return the names of a file's frames: a.tif[0], a.tif[1]; of its only one b.tif."""
-    return tuple(f"{path}[{nth}]" for nth in range(count)) if count > 1 else (str(path),)
+    return (
+        tuple(f"{path}[{nth}]" for nth in range(count)) if count > 1 else (str(path),)
+    )
 
 
 def even_times(count: int, step_s: float, source: str) -> Times | None:
     """Return times in even steps from 0 on; None if the step is not positive."""
-    return Times(np.arange(count, dtype=np.float64) * step_s, source) if step_s > 0.0 else None
+    return (
+        Times(np.arange(count, dtype=np.float64) * step_s, source)
+        if step_s > 0.0
+        else None
+    )
 
 
 def rising(time_s: Floats) -> bool:
@@ -324,14 +441,18 @@ def rising(time_s: Floats) -> bool:
 def check_bytes(count: int) -> None:
     """Check the memory or disk space of a file's frames before they are read."""
     if count > LARGEST_BYTES:
-        raise FrameError(f"{count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most (docs/formats.md)")
+        raise FrameError(
+            f"{count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most (docs/formats.md)"
+        )
 
 
 class UnansweredError(InputError):
     """A source leaves open what an option (like "--axes") answers; `forms` are of answers given several times."""
 
     def __init__(self, option: str, question: str, *forms: str) -> None:
-        super().__init__(f"{question}; give {' '.join(f'{option} {form}' for form in forms) or option}")
+        super().__init__(
+            f"{question}; give {' '.join(f'{option} {form}' for form in forms) or option}"
+        )
         self.option, self.question, self.forms = option, question, forms
 
 
@@ -342,21 +463,32 @@ def joined(scans: Sequence[Scan]) -> Scan:
         for field, mine in _kind(scan).items():
             if mine != kind[field]:
                 found = f"{field} {mine}, where {first.names[0]} has {kind[field]}"
-                raise FrameError(f"{scan.names[0]}: {found}; import frames of one kind at a time")
+                raise FrameError(
+                    f"{scan.names[0]}: {found}; import frames of one kind at a time"
+                )
     times = [scan.times for scan in scans if scan.times is not None]
     ordered, joint = scans, None
     if len(times) == len(scans):
         order = sorted(range(len(scans)), key=lambda nth: float(times[nth].time_s[0]))
         time_s = np.concatenate([times[nth].time_s for nth in order])
         if rising(time_s):
-            ordered, joint = [scans[nth] for nth in order], Times(time_s, times[0].source)
+            ordered, joint = (
+                [scans[nth] for nth in order],
+                Times(time_s, times[0].source),
+            )
     return replace(
-        first, names=tuple(name for scan in ordered for name in scan.names),
-        pictures=lambda: (picture for scan in ordered for picture in _checked(scan)), times=joint,
-        scale_fault=next((scan.scale_fault for scan in scans if scan.scale_fault), None),
-        times_fault=next((scan.times_fault for scan in scans if scan.times_fault), None),
+        first,
+        names=tuple(name for scan in ordered for name in scan.names),
+        pictures=lambda: (picture for scan in ordered for picture in _checked(scan)),
+        times=joint,
+        scale_fault=next(
+            (scan.scale_fault for scan in scans if scan.scale_fault), None
+        ),
+        times_fault=next(
+            (scan.times_fault for scan in scans if scan.times_fault), None
+        ),
         notes=tuple(dict.fromkeys(note for scan in scans for note in scan.notes)),
-    )  # fmt: skip
+    )
 
 
 def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
@@ -365,7 +497,12 @@ def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
     The n-th frames of all planes show one moment. Times that differ by half of the shortest step are a fault.
     """
     whole = joined(scans)
-    first = replace(scans[0], notes=whole.notes, scale_fault=whole.scale_fault, times_fault=whole.times_fault)
+    first = replace(
+        scans[0],
+        notes=whole.notes,
+        scale_fault=whole.scale_fault,
+        times_fault=whole.times_fault,
+    )
     times = [scan.times.time_s for scan in scans if scan.times is not None]
     if first.times is not None and len(first.names) > 1:
         apart_s = float(np.ptp(times, axis=0).max())
@@ -377,7 +514,11 @@ def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
         each = [_checked(scan) for scan in scans]
         return (picture for moment in zip(*each, strict=True) for picture in moment)
 
-    names = tuple(name for moment in zip(*(scan.names for scan in scans), strict=True) for name in moment)
+    names = tuple(
+        name
+        for moment in zip(*(scan.names for scan in scans), strict=True)
+        for name in moment
+    )
     return first, replace(first, names=names, pictures=pictures)
 
 
@@ -386,55 +527,99 @@ def _checked(scan: Scan) -> PictureStream:
     count, kind = 0, None
     for count, picture in enumerate(scan.pictures(), start=1):
         kind = kind or picture.dtype
-        if (picture.shape, picture.dtype) != ((scan.rows, scan.columns), kind) or count > len(scan.names):
+        if (picture.shape, picture.dtype) != (
+            (scan.rows, scan.columns),
+            kind,
+        ) or count > len(scan.names):
             found = f"a frame of {picture.shape} {picture.dtype}, number {count}"
             raise FrameError(f"{scan.names[0]}: damaged: {found}, is not stated")
         yield picture
     if count < len(scan.names):
-        raise FrameError(f"{scan.names[0]}: damaged: {count} of {len(scan.names)} frames can be read")
+        raise FrameError(
+            f"{scan.names[0]}: damaged: {count} of {len(scan.names)} frames can be read"
+        )
 
 
 def _kind(scan: Scan) -> dict[str, str]:
-    sizes = (from_si(size_m, "um") for size_m in (scan.size.depth_m, scan.size.lateral_m))
-    names = ("rows", "columns", "bits", "depth of a pixel (um)", "width of a pixel (um)")
+    sizes = (
+        from_si(size_m, "um") for size_m in (scan.size.depth_m, scan.size.lateral_m)
+    )
+    names = (
+        "rows",
+        "columns",
+        "bits",
+        "depth of a pixel (um)",
+        "width of a pixel (um)",
+    )
     values = (scan.rows, scan.columns, scan.bits, *sizes)
-    return {name: "not stated" if value is None else f"{value:.9g}" for name, value in zip(names, values, strict=True)}
+    return {
+        name: "not stated" if value is None else f"{value:.9g}"
+        for name, value in zip(names, values, strict=True)
+    }
 
 
 AXES = ("frame", "depth", "lateral")
-Steps = tuple[Sequence[float | None], str]  # along each axis, m, and the field that states them
+Steps = tuple[
+    Sequence[float | None], str
+]  # along each axis, m, and the field that states them
 
 
 def parse_axes(text: str) -> tuple[str, ...]:
     """Return the axes that a text names, like "lateral, depth,frame"."""
     names = tuple(name.strip() for name in text.split(","))
     if sorted(names) not in (sorted(AXES), sorted(AXES[1:])):
-        raise InputError(f"--axes: {text!r}; give {','.join(AXES)} in the order of the file, or depth,lateral of one")
+        raise InputError(
+            f"--axes: {text!r}; give {','.join(AXES)} in the order of the file, or depth,lateral of one"
+        )
     return names
 
 
-def array_scan(path: Path, array: NDArray[Any], axes: tuple[str, ...] | None, stated: Sequence[Steps] = ()) -> Scan:
+def array_scan(
+    path: Path,
+    array: NDArray[Any],
+    axes: tuple[str, ...] | None,
+    stated: Sequence[Steps] = (),
+) -> Scan:
     """Return an array as a scan; `axes` names those longer than 1 (None: ask), fields have `stated` steps along all."""
     sizes = " x ".join(map(str, array.shape))
     long = [axis for axis, size in enumerate(array.shape) if size > 1]
     array = array.squeeze()
     if array.ndim not in (2, 3):
-        raise FrameError(f"an array of {sizes}; give frames x rows x columns, or one frame")
+        raise FrameError(
+            f"an array of {sizes}; give frames x rows x columns, or one frame"
+        )
     if array.dtype.kind not in "uif":
-        raise FrameError(f"pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)")
+        raise FrameError(
+            f"pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)"
+        )
     if axes is None:
         question = f"which axis is which? Name {','.join(AXES[-array.ndim :])} in the order of the sizes"
         raise UnansweredError("--axes", f"an array of {sizes}: {question}")
     if array.ndim == 2:
         axes = tuple(name for name in axes if name != "frame")
     if len(axes) != array.ndim:
-        raise FrameError(f"--axes names {len(axes)} axes ({','.join(axes)}); the array is of {sizes}")
+        raise FrameError(
+            f"--axes names {len(axes)} axes ({','.join(axes)}); the array is of {sizes}"
+        )
     check_bytes(array.nbytes)
     frames = np.transpose(array, [axes.index(name) for name in AXES if name in axes])
     frames = frames if frames.ndim == 3 else frames[np.newaxis]
     count, rows, columns = frames.shape
     check_size(rows, columns)
     depth, lateral = (long[axes.index(name)] for name in AXES[1:])
-    size, fault = one_size([PixelSize(source, depth_m=m[depth], lateral_m=m[lateral]) for m, source in stated])
+    size, fault = one_size(
+        [
+            PixelSize(source, depth_m=m[depth], lateral_m=m[lateral])
+            for m, source in stated
+        ]
+    )
     names, bits = frame_names(path, count), 8 if frames.dtype == np.uint8 else None
-    return Scan(names, rows, columns, lambda: iter(frames), bits=bits, size=size, scale_fault=fault)
+    return Scan(
+        names,
+        rows,
+        columns,
+        lambda: iter(frames),
+        bits=bits,
+        size=size,
+        scale_fault=fault,
+    )

@@ -11,20 +11,40 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.recording import bags, dicom, force_log, images, log_text, tables, tiff, volumes
+from scleraforce.recording import (
+    bags,
+    dicom,
+    force_log,
+    images,
+    log_text,
+    tables,
+    tiff,
+    volumes,
+)
 from scleraforce.recording.folder import Plane, check_counts, check_planes
-from scleraforce.recording.pixels import Scan, Times, joined, of_moments, parse_axes, rising
+from scleraforce.recording.pixels import (
+    Scan,
+    Times,
+    joined,
+    of_moments,
+    parse_axes,
+    rising,
+)
 from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import FileKind, check_regular
 
 # Files that are not read, by their first bytes and by their endings: what they are, and what to do.
-FOREIGN = tomllib.loads(files("scleraforce.recording").joinpath("foreign.toml").read_text("utf-8"))
+FOREIGN = tomllib.loads(
+    files("scleraforce.recording").joinpath("foreign.toml").read_text("utf-8")
+)
 ANALYZE_BYTES = 348  # of a header, which begins with this number
 
 
 def _foreign_kind(name: str, head: bytes) -> str | None:
     ending = PurePath(name).suffix.lower()
-    if ending in (".hdr", ".img") and ANALYZE_BYTES in (int.from_bytes(head[:4], order) for order in ("little", "big")):
+    if ending in (".hdr", ".img") and ANALYZE_BYTES in (
+        int.from_bytes(head[:4], order) for order in ("little", "big")
+    ):
         return "an Analyze 7.5 volume, whose header has no unit; convert it to NIfTI (nibabel, MRIcroGL, fslchfiletype)"
     found: list[str] | None = FOREIGN["endings"].get(ending)
     if head.startswith(b"PK"):
@@ -45,9 +65,16 @@ HEAD_BYTES = 512
 SQLITE, MCAP = b"SQLite format 3\0", b"\x89MCAP0\r\n"
 NIFTI_NAMES = (".nii", ".nii.gz")
 TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
-HEADERS = {".img": (".hdr",), ".raw": (".mhd", ".nhdr"), ".zraw": (".mhd",), ".gz": (".nhdr",)}  # of files of pixels
-KINDS = ("PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD, films (AVI, MP4, MOV, MKV), "
-         "ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force logs (.csv, .txt, .lvm)")  # fmt: skip
+HEADERS = {
+    ".img": (".hdr",),
+    ".raw": (".mhd", ".nhdr"),
+    ".zraw": (".mhd",),
+    ".gz": (".nhdr",),
+}  # of files of pixels
+KINDS = (
+    "PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD, films (AVI, MP4, MOV, MKV), "
+    "ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force logs (.csv, .txt, .lvm)"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,12 +120,20 @@ def files_of(given: Sequence[Path]) -> list[Path]:
     for path in given:
         inside = [path]
         if path.is_dir() and not (path / "metadata.yaml").exists():
-            shown = [each for each in path.iterdir() if each.is_file() and not each.name.startswith(".")]
+            shown = [
+                each
+                for each in path.iterdir()
+                if each.is_file() and not each.name.startswith(".")
+            ]
             inside = sorted(shown, key=_natural_order)
         if not inside:
             raise InputError(f"{path}: no files in this folder")
         found += inside
-    return [path for path in found if not any(header in found for header in _headers_of(path))]
+    return [
+        path
+        for path in found
+        if not any(header in found for header in _headers_of(path))
+    ]
 
 
 def _headers_of(path: Path) -> list[Path]:
@@ -123,22 +158,36 @@ def source_kind(path: Path) -> str:
     except OSError as fault:
         raise InputError(f"{path}: {fault.strerror}") from fault
     kind = _known_kind(path.name.lower(), head)
-    if kind is None and path.suffix.lower() == ".img" and path.with_suffix(".hdr").exists():
+    if (
+        kind is None
+        and path.suffix.lower() == ".img"
+        and path.with_suffix(".hdr").exists()
+    ):
         return source_kind(path.with_suffix(".hdr"))
     binary = kind == "log" and b"\0" in head  # a log is text
-    if (binary or (kind is None and head)) and (foreign := _foreign_kind(path.name, head)) is not None:
+    if (binary or (kind is None and head)) and (
+        foreign := _foreign_kind(path.name, head)
+    ) is not None:
         raise InputError(f"{path}: {foreign}")
     if kind is None:
-        raise InputError(f"{path}: {'of no kind that is read' if head else 'an empty file'}; give {KINDS}")
+        raise InputError(
+            f"{path}: {'of no kind that is read' if head else 'an empty file'}; give {KINDS}"
+        )
     return kind
 
 
-VOLUMES = {"nifti": volumes.read_nifti, "nrrd": volumes.read_nrrd, "metaimage": volumes.read_metaimage}
+VOLUMES = {
+    "nifti": volumes.read_nifti,
+    "nrrd": volumes.read_nrrd,
+    "metaimage": volumes.read_metaimage,
+}
 FRAMES = {"tiff": tiff.read_tiff, "dicom": dicom.read_dicom, "film": images.read_film}
 FRAMES["picture"] = lambda path: images.read_image(path)[1]
 
 
-def read_scan(path: Path, kind: str, axes: tuple[str, ...] | None = None, array: str | None = None) -> Scan:
+def read_scan(
+    path: Path, kind: str, axes: tuple[str, ...] | None = None, array: str | None = None
+) -> Scan:
     """Return the frames of a source of a kind that `source_kind` returns."""
     if kind == "thorlabs":
         return volumes.read_thorlabs(path)
@@ -154,7 +203,9 @@ def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
     if axes is None:
         return scan
     if axes[0] != "frame" and len(axes) == 3:
-        raise InputError(f"--axes: {','.join(axes)}: {path} has frame after frame; begin with frame")
+        raise InputError(
+            f"--axes: {','.join(axes)}: {path} has frame after frame; begin with frame"
+        )
     return scan.turned() if axes[-2:] == ("lateral", "depth") else scan
 
 
@@ -162,7 +213,10 @@ def _known_kind(name: str, head: bytes) -> str | None:
     avi = head[:4] == b"RIFF" and head[8:12] == b"AVI "
     marks = (
         ("picture", head.startswith((b"\x89PNG", b"\xff\xd8\xff"))),
-        ("dicom", head[128:132] == b"DICM"),  # before TIFF: its preamble may be the head of one
+        (
+            "dicom",
+            head[128:132] == b"DICM",
+        ),  # before TIFF: its preamble may be the head of one
         ("tiff", head.startswith(images.TIFF_MARKS)),
         ("numpy", head.startswith(b"\x93NUMPY")),
         ("nrrd", head.startswith(b"NRRD")),
@@ -195,72 +249,134 @@ class Gathered:
 
 
 def gather(
-    sources: Sequence[Path], options: ImportOptions, seen: Callable[[int], None] = lambda _: None,
+    sources: Sequence[Path],
+    options: ImportOptions,
+    seen: Callable[[int], None] = lambda _: None,
     planes: Sequence[Plane | None] = (),
-) -> Gathered:  # fmt: skip
+) -> Gathered:
     """Read all sources, of several `planes` one for each source; `seen` is called with 1 after each file.
 
     Ask for answers that `options` do not give.
     """
     axes = None if options.axes is None else parse_axes(options.axes)
     given = [force_log.parse_column(text) for text in options.columns]
-    sources_of, scans = dict[Plane | None, list[Path]](), dict[Plane | None, list[Scan]]()
+    sources_of, scans = (
+        dict[Plane | None, list[Path]](),
+        dict[Plane | None, list[Scan]](),
+    )
     for source, plane in zip_longest(sources, planes):
         sources_of.setdefault(plane, []).append(source)
-    files = [(path, source_kind(path), plane) for plane, of_plane in sources_of.items() for path in files_of(of_plane)]
+    files = [
+        (path, source_kind(path), plane)
+        for plane, of_plane in sources_of.items()
+        for path in files_of(of_plane)
+    ]
     place_of = dict[Path, Plane]()
     for path, _, plane in files:
         if plane and place_of.setdefault(path.resolve(), plane) != plane:
-            raise InputError(f"--plane: {path} is of two planes; give the frames of each")
+            raise InputError(
+                f"--plane: {path} is of two planes; give the frames of each"
+            )
     logs: list[tuple[Path, ForceLog]] = []
     columns: tuple[force_log.LogColumn, ...] = ()
     for path, kind, plane in files:
         if kind == "bag":
-            scan, log = bags.read_bag(path, options.image_topic, options.force_topic, options.by_arrival)
+            scan, log = bags.read_bag(
+                path, options.image_topic, options.force_topic, options.by_arrival
+            )
             if scan is not None:
                 scans.setdefault(plane, []).append(_oriented(path, scan, axes))
             if log is not None:
-                log = replace(log, notes=(*log.notes, *tables.gap_notes(path, log.wrench_sc)))
-                logs.append((path, tables.checked_samples(log, path, f"{path}: message {{}} of the forces".format)))
+                log = replace(
+                    log, notes=(*log.notes, *tables.gap_notes(path, log.wrench_sc))
+                )
+                logs.append(
+                    (
+                        path,
+                        tables.checked_samples(
+                            log, path, f"{path}: message {{}} of the forces".format
+                        ),
+                    )
+                )
         elif kind == "log":
-            log, columns = force_log.read_force_text(log_text.read_log_text(path), given)
+            log, columns = force_log.read_force_text(
+                log_text.read_log_text(path), given
+            )
             logs.append((path, log))
         else:
-            scans.setdefault(plane, []).append(read_scan(path, kind, axes, options.array))
+            scans.setdefault(plane, []).append(
+                read_scan(path, kind, axes, options.array)
+            )
         seen(1)
     if not scans:
-        raise InputError(f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images")
+        raise InputError(
+            f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images"
+        )
     if len(logs) > 1:
-        raise InputError(f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time")
-    wholes = {plane: joined(found).between(options.first_frame, options.last_frame) for plane, found in scans.items()}
+        raise InputError(
+            f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time"
+        )
+    wholes = {
+        plane: joined(found).between(options.first_frame, options.last_frame)
+        for plane, found in scans.items()
+    }
     of_planes = {plane: whole for plane, whole in wholes.items() if plane}
     if of_planes and None in wholes:
-        raise InputError(f"--plane: missing for {wholes[None].names[0]}; give one before the frames of each plane")
+        raise InputError(
+            f"--plane: missing for {wholes[None].names[0]}; give one before the frames of each plane"
+        )
     check_planes(tuple(of_planes))
-    check_counts({plane.name: len(wholes[plane].names) if plane in wholes else 0 for plane in sources_of if plane})
-    scan, frames = of_moments([*of_planes.values()]) if of_planes else (wholes[None], wholes[None])
+    check_counts(
+        {
+            plane.name: len(wholes[plane].names) if plane in wholes else 0
+            for plane in sources_of
+            if plane
+        }
+    )
+    scan, frames = (
+        of_moments([*of_planes.values()]) if of_planes else (wholes[None], wholes[None])
+    )
     log = logs[0][1] if logs else None
     notes = [*scan.notes, *(log.notes if log else ())]
     for of_plane in scans:
-        shown = [path for path, kind, plane in files if plane == of_plane and kind not in ("bag", "log")]
+        shown = [
+            path
+            for path, kind, plane in files
+            if plane == of_plane and kind not in ("bag", "log")
+        ]
         if scan.times is None and shown != sorted(shown, key=_natural_order):
             order = f"{shown[0].name} to {shown[-1].name}; their numbers have another"
-            notes.insert(len(scan.notes), f"frames are taken in the order given, {order}")
+            notes.insert(
+                len(scan.notes), f"frames are taken in the order given, {order}"
+            )
     kinds = tuple((path, kind) for path, kind, _ in files)
     return Gathered(kinds, scan, log, columns, tuple(notes), frames, tuple(of_planes))
 
 
-def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[Times, ForceLog | None, float]:
+def on_one_clock(
+    times: Times, log: ForceLog | None, offset_s: float
+) -> tuple[Times, ForceLog | None, float]:
     """Return times and log on the log's clock, `offset_s` ahead of the frames', and its new zero; both must overlap."""
     time_s = times.time_s + offset_s
     if not rising(time_s):
         way = "give the files in their order, or their times by --times or --rate-hz"
-        raise InputError(f"the frames' times do not rise from each frame to the next; {way}")
+        raise InputError(
+            f"the frames' times do not rise from each frame to the next; {way}"
+        )
     first_s = float(min([time_s[0], *([] if log is None else log.time_s[:1])]))
     origin_s = float(np.floor(first_s)) if first_s > SINCE_1970_S else 0.0
-    moved, time_s = None if log is None else replace(log, time_s=log.time_s - origin_s), time_s - origin_s
-    if moved is not None and (time_s[-1] < moved.time_s[0] or time_s[0] > moved.time_s[-1]):
-        frames, forces = (f"{each[0]:.3f} to {each[-1]:.3f} s" for each in (time_s, moved.time_s))
+    moved, time_s = (
+        None if log is None else replace(log, time_s=log.time_s - origin_s),
+        time_s - origin_s,
+    )
+    if moved is not None and (
+        time_s[-1] < moved.time_s[0] or time_s[0] > moved.time_s[-1]
+    ):
+        frames, forces = (
+            f"{each[0]:.3f} to {each[-1]:.3f} s" for each in (time_s, moved.time_s)
+        )
         found = f"frames at {frames}, forces at {forces}"
-        raise InputError(f"the clocks do not overlap: {found}; --clock-offset-s brings both to one clock")
+        raise InputError(
+            f"the clocks do not overlap: {found}; --clock-offset-s brings both to one clock"
+        )
     return Times(time_s, times.source), moved, origin_s

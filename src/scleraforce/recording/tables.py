@@ -49,43 +49,80 @@ class Table:
     def fields(self, line: int) -> tuple[str, ...]:
         """Return the fields of the line with an index, without empty ones at its end."""
         text = self.lines[line]
-        return fields_of(text.rstrip(f" {self.separator}"), self.separator, self.place(line))
+        return fields_of(
+            text.rstrip(f" {self.separator}"), self.separator, self.place(line)
+        )
 
     def column(self, name: str) -> list[str]:
         """Return a column as text; empty on lines that end before it."""
         at = self.names.index(name)
-        return [row[at] if len(row) > at else "" for row in map(self.fields, range(len(self.lines)))]
+        return [
+            row[at] if len(row) > at else ""
+            for row in map(self.fields, range(len(self.lines)))
+        ]
 
 
-def read_table(path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]) -> Table:
+def read_table(
+    path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]
+) -> Table:
     """Return a table of a recording, whose first line names its columns: some of `known`, and all `required` ones."""
     header, *lines = read_text(path, kind).splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
     names = fields_of(header.rstrip(f" \t{separator}"), separator, f"{path}:1")
     if not any(names):
-        raise RecordingError(f"{path}: empty; the first line names the columns: {','.join(known)}")
+        raise RecordingError(
+            f"{path}: empty; the first line names the columns: {','.join(known)}"
+        )
     if unknown := [name for name in names if name not in known]:
-        raise RecordingError(f"{path}:1: unknown column {unknown[0]!r}; known: {', '.join(known)}")
+        raise RecordingError(
+            f"{path}:1: unknown column {unknown[0]!r}; known: {', '.join(known)}"
+        )
     if twice := [name for name in names if names.count(name) > 1]:
         raise RecordingError(f"{path}:1: two columns are named {twice[0]}")
     if missing := [name for name in required if name not in names]:
-        raise RecordingError(f"{path}:1: column {missing[0]} is missing; found: {', '.join(names)}")
-    bare = {nth: text for nth, line in enumerate(lines, start=2) if (text := line.rstrip(f" \t{separator}"))}
-    table = Table(path=path, names=names, separator=separator, lines=tuple(bare.values()), numbers=tuple(bare))
+        raise RecordingError(
+            f"{path}:1: column {missing[0]} is missing; found: {', '.join(names)}"
+        )
+    bare = {
+        nth: text
+        for nth, line in enumerate(lines, start=2)
+        if (text := line.rstrip(f" \t{separator}"))
+    }
+    table = Table(
+        path=path,
+        names=names,
+        separator=separator,
+        lines=tuple(bare.values()),
+        numbers=tuple(bare),
+    )
     # A separator at the end of a line of frames.csv is taken for a spreadsheet's: an empty field is cut.
-    check_counts(table, 1 + max(map(names.index, required)) if kind == KINDS["frames"] else len(names))
+    check_counts(
+        table,
+        1 + max(map(names.index, required)) if kind == KINDS["frames"] else len(names),
+    )
     return table
 
 
 def check_counts(table: Table, least: int | None = None) -> None:
     """Refuse a line with more fields than the header, or with fewer than `least` (None: as most lines have)."""
-    names, counts = len(table.names), [_count(table, line) for line in range(len(table.lines))]
-    least = Counter(counts).most_common(1)[0][0] if least is None and counts else least or 0
+    names, counts = (
+        len(table.names),
+        [_count(table, line) for line in range(len(table.lines))],
+    )
+    least = (
+        Counter(counts).most_common(1)[0][0] if least is None and counts else least or 0
+    )
     for line, count in enumerate(counts):
         if not least <= count <= names:
             most = f", most lines {least}" if count < least < names else ""
-            hint = "; with decimal commas, columns are separated by semicolons" if table.separator == "," else ""
-            raise RecordingError(f"{table.place(line)}: {count} fields; the header has {names}{most}{hint}")
+            hint = (
+                "; with decimal commas, columns are separated by semicolons"
+                if table.separator == ","
+                else ""
+            )
+            raise RecordingError(
+                f"{table.place(line)}: {count} fields; the header has {names}{most}{hint}"
+            )
 
 
 def _count(table: Table, line: int) -> int:
@@ -93,10 +130,16 @@ def _count(table: Table, line: int) -> int:
     text, names, separator = table.lines[line], len(table.names), table.separator
     if '"' in text or separator == SPACES:
         fields = fields_of(text, separator, table.place(line))
-        filled = max((nth for nth, field in enumerate(fields, start=1) if field), default=0)
+        filled = max(
+            (nth for nth, field in enumerate(fields, start=1) if field), default=0
+        )
         return len(fields) if len(fields) <= names else max(names, filled)
     count = text.count(separator) + 1
-    return count if count <= names else max(names, text.rstrip(f" \t{separator}").count(separator) + 1)
+    return (
+        count
+        if count <= names
+        else max(names, text.rstrip(f" \t{separator}").count(separator) + 1)
+    )
 
 
 def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
@@ -104,9 +147,14 @@ def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
     if separator == SPACES:
         return tuple(line.split())
     try:
-        row = next(csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True), [])
+        row = next(
+            csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True),
+            [],
+        )
     except csv.Error as fault:
-        raise RecordingError(f"{place}: {fault}; each line is a row of its own, and quotes end on it") from fault
+        raise RecordingError(
+            f"{place}: {fault}; each line is a row of its own, and quotes end on it"
+        ) from fault
     return tuple(field.strip() for field in row)
 
 
@@ -137,14 +185,20 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
     for index, line in enumerate(lines):
         if no_point and proven and comma is not None:
             break
-        fields = fields_of(line, table.separator, place(index)) if '"' in line else line.split(table.delimiter)
+        fields = (
+            fields_of(line, table.separator, place(index))
+            if '"' in line
+            else line.split(table.delimiter)
+        )
         for column, field in enumerate(map(str.strip, fields)):
             if not is_number(field):
                 continue
             pointed |= "." in field
             proven |= "," in field and not GROUPED.fullmatch(field)
             if field.count(",") > 1 and column in read:
-                raise RecordingError(f"{place(index)}: {field!r} has commas between thousands; {PLAIN_NUMBERS}")
+                raise RecordingError(
+                    f"{place(index)}: {field!r} has commas between thousands; {PLAIN_NUMBERS}"
+                )
             if comma is None and "," in field and column in read:
                 comma = index, column, field
     if comma is None:
@@ -153,14 +207,24 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
         return ","
     index, column, field = comma
     name = table.names[column] if column < len(table.names) else f"column {column + 1}"
-    why = "other numbers have decimal points" if pointed else "every comma has three digits behind it"
+    why = (
+        "other numbers have decimal points"
+        if pointed
+        else "every comma has three digits behind it"
+    )
     one, other = field.replace(",", ".", 1), field.replace(",", "")
     readings = f"{one} with a decimal comma, or {other} with one between thousands"
-    raise RecordingError(f"{place(index)}: {name}: {field!r} is {readings} ({why}); {PLAIN_NUMBERS}")
+    raise RecordingError(
+        f"{place(index)}: {name}: {field!r} is {readings} ({why}); {PLAIN_NUMBERS}"
+    )
 
 
 def numbers_of(
-    table: Table, places: Sequence[int], gaps: Sequence[int] = (), mark: str | None = None, ours: bool = False
+    table: Table,
+    places: Sequence[int],
+    gaps: Sequence[int] = (),
+    mark: str | None = None,
+    ours: bool = False,
 ) -> Floats:
     """Return columns (sample, column) of a table with checked counts of fields; at `gaps`, nan or nothing is NaN.
 
@@ -169,13 +233,25 @@ def numbers_of(
     mark = mark or decimal_mark(table, places)
     if not table.lines:
         raise RecordingError(f"{table.path}: no samples below the header")
-    lines = [line.replace(",", ".") for line in table.lines] if mark == "," else table.lines
-    form: dict[str, Any] = {"delimiter": table.delimiter, "comments": None, "quotechar": '"', "ndmin": 2}
+    lines = (
+        [line.replace(",", ".") for line in table.lines] if mark == "," else table.lines
+    )
+    form: dict[str, Any] = {
+        "delimiter": table.delimiter,
+        "comments": None,
+        "quotechar": '"',
+        "ndmin": 2,
+    }
     try:  # NumPy is ten times as fast as Python
         values_sc = np.loadtxt(lines, usecols=tuple(places), dtype=np.float64, **form)
     except ValueError:
         empty = ("nan",) if ours else ("", "nan")
-        values_sc = np.array([_row_numbers(table, line, places, gaps, mark, empty) for line in range(len(lines))])
+        values_sc = np.array(
+            [
+                _row_numbers(table, line, places, gaps, mark, empty)
+                for line in range(len(lines))
+            ]
+        )
     if mark == "." and not ours:
         _check_points(table, places, values_sc)
     return values_sc
@@ -186,11 +262,18 @@ def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> Non
     for place, values in zip(places, values_sc.T, strict=True):
         size = np.abs(values[np.isfinite(values)])
         whole = size == np.rint(size)
-        if whole.all() or not whole.any() or size.max() >= 1000.0 or (size[~whole] < 1.0).any():
+        if (
+            whole.all()
+            or not whole.any()
+            or size.max() >= 1000.0
+            or (size[~whole] < 1.0).any()
+        ):
             continue
         texts = table.column(table.names[place])
         pointed = [line for line, field in enumerate(texts) if "." in field]
-        if len(pointed) == len(texts) or not all(POINT_GROUPED.fullmatch(texts[line]) for line in pointed):
+        if len(pointed) == len(texts) or not all(
+            POINT_GROUPED.fullmatch(texts[line]) for line in pointed
+        ):
             continue
         found = f"{table.place(pointed[0])}: {table.names[place]}: {(field := texts[pointed[0]])!r}"
         readings = f"{float(field):g} with a decimal point, or {field.replace('.', '')} with one between thousands"
@@ -199,15 +282,26 @@ def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> Non
 
 
 def _row_numbers(
-    table: Table, line: int, places: Sequence[int], gaps: Sequence[int], mark: str, empty: Sequence[str]
+    table: Table,
+    line: int,
+    places: Sequence[int],
+    gaps: Sequence[int],
+    mark: str,
+    empty: Sequence[str],
 ) -> list[float]:
     fields, values = table.fields(line), []
     for place in places:
         field = fields[place] if place < len(fields) else ""
         value = number(field, mark)
         if value is None and not (place in gaps and field.lower() in empty):
-            hint = "; write nan where the sensor gave no force" if place in gaps and not field else ""
-            raise RecordingError(f"{table.place(line)}: {table.names[place]}: {field!r} is not a number{hint}")
+            hint = (
+                "; write nan where the sensor gave no force"
+                if place in gaps and not field
+                else ""
+            )
+            raise RecordingError(
+                f"{table.place(line)}: {table.names[place]}: {field!r} is not a number{hint}"
+            )
         values.append(np.nan if value is None else value)
     return values
 
@@ -229,7 +323,9 @@ FRAME_NUMBERS = {
 # larger), but never below 3 N: no needle pushes an eye by more, and on a quiet log 60 mN are 1,000 times its noise.
 IMPLAUSIBLE_RATIO, LEAST_IMPLAUSIBLE_N = 1000.0, 3.0
 LEAST_LEVELS = 4  # different values of a log that tell the sensor's step: rest, a push and a burst are three
-MOST_IMPLAUSIBLE = 1.0 / 3.0  # of the samples; with more, the log's usual size is in doubt
+MOST_IMPLAUSIBLE = (
+    1.0 / 3.0
+)  # of the samples; with more, the log's usual size is in doubt
 
 
 @dataclass(frozen=True)
@@ -281,39 +377,68 @@ class ForceLog:
 def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     """Read frames.csv, in its order."""
     table = read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
-    mark = decimal_mark(table, [at for at, name in enumerate(table.names) if name in ("time_s", *FRAME_NUMBERS)])
+    mark = decimal_mark(
+        table,
+        [
+            at
+            for at, name in enumerate(table.names)
+            if name in ("time_s", *FRAME_NUMBERS)
+        ],
+    )
     entries: list[FrameEntry] = []
     seen, planes = dict[str, int](), set[tuple[float, str | None]]()
     for index, line in enumerate(table.numbers):
         place = table.place(index)
-        entry = _frame_entry(place, dict(zip(table.names, table.fields(index), strict=False)), mark)
+        entry = _frame_entry(
+            place, dict(zip(table.names, table.fields(index), strict=False)), mark
+        )
         if seen.setdefault(entry.file, line) != line:
-            raise RecordingError(f"{place}: file: {entry.file} is in line {seen[entry.file]} already")
+            raise RecordingError(
+                f"{place}: file: {entry.file} is in line {seen[entry.file]} already"
+            )
         last_s = entries[-1].time_s if entries else -np.inf
-        if entry.time_s == last_s and entry.plane is not None and (last_s, entry.plane) in planes:
-            raise RecordingError(f"{place}: plane: {entry.plane!r} has a frame at {entry.time_s:g} s already")
+        if (
+            entry.time_s == last_s
+            and entry.plane is not None
+            and (last_s, entry.plane) in planes
+        ):
+            raise RecordingError(
+                f"{place}: plane: {entry.plane!r} has a frame at {entry.time_s:g} s already"
+            )
         planes.add((entry.time_s, entry.plane))
-        if entry.time_s < last_s or (entry.time_s == last_s and (last_s, None) in planes):
+        if entry.time_s < last_s or (
+            entry.time_s == last_s and (last_s, None) in planes
+        ):
             found = f"{entry.time_s:g} does not come after {last_s:g}"
-            raise RecordingError(f"{place}: time_s: {found}; frames are in the order of their times, one at a time")
+            raise RecordingError(
+                f"{place}: time_s: {found}; frames are in the order of their times, one at a time"
+            )
         entries.append(entry)
     if not entries:
         raise RecordingError(f"{path}: no frames; give a line for each frame")
-    return tuple(entry for moment in moments_of(entries) for entry in _of_moment(path, moment))
+    return tuple(
+        entry for moment in moments_of(entries) for entry in _of_moment(path, moment)
+    )
 
 
 def moments_of(frames: Sequence[FrameEntry]) -> tuple[tuple[FrameEntry, ...], ...]:
     """Return frames in their order, grouped by their time: one, or one of each plane."""
-    return tuple(tuple(group) for _, group in groupby(frames, lambda entry: entry.time_s))
+    return tuple(
+        tuple(group) for _, group in groupby(frames, lambda entry: entry.time_s)
+    )
 
 
 def _of_moment(path: Path, entries: Sequence[FrameEntry]) -> Sequence[FrameEntry]:
     """Return the frames of one moment: there is one needle, which has pierced if a plane says so, and one pressure."""
     for name in ("held_s", "iop_pa"):
-        found = sorted({value for entry in entries if (value := getattr(entry, name)) is not None})
+        found = sorted(
+            {value for entry in entries if (value := getattr(entry, name)) is not None}
+        )
         if len(found) > 1:
             differ = " and ".join(f"{value:g}" for value in found)
-            raise RecordingError(f"{path}: {name}: {differ} at {entries[0].time_s:g} s; planes of one moment have one")
+            raise RecordingError(
+                f"{path}: {name}: {differ} at {entries[0].time_s:g} s; planes of one moment have one"
+            )
     pierced = any(entry.pierced for entry in entries)
     return [replace(entry, pierced=True) for entry in entries] if pierced else entries
 
@@ -323,15 +448,21 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     table = read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
     columns = tuple(name for name in table.names if name != "time_s")
     forces = [table.names.index(name) for name in columns]
-    values_sc = numbers_of(table, [table.names.index("time_s"), *forces], gaps=forces, ours=True)
+    values_sc = numbers_of(
+        table, [table.names.index("time_s"), *forces], gaps=forces, ours=True
+    )
     log = ForceLog(values_sc[:, 0].copy(), values_sc[:, 1:], columns)
-    log = checked_samples(replace(log, notes=gap_notes(path, log.force_n(axis))), path, table.place)
+    log = checked_samples(
+        replace(log, notes=gap_notes(path, log.force_n(axis))), path, table.place
+    )
     if not np.isfinite(log.force_n(axis)).any():
         raise RecordingError(f"{path}: {axis}_n: no sample has a force; all are nan")
     return log
 
 
-def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], range_n: float = np.inf) -> ForceLog:
+def checked_samples(
+    log: ForceLog, path: Path, place: Callable[[int], str], range_n: float = np.inf
+) -> ForceLog:
     """Return a log with NaN for implausible samples, and notes; refuse a bad clock, or too many of them."""
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
@@ -340,7 +471,9 @@ def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], rang
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
         noise = f"the noise of a label is {np.sqrt(GOOD_SAMPLE_RATE_HZ / rate_hz):.2g} times as large"
         vibration = f"vibration faster than {rate_hz / 2:.3g} Hz is taken for force"
-        said = f"{rate_hz:.4g} samples a second, {GOOD_SAMPLE_RATE_HZ:g} are recommended"
+        said = (
+            f"{rate_hz:.4g} samples a second, {GOOD_SAMPLE_RATE_HZ:g} are recommended"
+        )
         notes.append(f"{path.name}: {said}: {noise}, and {vibration}")
     return replace(log, wrench_sc=wrench_sc, notes=tuple(notes))
 
@@ -348,10 +481,16 @@ def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], rang
 def gap_notes(path: Path, forces: Floats) -> tuple[str, ...]:
     """Return a sentence on the samples (sample, ...) of a file that have no force."""
     missing = int(np.isnan(forces.reshape(len(forces), -1)).any(axis=1).sum())
-    return (f"{path.name}: {missing} of {len(forces)} samples have no force (nan)",) if missing else ()
+    return (
+        (f"{path.name}: {missing} of {len(forces)} samples have no force (nan)",)
+        if missing
+        else ()
+    )
 
 
-def _without_implausible(log: ForceLog, place: Callable[[int], str], range_n: float, notes: list[str]) -> Floats:
+def _without_implausible(
+    log: ForceLog, place: Callable[[int], str], range_n: float, notes: list[str]
+) -> Floats:
     beyond = np.zeros(log.wrench_sc.shape, dtype=bool)
     limits_n = {}
     for column, name in enumerate(log.columns):
@@ -360,10 +499,16 @@ def _without_implausible(log: ForceLog, place: Callable[[int], str], range_n: fl
         if not name.endswith("_n") or not len(known_n):
             continue
         middle_n, levels_n = float(np.median(known_n)), np.unique(known_n)
-        step_n = float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
+        step_n = (
+            float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
+        )
         typical_n = max(float(np.median(np.abs(known_n - middle_n))), step_n)
-        limits_n[column] = limit_n = max(IMPLAUSIBLE_RATIO * typical_n, LEAST_IMPLAUSIBLE_N)
-        beyond[:, column] = (np.abs(force_n - middle_n) > limit_n) | (np.abs(force_n) > range_n)
+        limits_n[column] = limit_n = max(
+            IMPLAUSIBLE_RATIO * typical_n, LEAST_IMPLAUSIBLE_N
+        )
+        beyond[:, column] = (np.abs(force_n - middle_n) > limit_n) | (
+            np.abs(force_n) > range_n
+        )
     if not beyond.any():
         return log.wrench_sc
     flagged: Flags = np.asarray(beyond.any(axis=1))
@@ -371,38 +516,60 @@ def _without_implausible(log: ForceLog, place: Callable[[int], str], range_n: fl
     value_n = log.wrench_sc[sample, column]
     beside = f"{limits_n[column]:.3g} N off its median is the most"
     why = f"the sensor's range is {range_n:g} N" if abs(value_n) > range_n else beside
-    found, count = f"{log.columns[column]}: {value_n:.4g} N ({why})", f"{flagged.sum()} of {len(flagged)} samples"
+    found, count = (
+        f"{log.columns[column]}: {value_n:.4g} N ({why})",
+        f"{flagged.sum()} of {len(flagged)} samples",
+    )
     if flagged.mean() > MOST_IMPLAUSIBLE:
-        raise RecordingError(f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor")
-    notes.append(f"{count} are implausible and have no force; the first is {place(sample)}: {found}; is it in N?")
+        raise RecordingError(
+            f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor"
+        )
+    notes.append(
+        f"{count} are implausible and have no force; the first is {place(sample)}: {found}; is it in N?"
+    )
     return np.where(flagged[:, None], np.nan, log.wrench_sc)
 
 
 def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> float:
     """Return the samples a second; more than half of the steps are as short as that rate's. Check all numbers."""
-    columns, values_sc = ("time_s", *log.columns), np.column_stack([log.time_s, log.wrench_sc])
+    columns, values_sc = (
+        ("time_s", *log.columns),
+        np.column_stack([log.time_s, log.wrench_sc]),
+    )
     largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE_N] * len(log.columns)])
-    bad = ~(np.abs(values_sc) <= largest_c)  # a NaN is bad as well: of a time; of a force it says that there is none
+    bad = ~(
+        np.abs(values_sc) <= largest_c
+    )  # a NaN is bad as well: of a time; of a force it says that there is none
     bad[:, 1:] &= ~np.isnan(log.wrench_sc)
     for sample, column in np.argwhere(bad)[:1].tolist():
         value = values_sc[sample, column]
-        fault = f"is beyond {largest_c[column]:g}" if np.isfinite(value) else "is not a finite number"
+        fault = (
+            f"is beyond {largest_c[column]:g}"
+            if np.isfinite(value)
+            else "is not a finite number"
+        )
         raise RecordingError(f"{place(sample)}: {columns[column]}: {value:g} {fault}")
     steps_s = np.diff(log.time_s)
     if (steps_s <= 0.0).any():
         sample = int(np.argmax(steps_s <= 0.0)) + 1
         found = f"{log.time_s[sample]:.12g} does not come after {log.time_s[sample - 1]:.12g}"
-        raise RecordingError(f"{place(sample)}: time_s: {found}; the clock must run forward")
+        raise RecordingError(
+            f"{place(sample)}: time_s: {found}; the clock must run forward"
+        )
     rate_hz = 1.0 / float(np.quantile(steps_s, 0.5, method="higher"))
     if rate_hz < MIN_SAMPLE_RATE_HZ * 0.999:
         needed = f"at least {MIN_SAMPLE_RATE_HZ:g} are needed to follow a push of 0.2 s (times are in seconds)"
-        raise RecordingError(f"{path}: time_s: {rate_hz:.4g} samples a second; {needed}")
+        raise RecordingError(
+            f"{path}: time_s: {rate_hz:.4g} samples a second; {needed}"
+        )
     return rate_hz
 
 
 def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
     file = row["file"]
-    inside = not PurePosixPath(file).is_absolute() and ".." not in PurePosixPath(file).parts
+    inside = (
+        not PurePosixPath(file).is_absolute() and ".." not in PurePosixPath(file).parts
+    )
     if not file or "\\" in file or not file.isprintable() or not inside:
         raise RecordingError(f"{place}: file: {file!r} is not a name below frames/")
     pierced = row.get("pierced", "")
@@ -410,10 +577,20 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
         raise RecordingError(f"{place}: pierced: {pierced!r}; give 0 or 1")
     time_s = number(row["time_s"], mark)
     if time_s is None or not abs(time_s) <= LARGEST_TIME_S:
-        raise RecordingError(f"{place}: time_s: {row['time_s']!r} is not a finite number of seconds")
+        raise RecordingError(
+            f"{place}: time_s: {row['time_s']!r} is not a finite number of seconds"
+        )
     numbers = {name: number(row[name], mark) for name in FRAME_NUMBERS if row.get(name)}
     for name, found in numbers.items():
         low, high, words = FRAME_NUMBERS[name]
         if found is None or not low <= found <= high:
-            raise RecordingError(f"{place}: {name}: {row[name]!r} is not a number {words}")
-    return FrameEntry(file, time_s, pierced == "1" if pierced else None, plane=row.get("plane") or None, **numbers)
+            raise RecordingError(
+                f"{place}: {name}: {row[name]!r} is not a number {words}"
+            )
+    return FrameEntry(
+        file,
+        time_s,
+        pierced == "1" if pierced else None,
+        plane=row.get("plane") or None,
+        **numbers,
+    )

@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
-from scleraforce.recording.pixels import METRES, SECONDS, PixelSize, Scan, Times, inverted, one_grey, rising
+from scleraforce.recording.pixels import (
+    METRES,
+    SECONDS,
+    PixelSize,
+    Scan,
+    Times,
+    inverted,
+    one_grey,
+    rising,
+)
 
 if TYPE_CHECKING:
     from tifffile import TiffFile, TiffPage, TiffPageSeries
@@ -30,9 +39,16 @@ PLANES_APART = 2  # PlanarConfiguration
 ORIENTATIONS = range(1, 9)
 NO_UNIT, INCH, CENTIMETRE = 1, 2, 3  # ResolutionUnit
 UNIT_NAMES = {NO_UNIT: "none", INCH: "inch", CENTIMETRE: "cm"}
-NO_UNITS = ("pixel", "pixels", "px")  # what ImageJ calls the unit of an image without a scale
+NO_UNITS = (
+    "pixel",
+    "pixels",
+    "px",
+)  # what ImageJ calls the unit of an image without a scale
 FRAME_AXES = "TZQIRPC"  # that count pages: time, depth of a stack, any
-PRINTED = (25.4e-3, 1e-2)  # units in which programs state the resolution of a screen or a printer, asked or not ...
+PRINTED = (
+    25.4e-3,
+    1e-2,
+)  # units in which programs state the resolution of a screen or a printer, asked or not ...
 PRINTED_M = 20e-6  # ... which are never finer than this: 1,270 dots per inch
 
 
@@ -43,28 +59,64 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         frames = [page for page in pages if not _is_copy(page, pages[0])]
         for page in pages:
             _check_page(file, page)
-        count, rows, columns = _sizes([each for each in file.series if not _is_copy(each.keyframe, pages[0])])
+        count, rows, columns = _sizes(
+            [each for each in file.series if not _is_copy(each.keyframe, pages[0])]
+        )
         scans.check_bytes(sum(each.nbytes for each in file.series))
         _check_pages(file, pages, len(frames), count)
         orientation = _orientation(frames)
         notes: list[str] = []
-        sizes = [*_ome_sizes(file, notes), *(_resolution(file, page, notes) for page in frames)]
-        size, scale_fault = scans.one_size([*sizes, _json_size(frames[0], rows, columns)])
+        sizes = [
+            *_ome_sizes(file, notes),
+            *(_resolution(file, page, notes) for page in frames),
+        ]
+        size, scale_fault = scans.one_size(
+            [*sizes, _json_size(frames[0], rows, columns)]
+        )
         times = _times(file, count, notes)
-        kinds, copies = {page.photometric for page in frames}, any(page.subifds for page in frames)
+        kinds, copies = (
+            {page.photometric for page in frames},
+            any(page.subifds for page in frames),
+        )
         for note, holds in (
-            ("smaller copies of the frames in the file were not read", copies or len(frames) < len(pages)),
-            ("PhotometricInterpretation is WhiteIsZero: dark and bright were exchanged", WHITE_IS_ZERO in kinds),
+            (
+                "smaller copies of the frames in the file were not read",
+                copies or len(frames) < len(pages),
+            ),
+            (
+                "PhotometricInterpretation is WhiteIsZero: dark and bright were exchanged",
+                WHITE_IS_ZERO in kinds,
+            ),
             ("colour became grey", kinds & {RGB, PALETTE}),
-            (f"Orientation {orientation}: the frames were turned as it states", orientation != ORIENTATIONS[0]),
+            (
+                f"Orientation {orientation}: the frames were turned as it states",
+                orientation != ORIENTATIONS[0],
+            ),
         ):
             notes += [note] if holds else []
-        names, bits = scans.frame_names(path, count), 8 if file.series[0].dtype == np.uint8 else None
-        scan = Scan(names, rows, columns, lambda: _pictures(path, data, (count, rows, columns)), bits=bits, times=times)
-        scan = replace(scan, size=size, scale_fault=scale_fault, notes=tuple(dict.fromkeys(notes))).of_file(path)
+        names, bits = (
+            scans.frame_names(path, count),
+            8 if file.series[0].dtype == np.uint8 else None,
+        )
+        scan = Scan(
+            names,
+            rows,
+            columns,
+            lambda: _pictures(path, data, (count, rows, columns)),
+            bits=bits,
+            times=times,
+        )
+        scan = replace(
+            scan, size=size, scale_fault=scale_fault, notes=tuple(dict.fromkeys(notes))
+        ).of_file(path)
     # From the fifth orientation on, rows and columns change places, with their sizes.
     shown = scan.turned() if orientation in ORIENTATIONS[4:] else scan
-    return replace(shown, pictures=lambda: (scans.as_shown(picture, orientation) for picture in scan.pictures()))
+    return replace(
+        shown,
+        pictures=lambda: (
+            scans.as_shown(picture, orientation) for picture in scan.pictures()
+        ),
+    )
 
 
 @contextmanager
@@ -73,7 +125,10 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[TiffFile]":
 
     tifffile.logger().setLevel("CRITICAL")  # we report faults ourselves, once
     file = path if data is None else BytesIO(data)
-    with scans.named_faults(path, "TIFF"), tifffile.TiffFile(file, _multifile=False) as opened:
+    with (
+        scans.named_faults(path, "TIFF"),
+        tifffile.TiffFile(file, _multifile=False) as opened,
+    ):
         yield opened
 
 
@@ -90,10 +145,14 @@ def _is_copy(page: "TiffPage", first: "TiffPage") -> bool:
 def _check_page(file: "TiffFile", page: "TiffPage") -> None:
     kind = getattr(page.photometric, "name", page.photometric)
     if page.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE):
-        raise FrameError(f"a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
+        raise FrameError(
+            f"a TIFF of kind {kind}; save it as grey (black is zero) or RGB"
+        )
     scans.check_size(page.imagelength, page.imagewidth, page.samplesperpixel)
     if page.photometric != RGB and page.samplesperpixel > 1:
-        found = f"SamplesPerPixel {page.samplesperpixel}, PhotometricInterpretation {kind}"
+        found = (
+            f"SamplesPerPixel {page.samplesperpixel}, PhotometricInterpretation {kind}"
+        )
         raise FrameError(f"{found}: several channels; save the one with the frames")
     scans.check_size(max(2, page.tilelength), max(2, page.tilewidth))
     most = int(np.prod(page.chunks)) * 8
@@ -115,45 +174,82 @@ def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
         sizes = {(*_sizes([series]), series.dtype) for series in several}
         count, rows, columns, _ = next(iter(sizes))
         if len(sizes) > 1 or count > 1:
-            found = " and ".join(f"{series.shape} {series.dtype}" for series in several[:2])
-            raise FrameError(f"{len(several)} series of images ({found}); save the one with the frames alone")
+            found = " and ".join(
+                f"{series.shape} {series.dtype}" for series in several[:2]
+            )
+            raise FrameError(
+                f"{len(several)} series of images ({found}); save the one with the frames alone"
+            )
         return len(several), rows, columns
     series = several[0]
     length = dict(zip(series.axes, series.shape, strict=True))
     others = [axis for axis, size in length.items() if axis not in "YXS" and size > 1]
-    if not {"Y", "X"} <= set(length) or len(others) > 1 or not set(others) <= set(FRAME_AXES):
+    if (
+        not {"Y", "X"} <= set(length)
+        or len(others) > 1
+        or not set(others) <= set(FRAME_AXES)
+    ):
         found = ", ".join(f"{axis} {size}" for axis, size in length.items())
-        raise FrameError(f"axes {found}; give a stack of frames with one axis beside rows (Y) and columns (X)")
+        raise FrameError(
+            f"axes {found}; give a stack of frames with one axis beside rows (Y) and columns (X)"
+        )
     return length[others[0]] if others else 1, length["Y"], length["X"]
 
 
-def _check_pages(file: "TiffFile", pages: "Sequence[TiffPage]", there: int, count: int) -> None:
+def _check_pages(
+    file: "TiffFile", pages: "Sequence[TiffPage]", there: int, count: int
+) -> None:
     """Check that tifffile reached all pages: `there` pages of frames are in it, `count` frames are stated."""
     after = file.pages.next_page_offset  # where the place of a further page is
-    ends = [at + size for page in pages for at, size in zip(page.dataoffsets, page.databytecounts, strict=True)]
-    if after is None or any(_read(file, after, file.tiff.offsetsize)) or max(ends) > file.filehandle.size:
+    ends = [
+        at + size
+        for page in pages
+        for at, size in zip(page.dataoffsets, page.databytecounts, strict=True)
+    ]
+    if (
+        after is None
+        or any(_read(file, after, file.tiff.offsetsize))
+        or max(ends) > file.filehandle.size
+    ):
         raise FrameError("damaged: its end is missing, or pages that it states")
     stated = int((file.imagej_metadata or {}).get("images", count))
     if stated != count:
-        raise FrameError(f"damaged: ImageJ's description states images={stated}, the file has {count}")
-    if None in (page for series in file.series for page in series.pages) or there not in (1, count):
+        raise FrameError(
+            f"damaged: ImageJ's description states images={stated}, the file has {count}"
+        )
+    if None in (
+        page for series in file.series for page in series.pages
+    ) or there not in (1, count):
         kind = "OME-XML" if file.ome_metadata else "its description"
-        raise FrameError(f"{kind} states {count} frames, the file has {there} pages; save all frames in one file")
+        raise FrameError(
+            f"{kind} states {count} frames, the file has {there} pages; save all frames in one file"
+        )
 
 
 def _orientation(pages: "Sequence[TiffPage]") -> int:
-    found = sorted({int(page.tags.valueof("Orientation", default=0)) or ORIENTATIONS[0] for page in pages})
+    found = sorted(
+        {
+            int(page.tags.valueof("Orientation", default=0)) or ORIENTATIONS[0]
+            for page in pages
+        }
+    )
     if len(found) > 1:
-        raise FrameError(f"Orientation {found[0]} and {found[1]} in one file; save all frames with one")
+        raise FrameError(
+            f"Orientation {found[0]} and {found[1]} in one file; save all frames with one"
+        )
     if found[0] not in ORIENTATIONS:
         raise FrameError(f"Orientation {found[0]}; TIFF has 1 to 8")
     return found[0]
 
 
-def _pictures(path: Path, data: bytes | None, shape: tuple[int, int, int]) -> scans.PictureStream:
+def _pictures(
+    path: Path, data: bytes | None, shape: tuple[int, int, int]
+) -> scans.PictureStream:
     with _opened(path, data) as file:
         first = file.pages[0].aspage()
-        pages = [page for entry in file.pages if not _is_copy(page := entry.aspage(), first)]
+        pages = [
+            page for entry in file.pages if not _is_copy(page := entry.aspage(), first)
+        ]
         if len(pages) == shape[0]:
             for page in pages:
                 yield one_grey(_bright(page, np.asarray(page.asarray())))
@@ -171,12 +267,20 @@ def _bright(page: "TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
         return np.moveaxis(colours[:, pixels], 0, -1)
     if page.planarconfig == PLANES_APART and pixels.ndim == 3:
         pixels = np.moveaxis(pixels, 0, -1)
-    return inverted(pixels, page.bitspersample) if page.photometric == WHITE_IS_ZERO else pixels
+    return (
+        inverted(pixels, page.bitspersample)
+        if page.photometric == WHITE_IS_ZERO
+        else pixels
+    )
 
 
 def _of_ome(file: "TiffFile", kind: str) -> list[dict[str, str]]:
-    elements = ElementTree.fromstring(file.ome_metadata).iter() if file.ome_metadata else ()
-    return [element.attrib for element in elements if element.tag.rpartition("}")[2] == kind]
+    elements = (
+        ElementTree.fromstring(file.ome_metadata).iter() if file.ome_metadata else ()
+    )
+    return [
+        element.attrib for element in elements if element.tag.rpartition("}")[2] == kind
+    ]
 
 
 def _ome_sizes(file: "TiffFile", notes: list[str]) -> list[PixelSize]:
@@ -185,9 +289,18 @@ def _ome_sizes(file: "TiffFile", notes: list[str]) -> list[PixelSize]:
     for stated in _of_ome(file, "Pixels"):
         sizes_m: list[float | None] = []
         for axis in "YX":
-            unit, size = stated.get(f"PhysicalSize{axis}Unit", "µm"), float(stated.get(f"PhysicalSize{axis}", "nan"))
-            notes += [] if unit in METRES else [f"OME's unit {unit!r} is not known: the scale is not either"]
-            sizes_m.append(size * METRES[unit] if unit in METRES and 0.0 < size < inf else None)
+            unit, size = (
+                stated.get(f"PhysicalSize{axis}Unit", "µm"),
+                float(stated.get(f"PhysicalSize{axis}", "nan")),
+            )
+            notes += (
+                []
+                if unit in METRES
+                else [f"OME's unit {unit!r} is not known: the scale is not either"]
+            )
+            sizes_m.append(
+                size * METRES[unit] if unit in METRES and 0.0 < size < inf else None
+            )
         found.append(PixelSize("OME", depth_m=sizes_m[0], lateral_m=sizes_m[1]))
     return found
 
@@ -200,7 +313,10 @@ def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSi
     """
     kind = int(page.resolutionunit)
     tag_m = {INCH: 25.4e-3, CENTIMETRE: 1e-2}.get(kind)
-    deep, unit = (str((file.imagej_metadata or {}).get(name, "")).strip() for name in ("yunit", "unit"))
+    deep, unit = (
+        str((file.imagej_metadata or {}).get(name, "")).strip()
+        for name in ("yunit", "unit")
+    )
     source, units_m = "ImageJ's unit", [_metres(deep or unit), _metres(unit)]
     if unit and unit not in NO_UNITS and units_m[1] is None:
         notes.append(f"ImageJ's unit {unit!r} is not known: the scale is not either")
@@ -212,10 +328,20 @@ def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSi
         if kind == CENTIMETRE and unit == "um" == (deep or unit):
             units_m = [tag_m, tag_m]
         taken = "ResolutionUnit" if units_m == [tag_m, tag_m] else "ImageJ's unit"
-        notes.append(f"ImageJ's unit is {unit}, ResolutionUnit {UNIT_NAMES[kind]}: {taken} counts, as in ImageJ")
-    depth_m, lateral_m = map(partial(_size, page), ("YResolution", "XResolution"), units_m)
-    printed = units_m[0] in PRINTED and depth_m == lateral_m and (depth_m or 0.0) >= PRINTED_M
-    return PixelSize(source, depth_m=None if printed else depth_m, lateral_m=None if printed else lateral_m)
+        notes.append(
+            f"ImageJ's unit is {unit}, ResolutionUnit {UNIT_NAMES[kind]}: {taken} counts, as in ImageJ"
+        )
+    depth_m, lateral_m = map(
+        partial(_size, page), ("YResolution", "XResolution"), units_m
+    )
+    printed = (
+        units_m[0] in PRINTED and depth_m == lateral_m and (depth_m or 0.0) >= PRINTED_M
+    )
+    return PixelSize(
+        source,
+        depth_m=None if printed else depth_m,
+        lateral_m=None if printed else lateral_m,
+    )
 
 
 def _metres(unit: str) -> float | None:
@@ -234,12 +360,20 @@ def _json_size(page: "TiffPage", rows: int, columns: int) -> PixelSize:
     depth_m, lateral_m = None, None
     with suppress(ValueError, TypeError, KeyError, AttributeError):
         axes = json.loads(page.tags["Software"].value)["metadata"]
-        depth_m, lateral_m = _step_m(axes.get("z"), rows), _step_m(axes.get("x"), columns)
-    return PixelSize("JSON axes in the Software tag", depth_m=depth_m, lateral_m=lateral_m)
+        depth_m, lateral_m = (
+            _step_m(axes.get("z"), rows),
+            _step_m(axes.get("x"), columns),
+        )
+    return PixelSize(
+        "JSON axes in the Software tag", depth_m=depth_m, lateral_m=lateral_m
+    )
 
 
 def _step_m(axis: Any, size: int) -> float | None:
-    values, unit_m = np.asarray((axis or {}).get("values", ()), np.float64), METRES.get((axis or {}).get("units", ""))
+    values, unit_m = (
+        np.asarray((axis or {}).get("values", ()), np.float64),
+        METRES.get((axis or {}).get("units", "")),
+    )
     if values.shape != (size,) or unit_m is None:
         return None
     steps = np.diff(values)
@@ -250,16 +384,39 @@ def _step_m(axis: Any, size: int) -> float | None:
 def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
     imagej = file.imagej_metadata or {}
     if not file.ome_metadata:
-        interval, unit_s = imagej.get("finterval"), SECONDS.get(str(imagej.get("tunit", "sec")))
-        step_s = interval * unit_s if isinstance(interval, int | float) and unit_s is not None else 0.0
+        interval, unit_s = (
+            imagej.get("finterval"),
+            SECONDS.get(str(imagej.get("tunit", "sec"))),
+        )
+        step_s = (
+            interval * unit_s
+            if isinstance(interval, int | float) and unit_s is not None
+            else 0.0
+        )
         return scans.even_times(count, step_s, "ImageJ's finterval")
     stated = next(iter(_of_ome(file, "Pixels")), {})
-    step_s = float(stated.get("TimeIncrement", "0")) * SECONDS.get(stated.get("TimeIncrementUnit", "s"), 0.0)
+    step_s = float(stated.get("TimeIncrement", "0")) * SECONDS.get(
+        stated.get("TimeIncrementUnit", "s"), 0.0
+    )
     planes = _of_ome(file, "Plane")
-    units_s = [SECONDS.get(plane.get("DeltaTUnit", "s")) for plane in planes if "DeltaT" in plane]
+    units_s = [
+        SECONDS.get(plane.get("DeltaTUnit", "s"))
+        for plane in planes
+        if "DeltaT" in plane
+    ]
     if len(planes) == len(units_s) == count and None not in units_s:
-        time_s = np.array([float(plane["DeltaT"]) for plane in planes]) * np.array(units_s, dtype=np.float64)
-        if step_s and count > 1 and not isclose(found_s := float(np.diff(time_s).mean()), step_s, rel_tol=0.01):
-            notes.append(f"OME's TimeIncrement is {step_s:g} s, DeltaT has {found_s:.4g} s: DeltaT counts")
+        time_s = np.array([float(plane["DeltaT"]) for plane in planes]) * np.array(
+            units_s, dtype=np.float64
+        )
+        if (
+            step_s
+            and count > 1
+            and not isclose(
+                found_s := float(np.diff(time_s).mean()), step_s, rel_tol=0.01
+            )
+        ):
+            notes.append(
+                f"OME's TimeIncrement is {step_s:g} s, DeltaT has {found_s:.4g} s: DeltaT counts"
+            )
         return Times(time_s, "OME's DeltaT") if rising(time_s) else None
     return scans.even_times(count, step_s, "OME's TimeIncrement")

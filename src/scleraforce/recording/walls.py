@@ -31,12 +31,20 @@ def mask_of(mask: Any, place: str) -> Bytes:
     hidden = np.ma.getmaskarray(np.ma.asarray(mask))
     found = np.asarray(mask)
     if found.ndim != 2:
-        raise FrameError(f"{place}: a mask of shape {found.shape}; give one, rows x columns")
+        raise FrameError(
+            f"{place}: a mask of shape {found.shape}; give one, rows x columns"
+        )
     levels = np.unique(found)
     if set(levels.tolist()) <= {0, 1}:
-        return np.where(hidden, np.uint8(NOT_JUDGED), found.astype(np.uint8) * np.uint8(WALL))
-    if others := [level for level in levels.tolist() if level not in (NO_WALL, NOT_JUDGED, WALL)]:
-        raise FrameError(f"{place}: {others[0]:g} in a mask; it has 0 (no wall), 128 (column not judged), 255 (wall)")
+        return np.where(
+            hidden, np.uint8(NOT_JUDGED), found.astype(np.uint8) * np.uint8(WALL)
+        )
+    if others := [
+        level for level in levels.tolist() if level not in (NO_WALL, NOT_JUDGED, WALL)
+    ]:
+        raise FrameError(
+            f"{place}: {others[0]:g} in a mask; it has 0 (no wall), 128 (column not judged), 255 (wall)"
+        )
     return np.where(hidden, np.uint8(NOT_JUDGED), found.astype(np.uint8))
 
 
@@ -78,9 +86,15 @@ class RecordedWalls:
             return None
         if self._rows is not None:
             if file not in self._rows:
-                raise RecordingError(f"{self._table}: file: {file} is missing, and {path} exists")
-            if self._rows[file][-1] != frame_file_digest(self._recording / "frames" / file):
-                self._stale[file] = f"{path}: drawn on another version of {file}; it is not used"
+                raise RecordingError(
+                    f"{self._table}: file: {file} is missing, and {path} exists"
+                )
+            if self._rows[file][-1] != frame_file_digest(
+                self._recording / "frames" / file
+            ):
+                self._stale[file] = (
+                    f"{path}: drawn on another version of {file}; it is not used"
+                )
                 return None
         self._used.add(file)
         return read_mask(path)
@@ -91,18 +105,32 @@ def frame_file_digest(path: Path) -> str:
     return hashlib.sha256(read_bytes(path, KINDS["frame"])).hexdigest()
 
 
-def write_wall(recording: Path, file: str, mask: Bytes, author: str, time_utc: str) -> None:
+def write_wall(
+    recording: Path, file: str, mask: Bytes, author: str, time_utc: str
+) -> None:
     """Write a frame's mask (row, column), and in walls.csv who drew it and on which version; earlier ones are replaced.
 
     Walls without a line in walls.csv get one: they count as drawn on today's frames.
     """
-    path, table = recording / "walls" / f"{PurePath(file).stem}.png", recording / "walls.csv"
+    path, table = (
+        recording / "walls" / f"{PurePath(file).stem}.png",
+        recording / "walls.csv",
+    )
     path.parent.mkdir(exist_ok=True)
     drawn = {each.stem for each in path.parent.glob("*.png")} | {path.stem}
     rows = _rows(table) if table.exists() else {}
-    for frame in (each for each in (recording / "frames").iterdir() if each.stem in drawn and each.name not in rows):
+    for frame in (
+        each
+        for each in (recording / "frames").iterdir()
+        if each.stem in drawn and each.name not in rows
+    ):
         rows[frame.name] = [frame.name, "unknown", "", frame_file_digest(frame)]
-    rows[file] = [file, author, time_utc, frame_file_digest(recording / "frames" / file)]
+    rows[file] = [
+        file,
+        author,
+        time_utc,
+        frame_file_digest(recording / "frames" / file),
+    ]
     _write_rows(recording, rows)  # first: a mask that it does not name is an error
     write_whole(bytes(cv2.imencode(".png", mask)[1]), path)
 
@@ -111,7 +139,14 @@ def remove_wall(recording: Path, file: str) -> None:
     """Remove a frame's mask and its line in walls.csv."""
     RecordedWalls(recording).path(file).unlink(missing_ok=True)
     if (recording / "walls.csv").exists():
-        _write_rows(recording, {name: row for name, row in _rows(recording / "walls.csv").items() if name != file})
+        _write_rows(
+            recording,
+            {
+                name: row
+                for name, row in _rows(recording / "walls.csv").items()
+                if name != file
+            },
+        )
 
 
 def _rows(table: Path) -> dict[str, list[str]]:

@@ -15,7 +15,12 @@ from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ, ForceLog
 from scleraforce.study import format_record
 
 # Speckle hardly shrinks: compressing takes 10 times as long and saves a quarter (docs/black_box.md).
-UNCOMPRESSED = (cv2.IMWRITE_PNG_COMPRESSION, 0, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE)
+UNCOMPRESSED = (
+    cv2.IMWRITE_PNG_COMPRESSION,
+    0,
+    cv2.IMWRITE_PNG_FILTER,
+    cv2.IMWRITE_PNG_FILTER_NONE,
+)
 FORCE_STEP_S = 0.01  # of the log that `ForceWriter` takes
 FIELD_BYTES = 16  # of a table at most, with the separator
 PAGE_BYTES = 4096
@@ -27,14 +32,24 @@ class RecordingWriter:
     `more` are columns of frames.csv beside file and time.
     """
 
-    def __init__(self, folder: Path, info: RecordingInfo, comment: str, more: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        info: RecordingInfo,
+        comment: str,
+        more: tuple[str, ...] = (),
+    ) -> None:
         self.folder = folder
         folder.mkdir(parents=True)
         (folder / "frames").mkdir()
-        _write(folder / "recording.toml", f"# {comment}\n\n{format_record(info)}".encode())
+        _write(
+            folder / "recording.toml", f"# {comment}\n\n{format_record(info)}".encode()
+        )
         self._table = _Table(folder / "frames.csv", ("file", "time_s", *more))
 
-    def add(self, file: str, time_s: float, pixels: Counts, more: Sequence[str] = ()) -> None:
+    def add(
+        self, file: str, time_s: float, pixels: Counts, more: Sequence[str] = ()
+    ) -> None:
         """Add a frame (row, column) that is not earlier than the others, and its values of the other columns."""
         png = cv2.imencode(".png", np.asarray(pixels, np.uint16), UNCOMPRESSED)[1]
         _write(self.folder / "frames" / file, png.data)
@@ -60,7 +75,9 @@ class ForceWriter:
         self._table.add(f"{time_s:.3f}", *(f"{value:.8g}" for value in values))
         if self._last_s is not None:
             self._steps += 1
-            self._short_steps += time_s - self._last_s < 1.0 / MIN_SAMPLE_RATE_HZ + FORCE_STEP_S / 2
+            self._short_steps += (
+                time_s - self._last_s < 1.0 / MIN_SAMPLE_RATE_HZ + FORCE_STEP_S / 2
+            )
         self._last_s = time_s
         if (2 * self._short_steps > self._steps) != self._is_fast:
             self.set_aside() if self._is_fast else self._slow.rename(self._fast)
@@ -78,7 +95,9 @@ class ForceWriter:
 
 class _Table:
     def __init__(self, path: Path, names: Sequence[str]) -> None:
-        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        self._file = os.open(
+            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644
+        )
         self._longest, self._time = FIELD_BYTES * len(names), names.index("time_s")
         header = (",".join(names) + "\n").encode()
         _write_all(self._file, header)
@@ -89,7 +108,10 @@ class _Table:
         line = (",".join(cells) + "\n").encode()
         left = (self._page_left - len(line)) % PAGE_BYTES
         if left < self._longest:
-            filled = [cell + "0" * left if nth == self._time else cell for nth, cell in enumerate(cells)]
+            filled = [
+                cell + "0" * left if nth == self._time else cell
+                for nth, cell in enumerate(cells)
+            ]
             line, left = (",".join(filled) + "\n").encode(), PAGE_BYTES
         _write_all(self._file, line)
         self._page_left = left
@@ -114,7 +136,9 @@ def _write_all(file: int, data: bytes | memoryview) -> None:
         data = data[os.write(file, data) :]
 
 
-PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)  # of a frame's file, without its ending; no formula in a spreadsheet
+PLAIN_NAME = re.compile(
+    r"\w[\w.+-]*", re.ASCII
+)  # of a frame's file, without its ending; no formula in a spreadsheet
 
 
 def frame_files(names: Sequence[str]) -> list[str]:
@@ -126,9 +150,14 @@ def frame_files(names: Sequence[str]) -> list[str]:
     ['0001.png', '0002.png']
     """
     stems = [PurePath(name).stem for name in names]
-    own = len(set(stems)) == len(stems) and all(PLAIN_NAME.fullmatch(stem) for stem in stems)
+    own = len(set(stems)) == len(stems) and all(
+        PLAIN_NAME.fullmatch(stem) for stem in stems
+    )
     digits = max(4, len(str(len(names))))
-    return [f"{stem}.png" if own else f"{nth:0{digits}d}.png" for nth, stem in enumerate(stems, start=1)]
+    return [
+        f"{stem}.png" if own else f"{nth:0{digits}d}.png"
+        for nth, stem in enumerate(stems, start=1)
+    ]
 
 
 def write_log(folder: Path, log: ForceLog) -> None:
@@ -136,7 +165,14 @@ def write_log(folder: Path, log: ForceLog) -> None:
     formats = ["%.6f", *["%.7g"] * len(log.columns)]
     values_sc = np.column_stack([log.time_s, log.wrench_sc])
     header = ",".join(["time_s", *log.columns])
-    np.savetxt(folder / "forces.csv", values_sc, fmt=formats, delimiter=",", header=header, comments="")
+    np.savetxt(
+        folder / "forces.csv",
+        values_sc,
+        fmt=formats,
+        delimiter=",",
+        header=header,
+        comments="",
+    )
 
 
 def written(folder: Path, out: Path) -> Recording:

@@ -22,7 +22,14 @@ from scleraforce.errors import InputError, LinkError
 from scleraforce.openigtlink import HEADER_BYTES, pack_header, unpack_header
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.pixels import Pixels
-from scleraforce.replay.player import STATED_S, Player, Unstamped, frame_message, image_matrix, median_interval_s
+from scleraforce.replay.player import (
+    STATED_S,
+    Player,
+    Unstamped,
+    frame_message,
+    image_matrix,
+    median_interval_s,
+)
 from scleraforce.units import from_si
 
 WITHIN_S = 0.5  # a later withdrawal does not count
@@ -79,9 +86,15 @@ class FaultReport:
 
 
 def prepare(
-    name: str, recording: Recording, time_s: float, rng: np.random.Generator, *, version: int = 1, speed: float = 1.0,
+    name: str,
+    recording: Recording,
+    time_s: float,
+    rng: np.random.Generator,
+    *,
+    version: int = 1,
+    speed: float = 1.0,
     forces_n: Sequence[float] | None = None,
-) -> PreparedFault:  # fmt: skip
+) -> PreparedFault:
     """Prepare a fault that takes the place of the first frame at or after a time of the recording.
 
     `rng` makes random choices, such as noise or black; "rising" and "dangerous" need `forces_n`, at each frame. It
@@ -90,25 +103,35 @@ def prepare(
     if name not in FAULTS:
         raise InputError(f"fault: {name!r}; choose one of: {', '.join(FAULTS)}")
     if recording.info.oct.plane:
-        raise InputError(f"{recording.path}: oct.plane: faults need a recording of a single plane")
+        raise InputError(
+            f"{recording.path}: oct.plane: faults need a recording of a single plane"
+        )
     frames_s = [entry.time_s for entry in recording.frames]
     first = int(np.searchsorted(frames_s, time_s))
     if not 2 <= first < len(frames_s) - 1:
         within = f"frames are from {frames_s[2]:g} to {frames_s[-2]:g} s"
         raise InputError(f"{recording.path}: a fault at {time_s:g} s; {within}")
-    stage = _Stage(recording, first, rng, version, median_interval_s(recording) / speed, forces_n)
+    stage = _Stage(
+        recording, first, rng, version, median_interval_s(recording) / speed, forces_n
+    )
     return PreparedFault(name, frames_s[first], tuple(FAULTS[name].acts(stage)))
 
 
-def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.random.Generator) -> float:
+def draw_fault_time(
+    recording: Recording, forces_n: Sequence[float], rng: np.random.Generator
+) -> float:
     """Draw a time after contact, long before any force that is a cause by itself; raises `InputError` if none is."""
     force_n = np.asarray(forces_n)
     frames_s = np.array([entry.time_s for entry in recording.frames])
     touched = np.flatnonzero((force_n > CONTACT_N) & (force_n < HARMLESS_N))
-    first = int(touched[0]) + 10 if len(touched) else len(force_n)  # a few frames in contact
+    first = (
+        int(touched[0]) + 10 if len(touched) else len(force_n)
+    )  # a few frames in contact
     over = np.flatnonzero(force_n >= HARMLESS_N)
     end_s = (frames_s[over[0]] if len(over) else frames_s[-1]) - WITHIN_S
-    possible = first + np.flatnonzero((force_n > CONTACT_N)[first:] & (frames_s <= end_s)[first:])
+    possible = first + np.flatnonzero(
+        (force_n > CONTACT_N)[first:] & (frames_s <= end_s)[first:]
+    )
     if not len(possible):
         between = f"contact ({from_si(CONTACT_N, 'mn'):g} mN) and {from_si(HARMLESS_N, 'mn'):g} mN"
         needs = f"{WITHIN_S:g} s between {between} are needed; use a slower ramp, or --fault-at-s"
@@ -128,8 +151,12 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     client.listen(due_s)
     if not log.ok:
         said = f"it said: {log.status.message if log.status else 'nothing'}"
-        raise InputError(f"{player.recording.path}: the monitor was not watching when the fault was due; {said}")
-    held_s = max(0.0, client.clock() - due_s - STATED_S)  # the replay's own delay is not part of the fault
+        raise InputError(
+            f"{player.recording.path}: the monitor was not watching when the fault was due; {said}"
+        )
+    held_s = max(
+        0.0, client.clock() - due_s - STATED_S
+    )  # the replay's own delay is not part of the fault
     due_s, stamp_s = due_s + held_s, stamp_s + held_s
     began_s = since_s = client.clock()
 
@@ -147,11 +174,27 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
         else:
             client.listen(began_s + WITHIN_S, doubted)
     except LinkError as gone:
-        return FaultReport(name=name, began_s=began_s, delay_s=client.clock() - began_s, message=str(gone))
-    report = FaultReport(name=name, began_s=began_s, delay_s=None, message="the monitor still says OK")
+        return FaultReport(
+            name=name,
+            began_s=began_s,
+            delay_s=client.clock() - began_s,
+            message=str(gone),
+        )
+    report = FaultReport(
+        name=name, began_s=began_s, delay_s=None, message="the monitor still says OK"
+    )
     if (change := log.first_doubt(since_s)) is not None:
-        report = replace(report, delay_s=change.at_s - began_s, message=change.message, code=change.code)
-        return replace(report, cause=change.cause, expected=change.cause in [one.name for one in FAULTS[name].causes])
+        report = replace(
+            report,
+            delay_s=change.at_s - began_s,
+            message=change.message,
+            code=change.code,
+        )
+        return replace(
+            report,
+            cause=change.cause,
+            expected=change.cause in [one.name for one in FAULTS[name].causes],
+        )
     if _silent(player, began_s):
         delay_s = (log.status_s or began_s) + SILENT_S - began_s
         return replace(report, delay_s=delay_s, message="no STATUS for 150 ms")
@@ -159,7 +202,10 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
 
 
 def _silent(player: Player, began_s: float) -> bool:
-    return player.client.clock() - max(player.log.status_s or 0.0, began_s - SILENT_S) > SILENT_S
+    return (
+        player.client.clock() - max(player.log.status_s or 0.0, began_s - SILENT_S)
+        > SILENT_S
+    )
 
 
 def _do(player: Player, act: Act, stamp_s: float) -> float:
@@ -172,7 +218,13 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
             break
         message, time_s = sending.message, stamp_s + sending.late_s
         try:
-            begun_s.append(client.send(message.stamped(time_s) if isinstance(message, Unstamped) else message))
+            begun_s.append(
+                client.send(
+                    message.stamped(time_s)
+                    if isinstance(message, Unstamped)
+                    else message
+                )
+            )
         except LinkError:  # the monitor has disconnected this client, whose robot connection hears the answer
             break
         if isinstance(message, Unstamped):
@@ -206,10 +258,14 @@ class _Stage:
         """Return the pixels of the frame `index` places after the first one of the fault."""
         return self.recording.frame(self.recording.frames[self.first + index])
 
-    def sending(self, pixels: Pixels, matrix: tuple[float, ...] | None = None) -> Sending:
+    def sending(
+        self, pixels: Pixels, matrix: tuple[float, ...] | None = None
+    ) -> Sending:
         """Return a frame with the next number."""
         self.number += 1
-        message = frame_message(pixels, self.info, self.number, self.version, matrix=matrix)
+        message = frame_message(
+            pixels, self.info, self.number, self.version, matrix=matrix
+        )
         return Sending(message, self.number)
 
     def shown(self, pictures: Iterable[Pixels]) -> list[Act]:
@@ -234,29 +290,42 @@ class _Stage:
     def forces_n(self, least_n: float) -> Floats:
         """Return the force at each frame, of which one must be at least `least_n`."""
         if self.given_n is None:
-            raise InputError(f"{self.recording.path}: no force at its frames; add truth.json or forces.csv")
+            raise InputError(
+                f"{self.recording.path}: no force at its frames; add truth.json or forces.csv"
+            )
         forces_n = np.asarray(self.given_n)
         if not forces_n.max() >= least_n:
             needs = f"this fault needs {from_si(least_n, 'mn'):g} mN: choose another recording"
             found_mn = from_si(forces_n.max(), "mn")
-            raise InputError(f"{self.recording.path}: forces up to {found_mn:.1f} mN; {needs}")
+            raise InputError(
+                f"{self.recording.path}: forces up to {found_mn:.1f} mN; {needs}"
+            )
         return forces_n
 
-    def nearest(self, wanted_n: Sequence[float] | Floats, least_n: float) -> list[Pixels]:
+    def nearest(
+        self, wanted_n: Sequence[float] | Floats, least_n: float
+    ) -> list[Pixels]:
         """Return pixels of the frames with the nearest forces, avoiding recently shown ones while there are others."""
         forces_n, shown = self.forces_n(least_n), MonitorLimits().shown_frames
         chosen = list(range(max(0, self.first - shown), self.first))
         for force_n in wanted_n:
             order = np.argsort(np.abs(forces_n - force_n), kind="stable")
             recent = set(chosen[-shown:])
-            chosen.append(int(next((index for index in order if index not in recent), order[0])))
-        return [self.recording.frame(self.recording.frames[index]) for index in chosen[-len(wanted_n) :]]
+            chosen.append(
+                int(next((index for index in order if index not in recent), order[0]))
+            )
+        return [
+            self.recording.frame(self.recording.frames[index])
+            for index in chosen[-len(wanted_n) :]
+        ]
 
 
 def _unusable(stage: _Stage) -> list[Act]:
     """Return noise, or black pixels with a few counts of noise, so that the picture does not count as frozen."""
     top, like = 2**stage.info.bits if stage.rng.random() < 0.5 else 3, stage.pixels(0)
-    return stage.shown(_like(like, stage.rng.integers(0, top, like.shape)) for _ in range(stage.count))
+    return stage.shown(
+        _like(like, stage.rng.integers(0, top, like.shape)) for _ in range(stage.count)
+    )
 
 
 def _double_buffer(stage: _Stage) -> list[Act]:
@@ -278,7 +347,10 @@ def _burned_in_clock(stage: _Stage) -> list[Act]:
 
 
 def _dark_level(stage: _Stage) -> list[Act]:
-    return stage.shown(_like(stage.last, stage.last + np.float64(place)) for place in range(stage.count))
+    return stage.shown(
+        _like(stage.last, stage.last + np.float64(place))
+        for place in range(stage.count)
+    )
 
 
 def _moved(stage: _Stage) -> list[Act]:
@@ -295,29 +367,44 @@ def _half_frozen(stage: _Stage) -> list[Act]:
 
 def _ghost(stage: _Stage) -> list[Act]:
     old = stage.rng.uniform(*OLD_SHARES)
-    return stage.shown(_like(live, old * stage.last + (1.0 - old) * live) for live in stage.live)
+    return stage.shown(
+        _like(live, old * stage.last + (1.0 - old) * live) for live in stage.live
+    )
 
 
 def _persistence(stage: _Stage) -> list[Act]:
     old, mean = stage.rng.uniform(*OLD_SHARES), stage.last.astype(np.float64)
-    means = accumulate(stage.live, lambda mean, seen: old * mean + (1.0 - old) * seen, initial=mean)
+    means = accumulate(
+        stage.live, lambda mean, seen: old * mean + (1.0 - old) * seen, initial=mean
+    )
     return stage.shown(_like(stage.last, mean) for mean in islice(means, 1, None))
 
 
 def _pixel_type(stage: _Stage) -> list[Act]:
     last, above = stage.last, max(0, stage.info.bits - 8)
-    other = last.astype(np.uint16) if last.dtype == np.uint8 else (last >> above).astype(np.uint8)
+    other = (
+        last.astype(np.uint16)
+        if last.dtype == np.uint8
+        else (last >> above).astype(np.uint8)
+    )
     return stage.shown(last if place % 2 else other for place in range(stage.count))
 
 
 def _like(pixels: Pixels, values: NDArray[np.generic]) -> Pixels:
     counts = np.clip(np.rint(values.astype(np.float64)), 0, np.iinfo(pixels.dtype).max)
-    return counts.astype(np.uint8) if pixels.dtype == np.uint8 else counts.astype(np.uint16)
+    return (
+        counts.astype(np.uint8)
+        if pixels.dtype == np.uint8
+        else counts.astype(np.uint16)
+    )
 
 
 def _stale(stage: _Stage) -> list[Act]:
     return [
-        tuple(replace(sending, late_s=-LATER * place * stage.interval_s) for sending in act or ())
+        tuple(
+            replace(sending, late_s=-LATER * place * stage.interval_s)
+            for sending in act or ()
+        )
         for place, act in enumerate(stage.shown(stage.live), start=1)
     ]
 
@@ -343,7 +430,9 @@ def _nan(stage: _Stage) -> list[Act]:
 
 def _checksum(stage: _Stage) -> list[Act]:
     data = stage.bytes_of_next()
-    data[int(stage.rng.integers(HEADER_BYTES, len(data)))] ^= 1 << int(stage.rng.integers(8))
+    data[int(stage.rng.integers(HEADER_BYTES, len(data)))] ^= 1 << int(
+        stage.rng.integers(8)
+    )
     return stage.once(Sending(bytes(data)))
 
 
@@ -354,19 +443,28 @@ def _bad_image(stage: _Stage) -> list[Act]:
     body = bytes(data[HEADER_BYTES : -int(stage.rng.integers(1, len(data) // 2))])
     if stage.version > 1:  # the metadata follows the pixels
         body = body[:-2] + bytes(2)
-    head = pack_header(replace(header, body_bytes=len(body), crc=fastcrc.crc64.ecma_182(body)))
+    head = pack_header(
+        replace(header, body_bytes=len(body), crc=fastcrc.crc64.ecma_182(body))
+    )
     return stage.once(Sending(head + body))
 
 
 def _flood(stage: _Stage) -> list[Act]:
-    several = [stage.pixels(index) for index in range(min(FLOOD, len(stage.recording.frames) - stage.first))]
+    several = [
+        stage.pixels(index)
+        for index in range(min(FLOOD, len(stage.recording.frames) - stage.first))
+    ]
     burst = [stage.sending(several[place % len(several)]) for place in range(FLOOD)]
-    return stage.once(*(replace(sending, late_s=place * 1e-5) for place, sending in enumerate(burst)))
+    return stage.once(
+        *(replace(sending, late_s=place * 1e-5) for place, sending in enumerate(burst))
+    )
 
 
 def _rising(stage: _Stage) -> list[Act]:
     forces_n = stage.forces_n(BOUND_N)
-    wanted_n = forces_n[stage.first - 1] + RISE_N_PER_S * stage.interval_s * np.arange(1, stage.count + 1)
+    wanted_n = forces_n[stage.first - 1] + RISE_N_PER_S * stage.interval_s * np.arange(
+        1, stage.count + 1
+    )
     return stage.shown(stage.nearest(np.minimum(wanted_n, forces_n.max()), BOUND_N))
 
 
@@ -392,35 +490,91 @@ class Fault:
 
 FAULTS: Mapping[str, Fault] = MappingProxyType(
     {
-        "unusable": Fault("frames that show noise, or nothing", _unusable, (Cause.UNUSABLE,)),
-        "silence": Fault("no more frames; the connection stays", lambda stage: stage.silence, (Cause.SILENCE,)),
-        "frozen": Fault("the same picture again and again, with new numbers and times",
-                        lambda stage: stage.shown([stage.last] * stage.count)),
-        "double-buffer": Fault("the last 2 to 10 pictures in turns, with new numbers and times", _double_buffer),
-        "burned-in-clock": Fault("the same picture, in which a clock or one pixel changes", _burned_in_clock),
-        "dark-level": Fault("the same picture, one count brighter with each frame", _dark_level),
-        "moved": Fault("the same picture, moved by a row or a column with each frame", _moved),
+        "unusable": Fault(
+            "frames that show noise, or nothing", _unusable, (Cause.UNUSABLE,)
+        ),
+        "silence": Fault(
+            "no more frames; the connection stays",
+            lambda stage: stage.silence,
+            (Cause.SILENCE,),
+        ),
+        "frozen": Fault(
+            "the same picture again and again, with new numbers and times",
+            lambda stage: stage.shown([stage.last] * stage.count),
+        ),
+        "double-buffer": Fault(
+            "the last 2 to 10 pictures in turns, with new numbers and times",
+            _double_buffer,
+        ),
+        "burned-in-clock": Fault(
+            "the same picture, in which a clock or one pixel changes", _burned_in_clock
+        ),
+        "dark-level": Fault(
+            "the same picture, one count brighter with each frame", _dark_level
+        ),
+        "moved": Fault(
+            "the same picture, moved by a row or a column with each frame", _moved
+        ),
         "half-frozen": Fault("live pictures, one half of which stays", _half_frozen),
         "ghost": Fault("60 to 95 % of one old picture, the rest live", _ghost),
-        "persistence": Fault("a filter that keeps 60 to 95 % of its last picture", _persistence),
-        "pixel-type": Fault("the same picture with 8 and 16 bits in turns", _pixel_type, (Cause.PIXEL_TYPE,)),
-        "stale": Fault("frames that wait longer and longer in their sender's queue", _stale, (Cause.STALE,)),
-        "out-of-order": Fault("a frame with an older number and time", _out_of_order, (Cause.OUT_OF_ORDER,)),
-        "size": Fault("a frame of half the rows",
-                      lambda stage: stage.once(stage.sending(stage.pixels(0)[: stage.info.rows // 2])), (Cause.SIZE,)),
-        "scale": Fault("a frame whose pixels are stated 3 % too large", _scale, (Cause.SCALE,)),
-        "checksum": Fault("a frame with one byte flipped", _checksum, (Cause.CHECKSUM,)),
+        "persistence": Fault(
+            "a filter that keeps 60 to 95 % of its last picture", _persistence
+        ),
+        "pixel-type": Fault(
+            "the same picture with 8 and 16 bits in turns",
+            _pixel_type,
+            (Cause.PIXEL_TYPE,),
+        ),
+        "stale": Fault(
+            "frames that wait longer and longer in their sender's queue",
+            _stale,
+            (Cause.STALE,),
+        ),
+        "out-of-order": Fault(
+            "a frame with an older number and time",
+            _out_of_order,
+            (Cause.OUT_OF_ORDER,),
+        ),
+        "size": Fault(
+            "a frame of half the rows",
+            lambda stage: stage.once(
+                stage.sending(stage.pixels(0)[: stage.info.rows // 2])
+            ),
+            (Cause.SIZE,),
+        ),
+        "scale": Fault(
+            "a frame whose pixels are stated 3 % too large", _scale, (Cause.SCALE,)
+        ),
+        "checksum": Fault(
+            "a frame with one byte flipped", _checksum, (Cause.CHECKSUM,)
+        ),
         "nan": Fault("a frame whose matrix has a NaN", _nan, (Cause.BAD_IMAGE,)),
-        "bad-image": Fault("a frame whose body is shorter than it states", _bad_image, (Cause.BAD_IMAGE,)),
+        "bad-image": Fault(
+            "a frame whose body is shorter than it states",
+            _bad_image,
+            (Cause.BAD_IMAGE,),
+        ),
         "flood": Fault(f"{FLOOD} frames at once", _flood, (Cause.QUEUE_BEHIND,)),
-        "rising": Fault("the force rises by 150 mN/s (needs a recording that has such forces)", _rising,
-                        (Cause.RISING, Cause.BOUND)),
-        "dangerous": Fault("a frame of class 2 out of nothing (needs a recording that has one)", _dangerous,
-                           (Cause.DANGEROUS_CLASS, Cause.BOUND, Cause.RISING)),
+        "rising": Fault(
+            "the force rises by 150 mN/s (needs a recording that has such forces)",
+            _rising,
+            (Cause.RISING, Cause.BOUND),
+        ),
+        "dangerous": Fault(
+            "a frame of class 2 out of nothing (needs a recording that has one)",
+            _dangerous,
+            (Cause.DANGEROUS_CLASS, Cause.BOUND, Cause.RISING),
+        ),
         "half": Fault("half a frame, and nothing more", _half, (Cause.SILENCE,)),
-        "garbage": Fault("bytes that are not OpenIGTLink",
-                         lambda stage: [(Sending(b"\xff" + stage.rng.bytes(4095)),), *stage.silence],
-                         (Cause.BAD_IMAGE,)),
-        "disconnect": Fault("the connection is closed", lambda stage: [None, *stage.silence], (Cause.SILENCE,)),
+        "garbage": Fault(
+            "bytes that are not OpenIGTLink",
+            lambda stage: [(Sending(b"\xff" + stage.rng.bytes(4095)),), *stage.silence],
+            (Cause.BAD_IMAGE,),
+        ),
+        "disconnect": Fault(
+            "the connection is closed",
+            lambda stage: [None, *stage.silence],
+            (Cause.SILENCE,),
+        ),
     }
-)  # fmt: skip
+)

@@ -41,9 +41,13 @@ Hear = Callable[[float, str, igtl.Message], object]
 class Unstamped:
     """A message that is encoded except for the time in its header; `message_id` is 0 in version 1."""
 
-    def __init__(self, message: igtl.Message, device: str, version: int, message_id: int = 0) -> None:
+    def __init__(
+        self, message: igtl.Message, device: str, version: int, message_id: int = 0
+    ) -> None:
         message_id, self.device = message_id if version > 1 else 0, device
-        self._bytes = bytearray(igtl.encode(message, device, version=version, message_id=message_id))
+        self._bytes = bytearray(
+            igtl.encode(message, device, version=version, message_id=message_id)
+        )
         self._message_id = message_id
 
     def stamped(self, time_s: float) -> bytearray:
@@ -54,16 +58,26 @@ class Unstamped:
     @property
     def frame_id(self) -> int:
         """The monitor's id of the frame: the message id, or without one the time in microseconds."""
-        return self._message_id or int(from_si(igtl.unpack_header(self._bytes[: igtl.HEADER_BYTES]).time_s, "us"))
+        return self._message_id or int(
+            from_si(igtl.unpack_header(self._bytes[: igtl.HEADER_BYTES]).time_s, "us")
+        )
 
 
 def frame_message(
-    pixels: Pixels, oct_info: OctInfo, number: int, version: int, *, matrix: tuple[float, ...] | None = None,
+    pixels: Pixels,
+    oct_info: OctInfo,
+    number: int,
+    version: int,
+    *,
+    matrix: tuple[float, ...] | None = None,
     plane: str | None = None,
-) -> Unstamped:  # fmt: skip
+) -> Unstamped:
     """Encode a frame as an IMAGE of one slice, whose device is its plane's name; `matrix` replaces the recording's."""
     return Unstamped(
-        igtl.Image(pixels[None], matrix or image_matrix(oct_info)), plane or SCANNER_DEVICE, version, number
+        igtl.Image(pixels[None], matrix or image_matrix(oct_info)),
+        plane or SCANNER_DEVICE,
+        version,
+        number,
     )
 
 
@@ -83,11 +97,24 @@ class ScannerClient:
     """
 
     def __init__(
-        self, host: str, port: int, hear: Hear, *, observed: bool = False, clock: Callable[[], float] = monotonic
+        self,
+        host: str,
+        port: int,
+        hear: Hear,
+        *,
+        observed: bool = False,
+        clock: Callable[[], float] = monotonic,
     ) -> None:
-        self.address, self.clock, self._hear, self._decoder = f"{host}:{port}", clock, hear, igtl.Decoder()
+        self.address, self.clock, self._hear, self._decoder = (
+            f"{host}:{port}",
+            clock,
+            hear,
+            igtl.Decoder(),
+        )
         self._scanner: socket.socket | None = _connect(host, port)
-        self._heard: socket.socket | None = _connect(host, port) if observed else self._scanner
+        self._heard: socket.socket | None = (
+            _connect(host, port) if observed else self._scanner
+        )
 
     def send(self, data: bytes | bytearray) -> float:
         """Send bytes; return when the last 4 KiB were begun (s, monotonic): an answer may precede the return."""
@@ -101,12 +128,16 @@ class ScannerClient:
         moved_s = self.clock()
         while rest:
             if self._scanner is None:
-                raise LinkError(f"{self.address}: the monitor has closed the connection")
+                raise LinkError(
+                    f"{self.address}: the monitor has closed the connection"
+                )
             try:
                 rest, moved_s = rest[self._scanner.send(rest) :], self.clock()
             except BlockingIOError:
                 if self.clock() - moved_s > STALL_S:
-                    raise LinkError(f"{self.address}: the monitor has read nothing for {STALL_S:g} s") from None
+                    raise LinkError(
+                        f"{self.address}: the monitor has read nothing for {STALL_S:g} s"
+                    ) from None
                 self._turn(0.1, writing=True)
             except OSError as fault:
                 self._lose(self._scanner, fault)
@@ -139,7 +170,9 @@ class ScannerClient:
     def _receive(self, link: socket.socket, heard: bool) -> None:
         """Read a connection; discard what comes on the scanner's while the robot's, which gets the same, is heard."""
         try:
-            count = link.recv_into(self._decoder.space() if heard else bytearray(1 << 16))
+            count = link.recv_into(
+                self._decoder.space() if heard else bytearray(1 << 16)
+            )
         except BlockingIOError:
             return
         except OSError as fault:
@@ -150,7 +183,9 @@ class ScannerClient:
             self._lose(link, None)
         for event in self._decoder.received(count) if heard else ():
             if isinstance(event, igtl.Broken):
-                raise LinkError(f"{self.address}: does not send OpenIGTLink: {event.reason}")
+                raise LinkError(
+                    f"{self.address}: does not send OpenIGTLink: {event.reason}"
+                )
             if isinstance(event, igtl.Received):
                 self._hear(at_s, event.header.device, event.message)
 
@@ -158,7 +193,9 @@ class ScannerClient:
         if link is self._scanner:
             self._scanner = None
         if link is self._heard:
-            raise LinkError(f"{self.address}: the connection is lost: {fault.strerror if fault else 'it was closed'}")
+            raise LinkError(
+                f"{self.address}: the connection is lost: {fault.strerror if fault else 'it was closed'}"
+            )
         link.close()
 
 
@@ -225,11 +262,15 @@ class AnswerLog:
         self.status_s: float | None = None
         self.longest_silence_s = 0.0
         self.answered: int | None = None
-        self._waiting: OrderedDict[tuple[str | None, int], tuple[int, float]] = OrderedDict()
+        self._waiting: OrderedDict[tuple[str | None, int], tuple[int, float]] = (
+            OrderedDict()
+        )
         self._last: tuple[int, float] | None = None
         self._changed = False
 
-    def sent(self, number: int, frame_id: int, at_s: float, plane: str | None = None) -> None:
+    def sent(
+        self, number: int, frame_id: int, at_s: float, plane: str | None = None
+    ) -> None:
         """Take a frame that was sent: its number in the recording, its id, when its last byte was sent, its plane."""
         self.frames_sent += 1
         self.begun_s = at_s if self.begun_s is None else self.begun_s
@@ -247,26 +288,47 @@ class AnswerLog:
     @property
     def last(self) -> TimedAnswer | None:
         """The answer to the last frame that was sent; None until it comes."""
-        return self.answers[-1] if self.answers and self._last and self.answered == self._last[0] else None
+        return (
+            self.answers[-1]
+            if self.answers and self._last and self.answered == self._last[0]
+            else None
+        )
 
     @property
     def ok(self) -> bool:
         """True if the last STATUS lets the robot continue."""
         return self.status is not None and self.status.code == OK
 
-    def first_doubt(self, since_s: float, codes: Sequence[int] | None = None) -> Change | None:
+    def first_doubt(
+        self, since_s: float, codes: Sequence[int] | None = None
+    ) -> Change | None:
         """Return the first change since a time to one of `codes`, or by default to any code but OK."""
         found = (change for change in self.changes if change.at_s >= since_s)
-        return next((change for change in found if (change.code in codes if codes else change.code != OK)), None)
+        return next(
+            (
+                change
+                for change in found
+                if (change.code in codes if codes else change.code != OK)
+            ),
+            None,
+        )
 
     def _hear_status(self, at_s: float, status: igtl.Status) -> None:
         before, self.status = self.status, status
         if self.status_s is not None:
             self.longest_silence_s = max(self.longest_silence_s, at_s - self.status_s)
         self.status_s = at_s
-        self._changed = before is None or (before.code, before.subcode) != (status.code, status.subcode)
+        self._changed = before is None or (before.code, before.subcode) != (
+            status.code,
+            status.subcode,
+        )
         if self._changed:
-            change = Change(at_s=at_s, code=status.code, sub_code=status.subcode, message=status.message)
+            change = Change(
+                at_s=at_s,
+                code=status.code,
+                sub_code=status.subcode,
+                message=status.message,
+            )
             if self._last is not None:
                 number, sent_s = self._last
                 change = replace(change, frame=number, after_s=at_s - sent_s)
@@ -278,20 +340,29 @@ class AnswerLog:
         except msgspec.DecodeError:
             return
         frame_id, at_s, status = reading.get("frame_id"), self.status_s, self.status
-        sent = self._waiting.pop((reading.get("plane"), frame_id), None) if isinstance(frame_id, int) else None
+        sent = (
+            self._waiting.pop((reading.get("plane"), frame_id), None)
+            if isinstance(frame_id, int)
+            else None
+        )
         if at_s is None or status is None or sent is None:
             return
         number, sent_s = sent
         self.answered = number
         latency_ms = reading.get("latency_ms")
-        self.answers.append(TimedAnswer(code=status.code, took_s=at_s - sent_s, server_ms=latency_ms))
+        self.answers.append(
+            TimedAnswer(code=status.code, took_s=at_s - sent_s, server_ms=latency_ms)
+        )
         if self._changed:
             self._changed = False
             self.changes[-1] = replace(
-                self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True,
+                self.changes[-1],
+                frame=number,
+                after_s=at_s - sent_s,
+                answers=True,
                 force_mn=_plain(reading.get("force_mn"), float),
                 interval_mn=_plain(reading.get("interval_mn"), tuple[float, float]),
-            )  # fmt: skip
+            )
 
 
 def _plain(value: object, kind: type[Value]) -> Value | None:
@@ -301,7 +372,9 @@ def _plain(value: object, kind: type[Value]) -> Value | None:
 
 
 FORCE_DEVICE = "RobotForce"
-AHEAD = 48  # frames that are read before they are due: half a second at 100 a second, 25 MB
+AHEAD = (
+    48  # frames that are read before they are due: half a second at 100 a second, 25 MB
+)
 READERS = 2
 FORCES_PER_S = 1000.0  # that are sent at most; of a faster log, every n-th sample
 STATED_S = 0.05  # largest delay of the replay that a header may show; beyond it, it would pass for the scanner's
@@ -341,12 +414,19 @@ class Player:
     def __post_init__(self) -> None:
         self.forces_sent, self.latest_s, self.last = 0, 0.0, 0
         self._begun: tuple[float, float, float] | None = None
-        self._frame_went = 0.0, float("-inf")  # time in the recording, and when the last frame was sent
+        self._frame_went = (
+            0.0,
+            float("-inf"),
+        )  # time in the recording, and when the last frame was sent
 
     def play(self, stop_s: float = float("inf")) -> None:
         """Play until a time of the recording, or its end; then wait a moment for the last answer."""
         entries = [entry for entry in self.recording.frames if entry.time_s < stop_s]
-        forces = (force for force in self._forces() if force.time_s < min(stop_s, self.recording.frames[-1].time_s))
+        forces = (
+            force
+            for force in self._forces()
+            if force.time_s < min(stop_s, self.recording.frames[-1].time_s)
+        )
         for timed in merge(self.frames(entries), forces, self._poses(entries)):
             self.send(timed)
         if stop_s == float("inf"):
@@ -354,7 +434,9 @@ class Player:
 
     def step(self, asked: Callable[[FrameEntry], bool]) -> None:
         """Send a frame, without forces, and wait for its answer, while `asked` returns True before each one."""
-        for entry, timed in zip(self.recording.frames, self.frames(self.recording.frames), strict=True):
+        for entry, timed in zip(
+            self.recording.frames, self.frames(self.recording.frames), strict=True
+        ):
             if not asked(entry):
                 return
             self.client.listen(self.client.clock())
@@ -362,14 +444,18 @@ class Player:
             self._await_answer()
 
     def _await_answer(self) -> None:
-        self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
+        self.client.listen(
+            self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last
+        )
         self.watch()
 
     def send(self, timed: Timed) -> float:
         """Wait until a message is due and send it; a late replay catches up by half of each interval, not at once."""
         due_s, stamp_s = self.due(timed.time_s)
         time_s, went_s = self._frame_went if timed.number else (timed.time_s, due_s)
-        self.client.listen(max(due_s, went_s + (timed.time_s - time_s) / self.speed / 2))
+        self.client.listen(
+            max(due_s, went_s + (timed.time_s - time_s) / self.speed / 2)
+        )
         late_s = max(0.0, self.client.clock() - due_s)
         self.latest_s = max(self.latest_s, late_s)
         sent_s = self._put(timed, stamp_s + max(0.0, late_s - STATED_S))
@@ -397,9 +483,14 @@ class Player:
 
     def frames(self, entries: Sequence[FrameEntry]) -> Iterator[Timed]:
         """Yield frames in order, with `ahead` of them read in advance, also before the first one is yielded."""
-        numbers = {entry.file: number for number, entry in enumerate(self.recording.frames, start=1)}
+        numbers = {
+            entry.file: number
+            for number, entry in enumerate(self.recording.frames, start=1)
+        }
         with ThreadPoolExecutor(READERS) as pool:
-            left = (pool.submit(self._read, entry, numbers[entry.file]) for entry in entries)
+            left = (
+                pool.submit(self._read, entry, numbers[entry.file]) for entry in entries
+            )
             waiting = deque(islice(left, self.ahead))
             try:
                 wait(waiting)
@@ -411,15 +502,21 @@ class Player:
 
     def _read(self, entry: FrameEntry, number: int) -> Timed:
         pixels = self.recording.frame(entry)
-        message = frame_message(pixels, self.recording.info.oct, number, self.version, plane=entry.plane)
+        message = frame_message(
+            pixels, self.recording.info.oct, number, self.version, plane=entry.plane
+        )
         return Timed(entry.time_s, number, message, entry.plane)
 
     def _poses(self, entries: list[FrameEntry]) -> Iterator[Timed]:
         """Yield the needle's travel at each frame, if the recording has it; it goes out just before the frame."""
         for entry in entries:
             if entry.travel_m is not None:
-                pose = igtl.Transform((*igtl.IDENTITY[:9], 0.0, 0.0, from_si(entry.travel_m, "mm")))
-                yield Timed(entry.time_s, 0, Unstamped(pose, NEEDLE_DEVICE, self.version))
+                pose = igtl.Transform(
+                    (*igtl.IDENTITY[:9], 0.0, 0.0, from_si(entry.travel_m, "mm"))
+                )
+                yield Timed(
+                    entry.time_s, 0, Unstamped(pose, NEEDLE_DEVICE, self.version)
+                )
 
     def _forces(self) -> Iterator[Timed]:
         """Yield the force log as SENSOR: three forces, and three torques if logged; otherwise the contact force."""
@@ -427,12 +524,26 @@ class Player:
         if log is None or info is None:
             return
         every = max(1, ceil(log.sample_rate_hz * self.speed / FORCES_PER_S - 1e-3))
-        whole = tuple(FORCE_COLUMNS[1 : 1 + len(log.columns)]) == log.columns and len(log.columns) in (3, 6)
-        values_sc = log.wrench_sc if whole else info.contact_sign * log.force_n(info.axis)[:, None]
-        known = np.isfinite(values_sc).all(axis=1)  # a robot sends no force that it does not have
+        whole = tuple(FORCE_COLUMNS[1 : 1 + len(log.columns)]) == log.columns and len(
+            log.columns
+        ) in (3, 6)
+        values_sc = (
+            log.wrench_sc
+            if whole
+            else info.contact_sign * log.force_n(info.axis)[:, None]
+        )
+        known = np.isfinite(values_sc).all(
+            axis=1
+        )  # a robot sends no force that it does not have
         times_s, values_sc = log.time_s[known], values_sc[known]
-        for time_s, values_c in zip(times_s[::every].tolist(), values_sc[::every].tolist(), strict=True):
-            yield Timed(time_s, 0, Unstamped(igtl.Sensor(tuple(values_c)), FORCE_DEVICE, self.version))
+        for time_s, values_c in zip(
+            times_s[::every].tolist(), values_sc[::every].tolist(), strict=True
+        ):
+            yield Timed(
+                time_s,
+                0,
+                Unstamped(igtl.Sensor(tuple(values_c)), FORCE_DEVICE, self.version),
+            )
 
 
 def median_interval_s(recording: Recording) -> float:

@@ -21,16 +21,31 @@ from scleraforce.units import from_si
 from scleraforce.whole_files import renamed_when_whole
 
 BLUE, AMBER, RED, BLACK, GREY = "#0072B2", "#E69F00", "#D55E00", "#222222", "#8A8A8A"
-PAPER, FAINT, TISSUE = "#FFFFFF", "#C9CED3", "#E9EDF2"  # behind everything, of lines in the background, of a drawn wall
+PAPER, FAINT, TISSUE = (
+    "#FFFFFF",
+    "#C9CED3",
+    "#E9EDF2",
+)  # behind everything, of lines in the background, of a drawn wall
 CLASS_COLOURS = (BLUE, AMBER, RED)
 CLASS_INKS = (BLUE, "#A06800", "#BF5300")  # the same, dark enough for letters on white
 CLASS_MARKERS = ("o", "s", "^")
 SCAN_COLOURS = "gray"
-SKY, LIGHT, SHADE = "#56B4E9", "#F4F4F4", "#111111"  # on a B-scan, with AMBER: lines, letters, and the letters' edge
+SKY, LIGHT, SHADE = (
+    "#56B4E9",
+    "#F4F4F4",
+    "#111111",
+)  # on a B-scan, with AMBER: lines, letters, and the letters' edge
 
 # An SVG's colours where the viewer prefers dark pages; others, and what is drawn on a B-scan, suit both.
-DARK = {PAPER: "#14181C", BLACK: "#E3E7EA", BLUE: SKY, CLASS_INKS[1]: "#F0B02C", CLASS_INKS[2]: "#FF9D57",
-        FAINT: "#5A646D", TISSUE: "#39424A"}  # fmt: skip
+DARK = {
+    PAPER: "#14181C",
+    BLACK: "#E3E7EA",
+    BLUE: SKY,
+    CLASS_INKS[1]: "#F0B02C",
+    CLASS_INKS[2]: "#FF9D57",
+    FAINT: "#5A646D",
+    TISSUE: "#39424A",
+}
 _RULES = (
     f'[style*="{kind}: {light.lower()}"]{{{kind}:{dark}!important}}'
     for light, dark in DARK.items()
@@ -40,7 +55,11 @@ DARK_RULES = f"@media screen and (prefers-color-scheme: dark){{{''.join(_RULES)}
 
 Kind = Literal["png", "svg", "pdf"]
 FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
-LEFT_OUT: dict[Kind, str] = {"png": "Software", "svg": "Date", "pdf": "CreationDate"}  # of the metadata
+LEFT_OUT: dict[Kind, str] = {
+    "png": "Software",
+    "svg": "Date",
+    "pdf": "CreationDate",
+}  # of the metadata
 
 STYLE = files("scleraforce.report").joinpath("figures.mplstyle")
 Arguments = ParamSpec("Arguments")
@@ -67,7 +86,11 @@ def evenly(entries: list[Entry], most: int) -> list[Entry]:
     """Return at most `most` of some entries, in even steps."""
     if len(entries) <= most:
         return entries
-    return [entries[n] for n in np.linspace(0, len(entries) - 1, most).round().astype(int)] if most else []
+    return (
+        [entries[n] for n in np.linspace(0, len(entries) - 1, most).round().astype(int)]
+        if most
+        else []
+    )
 
 
 def last_letters(name: str, most: int) -> str:
@@ -79,7 +102,9 @@ def last_letters(name: str, most: int) -> str:
     return name if len(name) <= most else f"…{name[1 - most :]}"
 
 
-def show_image(axes: Axes, image: NDArray[Any], extent_m: tuple[float, float], **options: Any) -> None:
+def show_image(
+    axes: Axes, image: NDArray[Any], extent_m: tuple[float, float], **options: Any
+) -> None:
     """Draw an image (row, column) to scale, in mm from its upper left corner; `extent_m` is its width and depth."""
     extent = (0.0, from_si(extent_m[0], "mm"), from_si(extent_m[1], "mm"), 0.0)
     axes.imshow(image, **{"cmap": SCAN_COLOURS, "extent": extent, **options})
@@ -121,10 +146,16 @@ def _encoded(figure: Figure, kind: Kind) -> bytes:
     """Return a figure's file under the common style, without a date: the same figure gives the same bytes."""
     content = BytesIO()
     with mpl.rc_context(fname=str(STYLE)), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # of a file's name: it is shown as a box
+        warnings.filterwarnings(
+            "ignore", "Glyph .* missing from font"
+        )  # of a file's name: it is shown as a box
         figure.savefig(content, format=kind, metadata={LEFT_OUT[kind]: None})
     found = content.getvalue()
-    return found.replace(b"</style>", f"{DARK_RULES}</style>".encode(), 1) if kind == "svg" else found
+    return (
+        found.replace(b"</style>", f"{DARK_RULES}</style>".encode(), 1)
+        if kind == "svg"
+        else found
+    )
 
 
 def check_figure_path(path: Path) -> Kind:

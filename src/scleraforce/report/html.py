@@ -19,10 +19,21 @@ from scleraforce.errors import InputError
 from scleraforce.known import MODULUS_SOURCES
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.kinds import Reader
-from scleraforce.reader.metrics import SHARED_ERROR, Proportion, mean_absolute_error, precision, recall
+from scleraforce.reader.metrics import (
+    SHARED_ERROR,
+    Proportion,
+    mean_absolute_error,
+    precision,
+    recall,
+)
 from scleraforce.recording.export import csv_text
 from scleraforce.report.files import data_uri, evenly, png_uri, svg_uri
-from scleraforce.report.frame_figures import WIDTH, AnsweredFrame, draw_residuals, draw_trial_forces
+from scleraforce.report.frame_figures import (
+    WIDTH,
+    AnsweredFrame,
+    draw_residuals,
+    draw_trial_forces,
+)
 from scleraforce.segmentation.found import draw_overlay
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
@@ -44,7 +55,9 @@ class Table:
     @property
     def csv(self) -> str:
         """The address of the CSV file."""
-        records = self.records or [dict(zip(self.head, map(_value, row), strict=True)) for row in self.rows]
+        records = self.records or [
+            dict(zip(self.head, map(_value, row), strict=True)) for row in self.rows
+        ]
         return data_uri(csv_text(records).encode(), "text/csv")
 
 
@@ -52,22 +65,39 @@ def _value(cell: object) -> object:
     """Return a cell as a value of a CSV file: a number, a text, or None."""
     words = str(cell).replace(NO_BREAK, " ")
     try:
-        return None if words == NOTHING else float(words) if isinstance(cell, str) else cell
+        return (
+            None
+            if words == NOTHING
+            else float(words)
+            if isinstance(cell, str)
+            else cell
+        )
     except ValueError:
         return words
 
 
 def write_page(
-    template: str, path: Path, made_at: datetime, values: Mapping[str, Any], *, overwrite: bool = False
+    template: str,
+    path: Path,
+    made_at: datetime,
+    values: Mapping[str, Any],
+    *,
+    overwrite: bool = False,
 ) -> None:
     """Write a page from a template of the package and its values, as one file; raises `InputError`."""
     if path.exists() and not overwrite:
         raise InputError(f"{path}: exists already; remove it or choose another name")
-    pages = Environment(loader=PackageLoader("scleraforce", ""), autoescape=True, undefined=StrictUndefined)
+    pages = Environment(
+        loader=PackageLoader("scleraforce", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+    )
     pages.filters |= {"svg": svg_uri, "png": png_uri, "si": from_si}
     pages.filters |= {"cards": evaluation_cards, "confusion": confusion_table}
     pages.filters |= {"residuals": draw_residuals, "trial_forces": draw_trial_forces}
-    write_whole(pages.get_template(template).render(values, made=made_line(made_at)), path)
+    write_whole(
+        pages.get_template(template).render(values, made=made_line(made_at)), path
+    )
 
 
 NOTHING = "\N{EN DASH}"  # in a cell that has no value
@@ -81,17 +111,26 @@ def class_names(bounds_n: Sequence[float]) -> tuple[str, str, str]:
     ('class 0: below 5 mN', 'class 1: 5 to 30 mN', 'class 2: above 30 mN')
     """
     low, high = (f"{from_si(bound, 'mn'):g}" for bound in bounds_n)
-    return f"class 0: below {low} mN", f"class 1: {low} to {high} mN", f"class 2: above {high} mN"
+    return (
+        f"class 0: below {low} mN",
+        f"class 1: {low} to {high} mN",
+        f"class 2: above {high} mN",
+    )
 
 
 def confusion_table(evaluation: Evaluation, confusion: Integers | None = None) -> Table:
     """Return the confusion matrix, or another one, with recall and precision; misread trials are highlighted."""
-    names, confusion = class_names(evaluation.bounds_n), evaluation.confusion if confusion is None else confusion
+    names, confusion = (
+        class_names(evaluation.bounds_n),
+        evaluation.confusion if confusion is None else confusion,
+    )
     rows = [
         [f"target {name}", *counts.tolist(), found.words(NOTHING)]
         for name, counts, found in zip(names, confusion, recall(confusion), strict=True)
     ]
-    rows.append(["precision", *(right.words(NOTHING) for right in precision(confusion)), ""])
+    rows.append(
+        ["precision", *(right.words(NOTHING) for right in precision(confusion)), ""]
+    )
     wrong = [(r, c + 1) for r, c in np.argwhere(confusion > 0).tolist() if r != c]
     head = ["", *(f"predicted {number}" for number in range(len(names))), "recall"]
     return Table(head, rows, wrong)
@@ -104,13 +143,17 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer]) -> Table:
     classes = [f"p({number})" for number in range(len(evaluation.bounds_n) + 1)]
     rows = [
         [
-            f"{frame.eye}/{frame.file}" if several else frame.file, measured_force(frame),
-            NOTHING if frame.target is None else frame.target, frame.answer.predicted,
-            *(read_force(frame) if with_force else []), *(f"{p:.3f}" for p in frame.answer.probabilities or ()),
-            *([] if frame.answer.probabilities else [NOTHING] * len(classes)), _remark(frame),
+            f"{frame.eye}/{frame.file}" if several else frame.file,
+            measured_force(frame),
+            NOTHING if frame.target is None else frame.target,
+            frame.answer.predicted,
+            *(read_force(frame) if with_force else []),
+            *(f"{p:.3f}" for p in frame.answer.probabilities or ()),
+            *([] if frame.answer.probabilities else [NOTHING] * len(classes)),
+            _remark(frame),
         ]
         for frame in frames
-    ]  # fmt: skip
+    ]
     wrong = [(r, 3) for r, f in enumerate(frames) if f.misread]
     read = ["read [mN]", "90 % [mN]"] if with_force else []
     head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
@@ -121,8 +164,15 @@ def measured_force(frame: FrameAnswer) -> str:
     """Return the measured force of a frame with its standard deviation, mN."""
     if frame.measured_force_n is None:
         return NOTHING
-    force, sd_n = f"{from_si(frame.measured_force_n, 'mn'):.1f}", frame.measured_force_sd_n
-    return force if sd_n is None else f"{force}{NO_BREAK}±{NO_BREAK}{from_si(sd_n, 'mn'):.1f}"
+    force, sd_n = (
+        f"{from_si(frame.measured_force_n, 'mn'):.1f}",
+        frame.measured_force_sd_n,
+    )
+    return (
+        force
+        if sd_n is None
+        else f"{force}{NO_BREAK}±{NO_BREAK}{from_si(sd_n, 'mn'):.1f}"
+    )
 
 
 def read_force(frame: FrameAnswer) -> tuple[str, str]:
@@ -130,13 +180,20 @@ def read_force(frame: FrameAnswer) -> tuple[str, str]:
     if frame.answer.force_n is None or frame.answer.interval_n is None:
         return NOTHING, NOTHING
     low_mn, high_mn = (from_si(end, "mn") for end in frame.answer.interval_n)
-    return f"{from_si(frame.answer.force_n, 'mn'):.1f}", f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}"
+    return (
+        f"{from_si(frame.answer.force_n, 'mn'):.1f}",
+        f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}",
+    )
 
 
 def _remark(frame: FrameAnswer) -> str:
     remarks = []
     if not frame.answer.usable:
-        remarks.append(f"not usable ({frame.answer.reason})" if frame.answer.reason else "not usable")
+        remarks.append(
+            f"not usable ({frame.answer.reason})"
+            if frame.answer.reason
+            else "not usable"
+        )
     if frame.calibration:
         remarks.append("Young's modulus was fitted on it: not counted")
     if frame.excluded:
@@ -146,7 +203,15 @@ def _remark(frame: FrameAnswer) -> str:
 
 RESEARCH_USE = "Research use only: not a medical device."
 
-PACKAGES = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "onnxruntime", "zarr", "matplotlib")
+PACKAGES = (
+    "scleraforce",
+    "numpy",
+    "scipy",
+    "opencv-python-headless",
+    "onnxruntime",
+    "zarr",
+    "matplotlib",
+)
 
 
 def made_line(made_at: datetime) -> str:
@@ -162,38 +227,63 @@ def made_line(made_at: datetime) -> str:
 def provenance_table(study: Study, reader: Reader) -> Table:
     """Return study hash, seeds, model and data set hashes, and the versions of the packages."""
     rows: list[Sequence[object]] = [
-        ["study, SHA-256", study_hash(study)], ["data set, SHA-256", reader.provenance.get("dataset_sha256", "")],
-        ["seed of the data set", study.dataset.seed], ["seed of the network", study.network.seed],
-        ["seed of the virtual eyes", study.phantom.seed], ["Python", platform.python_version()],
-        ["PyTorch", reader.provenance.get("torch", "")], *([name, version(name)] for name in PACKAGES),
-    ]  # fmt: skip
+        ["study, SHA-256", study_hash(study)],
+        ["data set, SHA-256", reader.provenance.get("dataset_sha256", "")],
+        ["seed of the data set", study.dataset.seed],
+        ["seed of the network", study.network.seed],
+        ["seed of the virtual eyes", study.phantom.seed],
+        ["Python", platform.python_version()],
+        ["PyTorch", reader.provenance.get("torch", "")],
+        *([name, version(name)] for name in PACKAGES),
+    ]
     return Table(["", "value"], rows)
 
 
 def write_evaluation_html(
-    evaluation: Evaluation, looks: Sequence[AnsweredFrame], path: Path, made_at: datetime
+    evaluation: Evaluation,
+    looks: Sequence[AnsweredFrame],
+    path: Path,
+    made_at: datetime,
 ) -> None:
     """Write an evaluation as one self-contained page, with pictures of some frames; raises `InputError`."""
     recordings = dict.fromkeys(frame.recording for frame in evaluation.frames)
     tables = {
-        name: frame_table(evaluation, [frame for frame in evaluation.frames if frame.recording == name])
+        name: frame_table(
+            evaluation,
+            [frame for frame in evaluation.frames if frame.recording == name],
+        )
         for name in recordings
     }
     several = len(recordings) > 1
-    names = [f"{look.answer.eye}/{look.answer.file}" if several else look.answer.file for look in looks]
+    names = [
+        f"{look.answer.eye}/{look.answer.file}" if several else look.answer.file
+        for look in looks
+    ]
     pictures = [
         (_picture(look), name, _words(look.answer), look.answer.misread)
         for look, name in zip(looks, names, strict=True)
     ]
-    values = {"evaluation": evaluation, "lead": _lead(evaluation), "shared_error": SHARED_ERROR}
-    write_page("report/evaluation.html", path, made_at, values | {"pictures": pictures, "tables": tables})
+    values = {
+        "evaluation": evaluation,
+        "lead": _lead(evaluation),
+        "shared_error": SHARED_ERROR,
+    }
+    write_page(
+        "report/evaluation.html",
+        path,
+        made_at,
+        values | {"pictures": pictures, "tables": tables},
+    )
 
 
 def _lead(evaluation: Evaluation) -> str:
     if not evaluation.reads_force:
         modulus_mpa = from_si(evaluation.youngs_modulus_pa, "mpa")
         return f"Model {evaluation.model}, trained at a Young's modulus of {modulus_mpa:.3g} MPa."
-    eyes = {frame.eye: (frame.youngs_modulus_pa, frame.modulus_source) for frame in evaluation.frames}
+    eyes = {
+        frame.eye: (frame.youngs_modulus_pa, frame.modulus_source)
+        for frame in evaluation.frames
+    }
     moduli = (
         f"{eye}: not known"
         if modulus_pa is None
@@ -212,7 +302,11 @@ def evaluation_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
         (_percent(evaluation.accuracy.value), "accuracy", _of(evaluation.accuracy)),
         (f"{_percent(low)} to {_percent(high)}", "95 % interval", "Wilson's"),
         (_percent(danger.value), "of the dangerous forces seen", _of(danger)),
-        (str(len(unusable)), "frames not usable", f"of {len(evaluation.frames)}; each counts as class 2"),
+        (
+            str(len(unusable)),
+            "frames not usable",
+            f"of {len(evaluation.frames)}; each counts as class 2",
+        ),
     ]
     return [*most, *_force_cards(evaluation)]
 
@@ -221,10 +315,18 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     logged, true = evaluation.coverage, evaluation.true_coverage
     if not logged.total:
         return []
-    error_n = mean_absolute_error(evaluation.true_forces) if true.total else evaluation.mae_n
-    against = f"against truth.json, {true.total} trials" if true.total else f"{logged.total} usable trials"
+    error_n = (
+        mean_absolute_error(evaluation.true_forces) if true.total else evaluation.mae_n
+    )
+    against = (
+        f"against truth.json, {true.total} trials"
+        if true.total
+        else f"{logged.total} usable trials"
+    )
     held = [(_percent(true.value), "of true forces in their 90 % interval", _of(true))]
-    agree = f"{_of(logged)}; labels sure to {from_si(evaluation.label_sd_n, 'mn'):.2f} mN"
+    agree = (
+        f"{_of(logged)}; labels sure to {from_si(evaluation.label_sd_n, 'mn'):.2f} mN"
+    )
     return [
         (f"{from_si(error_n, 'mn'):.2f} mN", "mean error of the force", against),
         *(held if true.total else []),
@@ -247,10 +349,14 @@ DEEPEST = 2.0  # times as deep as wide, at most
 
 def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:
     """Return the frames that a page pictures, in their order: misread and unusable ones, then others in even steps."""
-    first = [n for n, frame in enumerate(frames) if not frame.answer.usable or frame.misread]
+    first = [
+        n for n, frame in enumerate(frames) if not frame.answer.usable or frame.misread
+    ]
     others = sorted(set(range(len(frames))) - set(first))
     chosen = evenly(first, MOST_PICTURES)
-    return tuple(frames[n] for n in sorted(chosen + evenly(others, MOST_PICTURES - len(chosen))))
+    return tuple(
+        frames[n] for n in sorted(chosen + evenly(others, MOST_PICTURES - len(chosen)))
+    )
 
 
 def _picture(look: AnsweredFrame) -> str:
@@ -259,17 +365,28 @@ def _picture(look: AnsweredFrame) -> str:
     rows = max(1, round(WIDTH * min(depth_m / width_m, DEEPEST)))
     picture = draw_overlay(look.frame, look.found, (rows, WIDTH))
     # Thin coloured lines need their colour at full resolution.
-    full_colour = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
-    content = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY, *full_colour])[1].tobytes()
+    full_colour = (
+        cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+        cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+    )
+    content = cv2.imencode(
+        ".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY, *full_colour]
+    )[1].tobytes()
     return data_uri(content, "image/jpeg")
 
 
 def _words(answer: FrameAnswer) -> str:
     texts = measured_force(answer), *read_force(answer)
     measured, force, interval = (each.replace(NO_BREAK, " ") for each in texts)
-    known = "not measured" if measured == NOTHING else f"measured {measured} mN (class {answer.target})"
+    known = (
+        "not measured"
+        if measured == NOTHING
+        else f"measured {measured} mN (class {answer.target})"
+    )
     if not answer.answer.usable:
-        return f"{known}; not usable" + (f": {answer.answer.reason}" if answer.answer.reason else "")
+        return f"{known}; not usable" + (
+            f": {answer.answer.reason}" if answer.answer.reason else ""
+        )
     if force == NOTHING:
         return f"{known}; read class {answer.answer.predicted}"
     return f"{known}; read {force} mN ({interval}; class {answer.answer.predicted})"

@@ -33,37 +33,64 @@ FACE_OUTLINES = (
 def draw_simulation(eye: SimulatedEye) -> Figure:
     """Draw the deformed mesh and, beside it, the slice."""
     figure = Figure(figsize=style.inches(170, 65))
-    figure.set_layout_engine("none")  # the automatic layout leaves three-dimensional axes small
+    figure.set_layout_engine(
+        "none"
+    )  # the automatic layout leaves three-dimensional axes small
     _draw_mesh(figure, eye, width=0.5)
     axes = figure.add_axes((0.56, 0.2, 0.42, 0.6))
     rows, columns = eye.slice.shape
-    width, depth = (from_si(pixels * eye.window.pixel_m, "mm") for pixels in (columns, rows))
-    axes.imshow(eye.slice, cmap=style.SCAN_COLOURS, vmin=0, vmax=255, extent=(-width / 2, width / 2, depth, 0))
+    width, depth = (
+        from_si(pixels * eye.window.pixel_m, "mm") for pixels in (columns, rows)
+    )
+    axes.imshow(
+        eye.slice,
+        cmap=style.SCAN_COLOURS,
+        vmin=0,
+        vmax=255,
+        extent=(-width / 2, width / 2, depth, 0),
+    )
     axes.set(xlabel="lateral [mm]", ylabel="depth [mm]")
     axes.set_title(f"slice beside the needle, {columns} x {rows} pixels")
     wall = f"wall of {from_si(eye.mesh.thickness_m, 'um'):.0f} µm"
     polar = f"{np.degrees(eye.contact.polar_rad):.0f}° from the pole"
-    force, dent = f"{from_si(eye.force_n, 'mn'):g} mN", f"{from_si(eye.tip_m, 'mm'):.2f} mm"
-    figure.suptitle(f"{wall}, {force} at {polar}: the contact sinks in by {dent}", x=0.02, ha="left", fontsize=8)
+    force, dent = (
+        f"{from_si(eye.force_n, 'mn'):g} mN",
+        f"{from_si(eye.tip_m, 'mm'):.2f} mm",
+    )
+    figure.suptitle(
+        f"{wall}, {force} at {polar}: the contact sinks in by {dent}",
+        x=0.02,
+        ha="left",
+        fontsize=8,
+    )
     return figure
 
 
 def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     axes: Axes3D = figure.add_axes((0.0, 0.1, width, 0.9), projection="3d")
     middles_ec = eye.mesh.points_nc[eye.mesh.cells_en].mean(axis=1)
-    behind_needle = middles_ec @ eye.contact.parallel > 0.0  # of the plane through its meridian, for the viewer
+    behind_needle = (
+        middles_ec @ eye.contact.parallel > 0.0
+    )  # of the plane through its meridian, for the viewer
     outlines = skin_outlines(eye.mesh.cells_en[behind_needle])
     moved = from_si(eye.mesh.points_nc + eye.displacement_nc, "mm")
-    amount = from_si(np.linalg.norm(eye.displacement_nc, axis=1)[outlines].mean(axis=1), "mm")
+    amount = from_si(
+        np.linalg.norm(eye.displacement_nc, axis=1)[outlines].mean(axis=1), "mm"
+    )
     scale = Normalize(0.0, max(float(amount.max()), 1e-6))
     colours = ScalarMappable(scale, DISPLACEMENT_COLOURS)
     faces = Poly3DCollection(
-        moved[outlines], facecolors=colours.to_rgba(amount), edgecolors=style.PAPER, linewidths=0.15
+        moved[outlines],
+        facecolors=colours.to_rgba(amount),
+        edgecolors=style.PAPER,
+        linewidths=0.15,
     )
     faces.set_rasterized(True)  # thousands of polygons
     axes.add_collection3d(faces)
     normal, length = eye.contact.normal, eye.mesh.radius_m - eye.tip_m
-    ends = from_si(np.stack([length * normal, (length + NEEDLE_LENGTH_M) * normal]), "mm")
+    ends = from_si(
+        np.stack([length * normal, (length + NEEDLE_LENGTH_M) * normal]), "mm"
+    )
     axes.plot(*ends.T, color=style.RED, linewidth=2.0, zorder=10)
     radius = from_si(eye.mesh.radius_m, "mm")
     axes.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(0, radius))
@@ -71,7 +98,9 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     axes.view_init(elev=22, azim=np.degrees(eye.contact.azimuth_rad) - 78)
     axes.set_axis_off()
     bar = figure.add_axes((0.25 * width, 0.17, 0.5 * width, 0.025))
-    figure.colorbar(colours, cax=bar, orientation="horizontal", label="displacement [mm]").outline.set_visible(False)
+    figure.colorbar(
+        colours, cax=bar, orientation="horizontal", label="displacement [mm]"
+    ).outline.set_visible(False)
 
 
 def skin_outlines(cells_en: Integers) -> Integers:
@@ -80,7 +109,9 @@ def skin_outlines(cells_en: Integers) -> Integers:
     outline = corners if cells_en.shape[1] == 8 else np.array(FACE_OUTLINES)
     names = np.sort(cells_en[:, corners].reshape(-1, 4), axis=1)
     _, first, count = np.unique(names, axis=0, return_index=True, return_counts=True)
-    skin: Integers = cells_en[:, outline].reshape(-1, outline.shape[1])[first[count == 1]]
+    skin: Integers = cells_en[:, outline].reshape(-1, outline.shape[1])[
+        first[count == 1]
+    ]
     return skin
 
 
@@ -98,35 +129,65 @@ def draw_model(study: Study) -> Figure:
     figure = Figure(figsize=style.inches(120, 62))
     axes = figure.add_subplot()
     angles = np.linspace(-np.pi / 2, np.pi / 2, 181)
-    wall = np.concatenate([_arc(radius, angles), _arc(radius - THICKNESS_DRAWN_MM, angles[::-1])])
-    axes.add_patch(Polygon(wall, facecolor=style.TISSUE, edgecolor=style.BLACK, linewidth=0.8))
+    wall = np.concatenate(
+        [_arc(radius, angles), _arc(radius - THICKNESS_DRAWN_MM, angles[::-1])]
+    )
+    axes.add_patch(
+        Polygon(wall, facecolor=style.TISSUE, edgecolor=style.BLACK, linewidth=0.8)
+    )
     _draw_base(axes, radius)
     _draw_pressure(axes, radius - THICKNESS_DRAWN_MM)
     _sketch_needle(axes, radius, polar_deg)
-    _arrow(axes, (-0.1 * radius, 0.52 * radius), (-0.1 * radius, 0.28 * radius), style.BLACK)
-    axes.text(-0.07 * radius, 0.36 * radius, "gravity, $f_g$", color=style.BLACK, parse_math=True)
+    _arrow(
+        axes,
+        (-0.1 * radius, 0.52 * radius),
+        (-0.1 * radius, 0.28 * radius),
+        style.BLACK,
+    )
+    axes.text(
+        -0.07 * radius,
+        0.36 * radius,
+        "gravity, $f_g$",
+        color=style.BLACK,
+        parse_math=True,
+    )
     of_eye = f"E, $\\nu$ = {study.eye.poisson_ratio:g}, R = {radius:g} mm"
     axes.text(0.0, 0.08 * radius, of_eye, ha="center", parse_math=True)
-    axes.set(xlim=(-1.15 * radius, 2.0 * radius), ylim=(-0.2 * radius, 1.3 * radius), aspect="equal")
+    axes.set(
+        xlim=(-1.15 * radius, 2.0 * radius),
+        ylim=(-0.2 * radius, 1.3 * radius),
+        aspect="equal",
+    )
     axes.set_axis_off()
     return figure
 
 
 @style.styled
-def draw_network(pixels: tuple[int, int], hidden: Sequence[int], classes: Sequence[str], dropout: float) -> Figure:
+def draw_network(
+    pixels: tuple[int, int],
+    hidden: Sequence[int],
+    classes: Sequence[str],
+    dropout: float,
+) -> Figure:
     """Draw the layers from a slice of (columns, rows) over hidden layers with dropout to the named classes."""
     columns, rows = pixels
     layers = [
-        (f"slice\n{columns} x {rows}\npixels", style.BLACK), (f"input\n{columns * rows}", style.GREY),
+        (f"slice\n{columns} x {rows}\npixels", style.BLACK),
+        (f"input\n{columns * rows}", style.GREY),
         *((f"{size}\nReLU\ndropout {dropout:g}", style.BLUE) for size in hidden),
         (f"{len(classes)}\nsoftmax", style.RED),
-    ]  # fmt: skip
+    ]
     step = 1.3 * BOX_MM
     figure = Figure(figsize=style.inches(170, 28))
     axes = figure.add_subplot()
     for place, (text, colour) in enumerate(layers):
         left = place * step
-        box = FancyBboxPatch((left, -ROW_MM / 2), BOX_MM, ROW_MM, boxstyle="round,pad=0,rounding_size=1.5")
+        box = FancyBboxPatch(
+            (left, -ROW_MM / 2),
+            BOX_MM,
+            ROW_MM,
+            boxstyle="round,pad=0,rounding_size=1.5",
+        )
         box.set(facecolor=style.PAPER, edgecolor=colour, linewidth=1.1)
         axes.add_patch(box)
         axes.text(left + BOX_MM / 2, 0.0, text, ha="center", va="center")
@@ -137,7 +198,9 @@ def draw_network(pixels: tuple[int, int], hidden: Sequence[int], classes: Sequen
         height = ROW_MM * (0.55 - 0.55 * place)
         _arrow(axes, (end, 0.5 * height), (end + 7.0, height), style.GREY)
         axes.text(end + 8.5, height, name, va="center")
-    axes.set(xlim=(-2.0, end + 38.0), ylim=(-0.7 * ROW_MM, 0.7 * ROW_MM), aspect="equal")
+    axes.set(
+        xlim=(-2.0, end + 38.0), ylim=(-0.7 * ROW_MM, 0.7 * ROW_MM), aspect="equal"
+    )
     axes.set_axis_off()
     return figure
 
@@ -155,37 +218,85 @@ def _point(distance: float, polar_deg: float, along: float = 0.0) -> Point:
 
 
 def _arrow(axes: Axes, start: Point, end: Point, colour: str) -> None:
-    axes.annotate("", xy=end, xytext=start, arrowprops={**ARROW, "color": colour, "lw": 1.0})
+    axes.annotate(
+        "", xy=end, xytext=start, arrowprops={**ARROW, "color": colour, "lw": 1.0}
+    )
 
 
 def _draw_base(axes: Axes, radius: float) -> None:
     for side in (-1.0, 1.0):
-        ends = np.sort(side * np.array([radius - 1.4 * THICKNESS_DRAWN_MM, radius + 0.4 * THICKNESS_DRAWN_MM]))
+        ends = np.sort(
+            side
+            * np.array(
+                [radius - 1.4 * THICKNESS_DRAWN_MM, radius + 0.4 * THICKNESS_DRAWN_MM]
+            )
+        )
         axes.plot(ends, [0.0, 0.0], color=style.BLACK, linewidth=1.4)
         for start in np.linspace(ends[0], ends[1], 6):
-            axes.plot([start, start - 0.5], [0.0, -0.8], color=style.BLACK, linewidth=0.6)
+            axes.plot(
+                [start, start - 0.5], [0.0, -0.8], color=style.BLACK, linewidth=0.6
+            )
     axes.text(0.0, -0.14 * radius, "the base is clamped", ha="center")
 
 
 def _draw_pressure(axes: Axes, inner: float) -> None:
     for polar_deg in (-75, -55, -35, -15, 5, 60, 78):
-        _arrow(axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), style.BLUE)
+        _arrow(
+            axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), style.BLUE
+        )
     across, up = _point(0.74 * inner, -45)
-    axes.text(across, up, "IOP, $f_p$", color=style.BLUE, ha="center", va="center", parse_math=True)
+    axes.text(
+        across,
+        up,
+        "IOP, $f_p$",
+        color=style.BLUE,
+        ha="center",
+        va="center",
+        parse_math=True,
+    )
 
 
 def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
     ends = np.array([_point(radius, polar_deg), _point(1.42 * radius, polar_deg)])
     axes.plot(*ends.T, color=style.RED, linewidth=2.6, solid_capstyle="butt")
-    _arrow(axes, _point(0.98 * radius, polar_deg), _point(0.72 * radius, polar_deg), style.RED)
+    _arrow(
+        axes,
+        _point(0.98 * radius, polar_deg),
+        _point(0.72 * radius, polar_deg),
+        style.RED,
+    )
     across, up = _point(0.64 * radius, polar_deg)
-    axes.text(across, up, "needle, $f_n$", color=style.RED, ha="center", va="center", parse_math=True)
+    axes.text(
+        across,
+        up,
+        "needle, $f_n$",
+        color=style.RED,
+        ha="center",
+        va="center",
+        parse_math=True,
+    )
     half = 0.38 * radius
     corners = [(1.22, -half), (1.22, half), (0.86, half), (0.86, -half)]
-    outline = np.array([_point(share * radius, polar_deg, along) for share, along in corners])
-    axes.add_patch(Polygon(outline, fill=False, edgecolor=style.AMBER, linewidth=1.1, linestyle=(0, (4, 2))))
+    outline = np.array(
+        [_point(share * radius, polar_deg, along) for share, along in corners]
+    )
+    axes.add_patch(
+        Polygon(
+            outline,
+            fill=False,
+            edgecolor=style.AMBER,
+            linewidth=1.1,
+            linestyle=(0, (4, 2)),
+        )
+    )
     across, up = _point(1.2 * radius, polar_deg, 0.44 * radius)
-    axes.text(across, up, "B-scan, parallel to this\nplane, beside the needle", color=style.CLASS_INKS[1], va="bottom")
+    axes.text(
+        across,
+        up,
+        "B-scan, parallel to this\nplane, beside the needle",
+        color=style.CLASS_INKS[1],
+        va="bottom",
+    )
 
 
 @style.styled
@@ -193,14 +304,28 @@ def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
     """Draw the curves of a training (`training_loss`, `validation_loss` and so on), a panel for each quantity."""
     names = list(dict.fromkeys(name.partition("_")[2] for name in curves))
     figure = Figure(figsize=style.inches(170 if len(names) > 1 else 110, 60))
-    for axes, name in zip(figure.subplots(1, max(len(names), 1), squeeze=False)[0], names, strict=False):
-        for part, colour, line in (("training", style.RED, (0, (4, 2))), ("validation", style.BLUE, "-")):
+    for axes, name in zip(
+        figure.subplots(1, max(len(names), 1), squeeze=False)[0], names, strict=False
+    ):
+        for part, colour, line in (
+            ("training", style.RED, (0, (4, 2))),
+            ("validation", style.BLUE, "-"),
+        ):
             values = curves.get(f"{part}_{name}", ())
             if values:
-                axes.plot(range(1, len(values) + 1), values, color=colour, linestyle=line, label=part)
+                axes.plot(
+                    range(1, len(values) + 1),
+                    values,
+                    color=colour,
+                    linestyle=line,
+                    label=part,
+                )
         axes.set(xlabel=steps, ylabel=name.replace("_", " "))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="best")
-        if name == "loss" and min(min(curves[key]) for key in curves if key.endswith("_loss")) > 0:
+        if (
+            name == "loss"
+            and min(min(curves[key]) for key in curves if key.endswith("_loss")) > 0
+        ):
             style.log_scale(axes, LogLocator(subs=(1.0, 2.0, 5.0)))
     return figure

@@ -17,13 +17,24 @@ from scleraforce.study import Study, format_study, read_study, study_hash
 from scleraforce.units import HumanUnit, from_si
 from scleraforce.whole_files import KINDS, read_bytes
 
-KNOWN = (f"give a study, library, data set, model (or a bundled one: {', '.join(SHIPPED)}), recording, calibration or "
-         "decision log")  # fmt: skip
+KNOWN = (
+    f"give a study, library, data set, model (or a bundled one: {', '.join(SHIPPED)}), recording, calibration or "
+    "decision log"
+)
 RECORDING_FILE = "recording.toml"
 LOG_FILES = "decisions-*.jsonl"
 STORE_FILE = "zarr.json"
-PARTS = {RECORDING_FILE: "recording", RECORD_FILE: "model", STORE_FILE: "store"}  # files of folders
-ENDINGS = {".toml": "study", ".json": "calibration", ".jsonl": "decision log", ".npz": "library"}
+PARTS = {
+    RECORDING_FILE: "recording",
+    RECORD_FILE: "model",
+    STORE_FILE: "store",
+}  # files of folders
+ENDINGS = {
+    ".toml": "study",
+    ".json": "calibration",
+    ".jsonl": "decision log",
+    ".npz": "library",
+}
 RANGE = {"min", "max"}  # a value, not a table of keys
 
 
@@ -49,7 +60,10 @@ def span(values: Iterable[float], unit: HumanUnit, printed: str) -> str:
     >>> span([4e-4], "um", "µm")
     '400 µm'
     """
-    ends = sorted({f"{from_si(value, unit):.4g}": value for value in values}.items(), key=lambda end: end[1])
+    ends = sorted(
+        {f"{from_si(value, unit):.4g}": value for value in values}.items(),
+        key=lambda end: end[1],
+    )
     words = ends[0][0] if len(ends) == 1 else f"{ends[0][0]} to {ends[-1][0]}"
     return f"{words} {printed}"
 
@@ -58,17 +72,23 @@ def thing_at(path: Path, model: Path | None = None) -> Thing:
     """Return the description of a file, folder or bundled model; `model`: checks its limits; raises `InputError`."""
     found = model_folder(path)
     if found.name in PARTS and found.is_file():
-        raise InputError(f"{found}: a part of a {PARTS[found.name]}; give its folder, {found.parent}")
+        raise InputError(
+            f"{found}: a part of a {PARTS[found.name]}; give its folder, {found.parent}"
+        )
     kind = ENDINGS.get(found.suffix.lower()) if found.is_file() else None
     if found.is_dir():
         kind = _kind_of_folder(found)
     if kind is None:
-        raise InputError(f"{found}: {'' if found.exists() else 'no such file or folder; '}{KNOWN}")
+        raise InputError(
+            f"{found}: {'' if found.exists() else 'no such file or folder; '}{KNOWN}"
+        )
     if model is not None and kind != "recording":
         raise InputError(f"--model: {path} is a {kind}; a model reads recordings")
     if kind == "study":
         return show_study(found / STUDY_FILE if found.is_dir() else found)
-    shown = import_module("scleraforce.report.shown_artefacts")  # with all packages that make or read them
+    shown = import_module(
+        "scleraforce.report.shown_artefacts"
+    )  # with all packages that make or read them
     show: Callable[..., Thing] = getattr(shown, f"show_{kind.replace(' ', '_')}")
     return show(found) if model is None else show(found, model)
 
@@ -100,28 +120,53 @@ def show_study(path: Path) -> Thing:
     bounds_mn = [from_si(bound, "mn") for bound in study.classes.bounds_n]
     images = sum(group.images for group in study.dataset.group)
     rows = (
-        ("eye", f"radius {from_si(eye.radius_m, 'mm'):g} mm, wall of {span(eye.thickness_m.bounds, 'um', 'µm')}, "
-                f"{span([eye.youngs_modulus_pa], 'mpa', 'MPa')} at {span([eye.iop_pa], 'mmhg', 'mmHg')}, "
-                f"globe {study.globe.kind}"),
-        ("needle", f"{from_si(needle.outer_diameter_m, 'mm'):g} mm thick, "
-                   f"{span(needle.polar_angle_rad.bounds, 'deg', '°')} from the pole, "
-                   f"up to {from_si(needle.max_force_n, 'mn'):g} mN"),
-        ("scanner", f"{scan.columns} x {scan.rows} pixels of {scan.bits} bits over "
-                    f"{from_si(scan.width_m, 'mm'):g} x {from_si(scan.depth_m, 'mm'):g} mm"),
-        ("classes", f"bounds at {' and '.join(f'{bound:g}' for bound in bounds_mn)} mN"),
+        (
+            "eye",
+            f"radius {from_si(eye.radius_m, 'mm'):g} mm, wall of {span(eye.thickness_m.bounds, 'um', 'µm')}, "
+            f"{span([eye.youngs_modulus_pa], 'mpa', 'MPa')} at {span([eye.iop_pa], 'mmhg', 'mmHg')}, "
+            f"globe {study.globe.kind}",
+        ),
+        (
+            "needle",
+            f"{from_si(needle.outer_diameter_m, 'mm'):g} mm thick, "
+            f"{span(needle.polar_angle_rad.bounds, 'deg', '°')} from the pole, "
+            f"up to {from_si(needle.max_force_n, 'mn'):g} mN",
+        ),
+        (
+            "scanner",
+            f"{scan.columns} x {scan.rows} pixels of {scan.bits} bits over "
+            f"{from_si(scan.width_m, 'mm'):g} x {from_si(scan.depth_m, 'mm'):g} mm",
+        ),
+        (
+            "classes",
+            f"bounds at {' and '.join(f'{bound:g}' for bound in bounds_mn)} mN",
+        ),
         ("mechanics", study.mechanics.kind),
-        ("data set", f"{images} slices in {len(study.dataset.group)} groups, seed {study.dataset.seed}"),
+        (
+            "data set",
+            f"{images} slices in {len(study.dataset.group)} groups, seed {study.dataset.seed}",
+        ),
         ("SHA-256", study_hash(study)),
         ("changed", f"{len(changed) or 'no'} keys, against the paper's study"),
-    )  # fmt: skip
+    )
     lines = tuple(
-        f"  {key} = {_words(value)} (the paper's: {_words(paper)})" for key, (value, paper) in changed.items()
+        f"  {key} = {_words(value)} (the paper's: {_words(paper)})"
+        for key, (value, paper) in changed.items()
     )
     facts = {
-        "study_sha256": study_hash(study), "mechanics": study.mechanics.kind, "bounds_mn": bounds_mn, "images": images,
+        "study_sha256": study_hash(study),
+        "mechanics": study.mechanics.kind,
+        "bounds_mn": bounds_mn,
+        "images": images,
         "changed": {key: value for key, (value, _) in changed.items()},
-    }  # fmt: skip
-    return Thing(kind="study", facts=facts, rows=rows, lines=lines, draw=lambda: draw_model(study))
+    }
+    return Thing(
+        kind="study",
+        facts=facts,
+        rows=rows,
+        lines=lines,
+        draw=lambda: draw_model(study),
+    )
 
 
 def changed_keys(study: Study) -> dict[str, tuple[Any, Any]]:
@@ -131,8 +176,14 @@ def changed_keys(study: Study) -> dict[str, tuple[Any, Any]]:
     >>> changed_keys(parse_study("[eye]\nradius_mm = 11.0"))
     {'eye.radius_mm': (11.0, 12.0)}
     """
-    own, paper = (dict(_keys(tomllib.loads(format_study(each)), "")) for each in (study, Study()))
-    return {key: (own.get(key), paper.get(key)) for key in {**own, **paper} if own.get(key) != paper.get(key)}
+    own, paper = (
+        dict(_keys(tomllib.loads(format_study(each)), "")) for each in (study, Study())
+    )
+    return {
+        key: (own.get(key), paper.get(key))
+        for key in {**own, **paper}
+        if own.get(key) != paper.get(key)
+    }
 
 
 def _keys(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
@@ -146,4 +197,6 @@ def _keys(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
 def _words(value: Any) -> str:
     if value is None:
         return "missing"
-    return f"{value['min']} to {value['max']}" if isinstance(value, dict) else str(value)
+    return (
+        f"{value['min']} to {value['max']}" if isinstance(value, dict) else str(value)
+    )

@@ -23,9 +23,27 @@ from scleraforce.units import to_si
 
 IOP_PA, POLAR_RAD = to_si(2.0, "mmhg"), radians(35.0)
 EYE = PhantomEye(
-    id="demo", thickness_m=650e-6, youngs_modulus_pa=0.3e6, iop_pa=IOP_PA, gap_m=0.5e-3, polar_rad=POLAR_RAD
+    id="demo",
+    thickness_m=650e-6,
+    youngs_modulus_pa=0.3e6,
+    iop_pa=IOP_PA,
+    gap_m=0.5e-3,
+    polar_rad=POLAR_RAD,
 )
-FORCES_N = (0.002, 0.007, 0.011, 0.015, 0.019, 0.023, 0.027, 0.033, 0.037, 0.042, 0.046, 0.050)
+FORCES_N = (
+    0.002,
+    0.007,
+    0.011,
+    0.015,
+    0.019,
+    0.023,
+    0.027,
+    0.033,
+    0.037,
+    0.042,
+    0.046,
+    0.050,
+)
 TAUGHT = 3  # frames that calibrate
 MESH_CORE, MESH_RINGS = 4, 8  # coarse: tips within 2 %
 BENT, CALIBRATION_DONE, FRAMES_READ = 0.5, 0.75, 0.8  # shares of the time
@@ -42,30 +60,53 @@ class Demo:
     evaluation: Evaluation
 
 
-def run_demo(out: Path, made_at: datetime, progress: Callable[[float], object] | None = None) -> Demo:
+def run_demo(
+    out: Path, made_at: datetime, progress: Callable[[float], object] | None = None
+) -> Demo:
     """Push a virtual eye, calibrate on three of the frames, read the others, and write a page with the date `made_at`.
 
     A failure removes the folder. `progress` is called with the finished share of the work. It raises `InputError` if
     `out` exists or cannot be written.
     """
     if out.exists():
-        raise InputError(f"{out}: exists already; remove it or choose another folder with --out")
+        raise InputError(
+            f"{out}: exists already; remove it or choose another folder with --out"
+        )
     reach = progress or (lambda _: None)
-    recording, calibration, page = out / "eye", out / "modulus.json", out / "answers.html"
-    mesh, mechanics = MeshStudy(core=MESH_CORE, rings=MESH_RINGS), MechanicsStudy(kind="finite-strain")
+    recording, calibration, page = (
+        out / "eye",
+        out / "modulus.json",
+        out / "answers.html",
+    )
+    mesh, mechanics = (
+        MeshStudy(core=MESH_CORE, rings=MESH_RINGS),
+        MechanicsStudy(kind="finite-strain"),
+    )
     study = Study(mesh=mesh, mechanics=mechanics)
     try:
         sections_at = study_sections(EYE, study, lambda share: reach(BENT * share))
-        write_phantom(recording, plan_phantom(EYE, FORCES_N, study, study.phantom.seed), sections_at, study)
-        reader, finder = load_force_reader(SHIPPED_READER), load_wall_finder(SHIPPED_WALL_FINDER)
+        write_phantom(
+            recording,
+            plan_phantom(EYE, FORCES_N, study, study.phantom.seed),
+            sections_at,
+            study,
+        )
+        reader, finder = (
+            load_force_reader(SHIPPED_READER),
+            load_wall_finder(SHIPPED_WALL_FINDER),
+        )
         opened = [read_recording(recording)]
         of_study = reader.study, study_hash(reader.study), reader.library
         found = calibrate_recordings(opened, *of_study, frames=TAUGHT, finder=finder)
         write_calibration(found.to_dict(), calibration)
         reach(CALIBRATION_DONE)
-        evaluation = evaluate_recordings(reader, [recording], read_calibration(calibration))
+        evaluation = evaluate_recordings(
+            reader, [recording], read_calibration(calibration)
+        )
         reach(FRAMES_READ)
-        write_evaluation_html(evaluation, look_at_all(shown_frames(evaluation.frames)), page, made_at)
+        write_evaluation_html(
+            evaluation, look_at_all(shown_frames(evaluation.frames)), page, made_at
+        )
         reach(1.0)
     except BaseException:
         shutil.rmtree(out, ignore_errors=True)

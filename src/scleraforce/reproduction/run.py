@@ -28,15 +28,25 @@ from scleraforce.study.fields import field_key
 from scleraforce.whole_files import KINDS, hash_sources, read_text, write_whole
 
 Progress = Callable[[int], None]
-Announce = Callable[[str, int], AbstractContextManager[Progress]]  # title and length of a bar -> its progress
+Announce = Callable[
+    [str, int], AbstractContextManager[Progress]
+]  # title and length of a bar -> its progress
 
 STATE_FILE = "reproduce.json"
 # Sources that decide the stored results: an edit costs one run. The page is drawn in every run.
 SOURCES = (
-    "calibration", "known", "laboratory", "learning", "library", "mechanics", "reader", "recording", "segmentation",
+    "calibration",
+    "known",
+    "laboratory",
+    "learning",
+    "library",
+    "mechanics",
+    "reader",
+    "recording",
+    "segmentation",
     "study",
     *(f"reproduction/{name}.py" for name in ("run", "stages")),
-)  # fmt: skip
+)
 # Values that a reader is trained for. The bundled reader serves a study that has its values here.
 TRAINED_FOR = {
     "eye": ("radius_m", "poisson_ratio"),
@@ -51,10 +61,19 @@ class Run:
     `train`: train the force reader in this run instead of using the bundled one.
     """
 
-    def __init__(self, folder: Path, study: Study, workers: int, train: bool = False) -> None:
-        self.folder, self.study, self.workers, self.train = folder, study, workers, train
+    def __init__(
+        self, folder: Path, study: Study, workers: int, train: bool = False
+    ) -> None:
+        self.folder, self.study, self.workers, self.train = (
+            folder,
+            study,
+            workers,
+            train,
+        )
         self.recordings = folder / "recordings"  # of the virtual eyes
-        self.recordings_to_the_bounds = folder / "recordings-to-the-bounds"  # with forces up to the classes' bounds
+        self.recordings_to_the_bounds = (
+            folder / "recordings-to-the-bounds"
+        )  # with forces up to the classes' bounds
         self.calibration = folder / "calibration.json"
         self.dataset = folder / "dataset"
         self.model = folder / "model"  # the paper's network
@@ -99,7 +118,9 @@ def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             if _read_state(folder)["made_from"].get("study") != study_hash(study):
-                raise InputError(f"{folder}: made from another study; remove it or give a new folder")
+                raise InputError(
+                    f"{folder}: made from another study; remove it or give a new folder"
+                )
         else:
             (folder / "study.toml").write_text(format_study(study), encoding="utf-8")
             _write_state(run, {})
@@ -109,7 +130,10 @@ def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -
 
 
 def run_stages(
-    run: Run, stages: tuple[Stage, ...], announce: Announce, tell: Callable[[str], object] = lambda _: None
+    run: Run,
+    stages: tuple[Stage, ...],
+    announce: Announce,
+    tell: Callable[[str], object] = lambda _: None,
 ) -> dict[str, float]:
     """Do the unfinished stages in order, or all of them if other code made the results in the folder.
 
@@ -118,11 +142,21 @@ def run_stages(
     """
     made_from = _read_state(run.folder)["made_from"]
     if made_from.get("sources") != _sources():
-        tell(f"{run.folder}: the code has changed since these results were made; all stages are done again")
+        tell(
+            f"{run.folder}: the code has changed since these results were made; all stages are done again"
+        )
         _forget(run, stages, {})
     elif made_from.get("reader") != _reader_of(run):
         by_reader = {stage.name: stage for stage in stages if stage.by_reader}
-        _forget(run, by_reader.values(), {n: value for n, value in seconds_so_far(run).items() if n not in by_reader})
+        _forget(
+            run,
+            by_reader.values(),
+            {
+                n: value
+                for n, value in seconds_so_far(run).items()
+                if n not in by_reader
+            },
+        )
     seconds = seconds_so_far(run)
     for number, stage in enumerate(stages, start=1):
         if stage.name in seconds and stage.leaves and stage.leaves(run).exists():
@@ -130,7 +164,9 @@ def run_stages(
         if stage.leaves and not stage.resumes:
             _remove(stage.leaves(run))
         start = time.perf_counter()
-        with announce(f"{number}/{len(stages)} {stage.name}", stage.length(run)) as progress:
+        with announce(
+            f"{number}/{len(stages)} {stage.name}", stage.length(run)
+        ) as progress:
             stage.work(run, progress)
         seconds[stage.name] = round(time.perf_counter() - start, 2)
         _write_state(run, seconds)
@@ -165,23 +201,39 @@ def _sources() -> str:
 def _read_state(folder: Path) -> dict[str, dict[str, Any]]:
     path = folder / STATE_FILE
     if not path.exists():
-        raise InputError(f"{folder}: not empty, and not made by `reproduce`; give a new folder")
+        raise InputError(
+            f"{folder}: not empty, and not made by `reproduce`; give a new folder"
+        )
     try:
         state: dict[str, dict[str, Any]] = json.loads(read_text(path, KINDS["result"]))
-        return {"seconds": dict(state["seconds"]), "made_from": dict(state["made_from"])}
+        return {
+            "seconds": dict(state["seconds"]),
+            "made_from": dict(state["made_from"]),
+        }
     except (ValueError, KeyError, TypeError) as fault:
-        raise InputError(f"{path}: cannot be read; remove {folder} or give a new folder") from fault
+        raise InputError(
+            f"{path}: cannot be read; remove {folder} or give a new folder"
+        ) from fault
 
 
 def _write_state(run: Run, seconds: Mapping[str, float]) -> None:
-    made_from = {"study": study_hash(run.study), "sources": _sources(), "reader": _reader_of(run)}
-    content = {"made_from": made_from | {"version of scleraforce": __version__}, "seconds": seconds}
+    made_from = {
+        "study": study_hash(run.study),
+        "sources": _sources(),
+        "reader": _reader_of(run),
+    }
+    content = {
+        "made_from": made_from | {"version of scleraforce": __version__},
+        "seconds": seconds,
+    }
     write_whole(json.dumps(content, indent=2) + "\n", run.folder / STATE_FILE)
 
 
 def _reader_of(run: Run) -> str:
     """Return "trained", or the hash of the bundled reader's record."""
-    return "trained" if run.train else sha256((SHIPPED_READER / "model.json").read_bytes())
+    return (
+        "trained" if run.train else sha256((SHIPPED_READER / "model.json").read_bytes())
+    )
 
 
 def _check_bundled(study: Study) -> None:
@@ -189,7 +241,9 @@ def _check_bundled(study: Study) -> None:
     for section, names in TRAINED_FOR.items():
         mine, its = getattr(study, section), getattr(bundled, section)
         for item in fields(mine):
-            if (names is None or item.name in names) and getattr(mine, item.name) != getattr(its, item.name):
+            if (names is None or item.name in names) and getattr(
+                mine, item.name
+            ) != getattr(its, item.name):
                 fault = "the bundled reader was trained for another value; --train trains one for this study"
                 raise StudyError(f"study: {section}.{field_key(item)}: {fault}")
 
@@ -203,22 +257,40 @@ def framed_for_laboratory(study: Study) -> Study:
     >>> framed_for_laboratory(Study()).dataset.framing_lateral_m
     Range(min=-0.0003, max=0.0003)
     """
-    shift, surface, room = study.phantom.eye_shift_m.bounds, study.phantom.surface_depth_m.bounds, study.slice.pixel_m
+    shift, surface, room = (
+        study.phantom.eye_shift_m.bounds,
+        study.phantom.surface_depth_m.bounds,
+        study.slice.pixel_m,
+    )
     lateral, depth = (
         # Free of the last bits' rounding, so that the range's TOML reads back to the same.
         Range(min=round(low - room, 9), max=round(high + room, 9))
-        for low, high in (shift, (surface[side] + shift[side] - study.slice.margin_m for side in (0, 1)))
+        for low, high in (
+            shift,
+            (surface[side] + shift[side] - study.slice.margin_m for side in (0, 1)),
+        )
     )
-    return replace(study, dataset=replace(study.dataset, framing_lateral_m=lateral, framing_depth_m=depth))
+    return replace(
+        study,
+        dataset=replace(
+            study.dataset, framing_lateral_m=lateral, framing_depth_m=depth
+        ),
+    )
 
 
 CALIBRATED_EYES = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
-CALIBRATION_FORCES_N = (10e-3, 20e-3, 30e-3)  # of the pushes before the trials, up to the bound of danger
+CALIBRATION_FORCES_N = (
+    10e-3,
+    20e-3,
+    30e-3,
+)  # of the pushes before the trials, up to the bound of danger
 
 
 def bent_trials(study: Study) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
     """Return the eyes of the paper's design with the forces of their calibration, then of their trials."""
-    return tuple((eye, (*CALIBRATION_FORCES_N, *forces_n)) for eye, forces_n in paper_eyes(study))
+    return tuple(
+        (eye, (*CALIBRATION_FORCES_N, *forces_n)) for eye, forces_n in paper_eyes(study)
+    )
 
 
 def run_library(run: Run, progress: Progress | None = None) -> Library:

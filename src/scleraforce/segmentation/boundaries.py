@@ -14,9 +14,21 @@ from numba.experimental import structref
 from scleraforce.arrays import Counts, Flags, Floats, Indices, Integers, Places, Singles
 from scleraforce.compiled import compiled
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.found import EMPTY_SHARE, SATURATED_LEVEL, SATURATED_SHARE, UNSEEN_DEPTH_M
+from scleraforce.segmentation.found import (
+    EMPTY_SHARE,
+    SATURATED_LEVEL,
+    SATURATED_SHARE,
+    UNSEEN_DEPTH_M,
+)
 from scleraforce.segmentation.inner import CELLS, GROUP, find_thickness, stretch, unroll
-from scleraforce.segmentation.light import LEAST_SHAPE, GridSize, brighter_columns, grid_cells, grid_size, noise_floor
+from scleraforce.segmentation.light import (
+    LEAST_SHAPE,
+    GridSize,
+    brighter_columns,
+    grid_cells,
+    grid_size,
+    noise_floor,
+)
 from scleraforce.segmentation.loops import at_every_column, bridge, mean_of_neighbours
 from scleraforce.segmentation.needle import top_rows
 from scleraforce.segmentation.surface import (
@@ -39,7 +51,10 @@ LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
 STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
 PATH_COLUMNS = 30  # columns at most on which the path is searched ...
 MAX_SLOPE = 2.5  # of the surface: 68 degrees
-STRIP_PIXELS, STRIP_M = 24.0, 0.15e-3  # half height of the strip in which the boundary is refined
+STRIP_PIXELS, STRIP_M = (
+    24.0,
+    0.15e-3,
+)  # half height of the strip in which the boundary is refined
 GAP_M = 1.5e-3  # a wall continues behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
 BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen: it has left the window
@@ -56,7 +71,9 @@ def fine_columns(columns: int) -> Singles:
 def nearest_point(columns: int) -> Integers:
     """Return the nearest of `fine_columns` to each column of a frame, (column,)."""
     fine = fine_columns(columns)
-    return np.rint(np.interp(np.arange(columns, dtype=np.float64), fine, np.arange(len(fine)))).astype(np.int64)
+    return np.rint(
+        np.interp(np.arange(columns, dtype=np.float64), fine, np.arange(len(fine)))
+    ).astype(np.int64)
 
 
 @lru_cache(maxsize=CACHED)
@@ -65,7 +82,10 @@ def continuation(columns: int, first: float, spacing: float, points: int) -> Sin
     at, column = fine_columns(columns), first + spacing * np.arange(points)
     matrix = np.array([np.interp(at, column, unit) for unit in np.eye(points)]).T
     reach = min(3, points - 1)  # of the slopes: less ragged
-    for end, other, beyond in ((0, reach, at < column[0]), (points - 1, points - 1 - reach, at > column[-1])):
+    for end, other, beyond in (
+        (0, reach, at < column[0]),
+        (points - 1, points - 1 - reach, at > column[-1]),
+    ):
         away = (at[beyond] - column[end]) / (column[end] - column[other])
         matrix[beyond] = 0.0
         matrix[beyond, end], matrix[beyond, other] = 1.0 + away, -away
@@ -77,7 +97,9 @@ def grouping(points: int) -> tuple[Places, Singles]:
     """Return INNER_COLUMNS evenly spread points, and the matrix (point, group) from means of groups to all points."""
     chosen = np.arange(INNER_COLUMNS) * (points - 1) // (INNER_COLUMNS - 1)
     middle = chosen.reshape(-1, GROUP).mean(axis=1)
-    matrix = np.array([np.interp(np.arange(points), middle, unit) for unit in np.eye(len(middle))]).T
+    matrix = np.array(
+        [np.interp(np.arange(points), middle, unit) for unit in np.eye(len(middle))]
+    ).T
     return chosen, matrix.astype(np.float32)
 
 
@@ -101,7 +123,9 @@ class Tables(NamedTuple):
     point_m: float
     tissue_depth_m: float
     pairs: Indices  # columns of the grid, by turns
-    downwards: Singles  # a bonus of each row that is too small to outweigh anything seen
+    downwards: (
+        Singles  # a bonus of each row that is too small to outweigh anything seen
+    )
     column: Singles
     columns: Indices  # before and after each point, (2, point)
     across: Singles
@@ -135,54 +159,95 @@ def _new_workplace(tables: Tables) -> Workplace:
 
 
 @lru_cache(maxsize=CACHED)
-def workplace_for(rows: int, width: int, lateral_m: float, depth_m: float, refractive_index: float) -> Workplace:
+def workplace_for(
+    rows: int, width: int, lateral_m: float, depth_m: float, refractive_index: float
+) -> Workplace:
     """Return the tables for the imaged part of frames: `rows` and `width` columns of one scale (`PixelScale`)."""
-    scale = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=refractive_index)
+    scale = PixelScale(
+        lateral_m=lateral_m, depth_m=depth_m, refractive_index=refractive_index
+    )
     grid, column = grid_size(rows, width, scale), fine_columns(width)
-    first = np.arange(0, grid.columns - 1, max(2, ceil(grid.columns / PATH_COLUMNS)))  # of pairs of the grid's columns
-    middle = ((first + 1.0) * grid.step_columns - 0.5).astype(np.float32)  # of pairs, in columns of the frame
+    first = np.arange(
+        0, grid.columns - 1, max(2, ceil(grid.columns / PATH_COLUMNS))
+    )  # of pairs of the grid's columns
+    middle = ((first + 1.0) * grid.step_columns - 0.5).astype(
+        np.float32
+    )  # of pairs, in columns of the frame
     spacing = float(middle[1] - middle[0])
-    reach = ceil(MAX_SLOPE * (spacing / grid.step_columns * grid.scale.lateral_m) / (ROWS * grid.scale.depth_m))
+    reach = ceil(
+        MAX_SLOPE
+        * (spacing / grid.step_columns * grid.scale.lateral_m)
+        / (ROWS * grid.scale.depth_m)
+    )
     point_m = float(column[1] - column[0]) * scale.lateral_m
     looked_at, groups = grouping(len(column))
     before = np.floor(column).astype(np.intp)
-    columns, across = np.minimum([before, before + 1], width - 1).astype(np.uintp), column - before.astype(np.float32)
-    place, weight = _two_of_each(continuation(width, float(middle[0]), spacing, len(middle)))
+    columns, across = (
+        np.minimum([before, before + 1], width - 1).astype(np.uintp),
+        column - before.astype(np.float32),
+    )
+    place, weight = _two_of_each(
+        continuation(width, float(middle[0]), spacing, len(middle))
+    )
     group, group_weight = _two_of_each(groups)
     map_rows = grid.rows // ROWS
     tables = Tables(
-        width=width, step_rows=grid.step_rows, top_rows=top_rows(grid),
-        line_rows=_rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2,  # an opening touches one row more
-        judged_rows=_rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3), reach=min(max(2, reach), map_rows // 3),
+        width=width,
+        step_rows=grid.step_rows,
+        top_rows=top_rows(grid),
+        line_rows=_rows_of(LINE_PIXELS, LINE_M, grid, 1)
+        + 2,  # an opening touches one row more
+        judged_rows=_rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3),
+        reach=min(max(2, reach), map_rows // 3),
         strip_half=max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m))),
         strip_line=max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m))),
-        widest_gap=round(min(GAP_M / point_m, GAP_SHARE * len(column))), point_m=point_m,
+        widest_gap=round(min(GAP_M / point_m, GAP_SHARE * len(column))),
+        point_m=point_m,
         tissue_depth_m=scale.depth_m / scale.refractive_index,
         pairs=np.stack([first, first + 1], axis=1).ravel().astype(np.uintp),
-        downwards=np.linspace(0.0, 2e-3, map_rows, endpoint=False, dtype=np.float32), column=column, columns=columns,
-        across=across, looked_at=looked_at.astype(np.int64),
-        looked_columns=np.ascontiguousarray(columns[:, looked_at]), looked_across=across[looked_at], place=place,
-        weight=weight, group=group, group_weight=group_weight, nearest=nearest_point(width),
-    )  # fmt: skip
+        downwards=np.linspace(0.0, 2e-3, map_rows, endpoint=False, dtype=np.float32),
+        column=column,
+        columns=columns,
+        across=across,
+        looked_at=looked_at.astype(np.int64),
+        looked_columns=np.ascontiguousarray(columns[:, looked_at]),
+        looked_across=across[looked_at],
+        place=place,
+        weight=weight,
+        group=group,
+        group_weight=group_weight,
+        nearest=nearest_point(width),
+    )
     return _new_workplace(tables)
 
 
 def _rows_of(pixels: float, length_m: float, size: GridSize, least: int) -> int:
     """Return a length in rows of a grid: pixels of the frame, at most `length_m`, at least `least` rows."""
-    return max(least, round(min(pixels / size.step_rows, length_m / size.scale.depth_m)))
+    return max(
+        least, round(min(pixels / size.step_rows, length_m / size.scale.depth_m))
+    )
 
 
 def _two_of_each(matrix: Singles) -> tuple[Integers, Singles]:
     """Return the places of the (at most two) nonzero values in each row of a matrix, and these, (row, 2)."""
-    place = np.sort(np.argsort(matrix == 0.0, axis=1, kind="stable")[:, :2], axis=1).astype(np.int64)
+    place = np.sort(
+        np.argsort(matrix == 0.0, axis=1, kind="stable")[:, :2], axis=1
+    ).astype(np.int64)
     return place, np.take_along_axis(matrix, place, axis=1)
 
 
 @compiled
 def look(
-    frame: Counts, first: int, eight_bits: bool, brightest: int, missing: Flags, behind: tuple[int, int],
-    workplace: Workplace, left: int, rows: Floats,
-) -> tuple[Counts, int, bool, Integers, int, float, float, float]:  # fmt: skip
+    frame: Counts,
+    first: int,
+    eight_bits: bool,
+    brightest: int,
+    missing: Flags,
+    behind: tuple[int, int],
+    workplace: Workplace,
+    left: int,
+    rows: Floats,
+) -> tuple[Counts, int, bool, Integers, int, float, float, float]:
     """Look for the wall in a frame's columns from the first one on; write its boundaries from `left` on (2, column).
 
     `eight_bits`: see `grid_cells`; `brightest`: largest count, 0 to look whatever the frame shows; `missing` columns
@@ -202,14 +267,30 @@ def look(
         for column in range(0, cells.shape[1], 4):
             saturated += cells[row, column] >= bright
             some += 1
-    begin, flooded = brighter_columns(cells, tables.top_rows), saturated > SATURATED_SHARE * some
-    if brightest > 0 and (len(begin) or flooded or brightest - floor < EMPTY_SHARE * brightest):
+    begin, flooded = (
+        brighter_columns(cells, tables.top_rows),
+        saturated > SATURATED_SHARE * some,
+    )
+    if brightest > 0 and (
+        len(begin) or flooded or brightest - floor < EMPTY_SHARE * brightest
+    ):
         return cells, floor, flooded, begin, -1, np.nan, np.nan, np.nan
     tissue = opened_pairs(cells, floor, tables.pairs, tables.line_rows)
-    path = coarse_rows(surface_score(tissue, tables.judged_rows, tables.downwards), tables.reach)
-    start = start_rows(path, tables.step_rows, tables.place, tables.weight, frame.shape[0])
+    path = coarse_rows(
+        surface_score(tissue, tables.judged_rows, tables.downwards), tables.reach
+    )
+    start = start_rows(
+        path, tables.step_rows, tables.place, tables.weight, frame.shape[0]
+    )
     row, contrast, noise = _fit_strip(frame, first, start, behind, tables)
-    present = show_points(row, contrast, missing, tables.column, frame.shape[0] - BOTTOM_ROWS, tables.widest_gap)
+    present = show_points(
+        row,
+        contrast,
+        missing,
+        tables.column,
+        frame.shape[0] - BOTTOM_ROWS,
+        tables.widest_gap,
+    )
     shown, seen = present.copy(), 0
     for at in range(len(row)):
         shown[at] = present[at] and not behind[0] <= at < behind[1]
@@ -217,10 +298,20 @@ def look(
     typical = np.float64(quantile_of_chosen(contrast, shown, 0.5))
     if seen < LEAST_SHAPE:
         return cells, floor, flooded, begin, seen, typical, noise, np.nan
-    inner, thickness_m = _find_inner(frame, first, floor, tables, bridge(row, present), present)
+    inner, thickness_m = _find_inner(
+        frame, first, floor, tables, bridge(row, present), present
+    )
     rows[:] = np.nan
-    at_every_column(tables.column, row, present, tables.nearest, rows[0, left : left + tables.width])
-    at_every_column(tables.column, inner, present, tables.nearest, rows[1, left : left + tables.width])
+    at_every_column(
+        tables.column, row, present, tables.nearest, rows[0, left : left + tables.width]
+    )
+    at_every_column(
+        tables.column,
+        inner,
+        present,
+        tables.nearest,
+        rows[1, left : left + tables.width],
+    )
     return cells, floor, flooded, begin, seen, typical, noise, thickness_m
 
 
@@ -229,7 +320,9 @@ def _fit_strip(
     frame: Counts, first: int, start: Singles, behind: tuple[int, int], tables: Tables
 ) -> tuple[Singles, Singles, float]:
     """Move a surface from its start to the edge of the full frame; return rows, contrast and the noise of a pixel."""
-    raw, noise = sample_strip(frame, first, tables.columns, tables.across, start, tables.strip_half)
+    raw, noise = sample_strip(
+        frame, first, tables.columns, tables.across, start, tables.strip_half
+    )
     row, contrast = fit_edges(raw, tables.strip_line, start)
     if behind[0] == behind[1]:
         smooth_surface(row)
@@ -244,15 +337,24 @@ def _find_inner(
     frame: Counts, first: int, floor: int, tables: Tables, row: Singles, present: Flags
 ) -> tuple[Singles, float]:
     """Return the inner boundary's rows below a surface without gaps, and the median thickness, NaN: not found."""
-    along_rows, thickness_m = stretch(row, tables.point_m, tables.tissue_depth_m), np.empty_like(row)
+    along_rows, thickness_m = (
+        stretch(row, tables.point_m, tables.tissue_depth_m),
+        np.empty_like(row),
+    )
     prior = np.zeros((len(tables.looked_at) // GROUP, CELLS + 1), np.float32)
-    group_m, _, support = _search_below(frame, first, floor, tables, row, present, along_rows, prior)
+    group_m, _, support = _search_below(
+        frame, first, floor, tables, row, present, along_rows, prior
+    )
     if support < FOUND_SHARE:
         return row + np.float32(UNSEEN_DEPTH_M / tables.tissue_depth_m), np.nan
     inner = np.empty_like(row)
     for at in range(len(row)):
-        one = np.float64(tables.group_weight[at, 0]) * np.float64(group_m[tables.group[at, 0]])
-        other = np.float64(tables.group_weight[at, 1]) * np.float64(group_m[tables.group[at, 1]])
+        one = np.float64(tables.group_weight[at, 0]) * np.float64(
+            group_m[tables.group[at, 0]]
+        )
+        other = np.float64(tables.group_weight[at, 1]) * np.float64(
+            group_m[tables.group[at, 1]]
+        )
         thickness_m[at] = np.float32(one + other)
         inner[at] = along_rows[at] * thickness_m[at] + row[at]
     return inner, np.float64(quantile_of_chosen(thickness_m, present, 0.5))
@@ -260,27 +362,48 @@ def _find_inner(
 
 @compiled
 def _search_below(
-    frame: Counts, first: int, floor: int, tables: Tables, row: Singles, present: Flags, along_rows: Singles,
+    frame: Counts,
+    first: int,
+    floor: int,
+    tables: Tables,
+    row: Singles,
+    present: Flags,
+    along_rows: Singles,
     prior: Singles,
-) -> tuple[Singles, Flags, float]:  # fmt: skip
+) -> tuple[Singles, Flags, float]:
     """Return the wall's thickness at each group, which groups show its end, and their share: see `find_thickness`."""
     at, columns, across = tables.looked_at, tables.looked_columns, tables.looked_across
-    return find_thickness(*unroll(frame, first, floor, columns, across, row[at], present[at], along_rows[at]), prior)
+    return find_thickness(
+        *unroll(
+            frame, first, floor, columns, across, row[at], present[at], along_rows[at]
+        ),
+        prior,
+    )
 
 
 @compiled
-def edge_near(frame: Counts, first: int, start: Singles, workplace: Workplace) -> Singles:
+def edge_near(
+    frame: Counts, first: int, start: Singles, workplace: Workplace
+) -> Singles:
     """Return the edge of the full frame that lies nearest to a surface, both (point,), in rows."""
     return _fit_strip(frame, first, start, (0, 0), workplace.tables)[0]
 
 
 @compiled
 def thickness_below(
-    frame: Counts, first: int, eight_bits: bool, row: Singles, present: Flags, along_rows: Singles, prior: Singles,
+    frame: Counts,
+    first: int,
+    eight_bits: bool,
+    row: Singles,
+    present: Flags,
+    along_rows: Singles,
+    prior: Singles,
     workplace: Workplace,
-) -> tuple[Singles, Flags]:  # fmt: skip
+) -> tuple[Singles, Flags]:
     """Return the thickness below a surface without NaN at each group of points, m, and which groups show its end."""
     tables = workplace.tables
     floor = noise_floor(grid_cells(frame, first, tables.width, eight_bits))
-    thickness_m, shown, _ = _search_below(frame, first, floor, tables, row, present, along_rows, prior)
+    thickness_m, shown, _ = _search_below(
+        frame, first, floor, tables, row, present, along_rows, prior
+    )
     return thickness_m, shown

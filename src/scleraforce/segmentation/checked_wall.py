@@ -35,31 +35,59 @@ from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 
 START_POINTS = 30  # of the surface that the search for the edge starts from
 NEAR_STEPS = 1.0  # rows of the reduced frame from the network's boundary to the wall's edge, at most
-PRIOR_WEIGHT, PRIOR_CAP = 0.25, 2.0  # of the network's thickness, against a jump's gain of at most 1
+PRIOR_WEIGHT, PRIOR_CAP = (
+    0.25,
+    2.0,
+)  # of the network's thickness, against a jump's gain of at most 1
 PRIOR_SD_M = 25e-6  # at least: of the network's thickness
-SHOWN_SDS, SHOWN_SHARE = 3.0, 0.5  # the end is seen where jumps lie so near the network's, in so much of the wall
+SHOWN_SDS, SHOWN_SHARE = (
+    3.0,
+    0.5,
+)  # the end is seen where jumps lie so near the network's, in so much of the wall
 ENDED_SHARE = 0.2  # of the wall has an end inside of the frame: its thickness is known
-UNROLLED_M = (0.3e-3, 1.1e-3)  # median thickness that fits into the unrolled wall; others are looked at scaled
+UNROLLED_M = (
+    0.3e-3,
+    1.1e-3,
+)  # median thickness that fits into the unrolled wall; others are looked at scaled
 SAME_SDS = 2.0  # largest distance of one boundary by both methods: the network's standard deviations or rows
 LAYER_M = 0.35e-3  # thickness of the choroid, at most
 SAME_SHARE = 0.8  # ... in this share of the columns that both see, and these of the columns that either sees
-SDS, OTHER_ROWS = 4.0, 2.0  # largest difference in standard deviations; the standard deviation of `find_wall` in rows
+SDS, OTHER_ROWS = (
+    4.0,
+    2.0,
+)  # largest difference in standard deviations; the standard deviation of `find_wall` in rows
 OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
 DIFFERING_SHARE = 0.2  # of the columns that both see
 UNSEEN_SHARE = 0.3  # of the columns that either sees are seen by one alone
-UNSURE_THICKNESS, UNSURE_SHARE = 0.25, 0.5  # the wall's end is unsure by so much of it, in so much of the wall
+UNSURE_THICKNESS, UNSURE_SHARE = (
+    0.25,
+    0.5,
+)  # the wall's end is unsure by so much of it, in so much of the wall
 CONFIRMED_THICKNESS = 0.1  # ... unless the other method sees it this near, in thicknesses, or within a network's row
-SIDE_SHARE, LEAST_SIDE_ROWS = 0.1, 3.0  # of the thickness are looked at above and below a boundary
+SIDE_SHARE, LEAST_SIDE_ROWS = (
+    0.1,
+    3.0,
+)  # of the thickness are looked at above and below a boundary
 SAMPLES = 8  # rows that are looked at on a side
-SHARP_M, LEAST_SHARP_ROWS = 70e-6, 3  # above and below the inner boundary: where its edge is looked for again
-SHARP_WIDTH_M, STEP_ROWS = 0.25e-3, 2  # of averaged columns; of a step between two halves of such a width, at most
+SHARP_M, LEAST_SHARP_ROWS = (
+    70e-6,
+    3,
+)  # above and below the inner boundary: where its edge is looked for again
+SHARP_WIDTH_M, STEP_ROWS = (
+    0.25e-3,
+    2,
+)  # of averaged columns; of a step between two halves of such a width, at most
 LEAST_SPREAD = 0.25  # of a column's rows, of the median: a column without speckle does not decide alone
 STAYS = 4.0  # of a normal distribution about the first boundary: a standard deviation of 0.35 of the reach
 GRAINS = 1.5  # independent pixels in a row of that width: more are not counted
 
 
 def checked_by(
-    finder: WallFinder, frame: Pixels, scale: PixelScale, first: Segmentation, found: Segmentation
+    finder: WallFinder,
+    frame: Pixels,
+    scale: PixelScale,
+    first: Segmentation,
+    found: Segmentation,
 ) -> Segmentation:
     """Return the wall that both methods give together, usable if nothing speaks against it.
 
@@ -77,12 +105,23 @@ def checked_by(
         shown = refined_wall(part, seen)
         if ways_agree(found, seen, LAYER_M * scale.refractive_index / scale.depth_m):
             apart = np.maximum(SDS * _inner_sd(seen), seen.step_rows)
-            shown = joined_walls(frame, found, shown, np.interp(np.arange(frame.shape[1]), seen.column, apart))
+            shown = joined_walls(
+                frame,
+                found,
+                shown,
+                np.interp(np.arange(frame.shape[1]), seen.column, apart),
+            )
         if not reason:
             _keep_gaps(found, shown)
         found = replace(shown, needle=found.needle)
-    inner_row = sharpened(frame, found.inner_row, scale) if found.inner_found else found.inner_row
-    return replace(found, inner_row=inner_row, usable=not reason, reason=reason, methods=methods)
+    inner_row = (
+        sharpened(frame, found.inner_row, scale)
+        if found.inner_found
+        else found.inner_row
+    )
+    return replace(
+        found, inner_row=inner_row, usable=not reason, reason=reason, methods=methods
+    )
 
 
 def _keep_gaps(found: Segmentation, shown: Segmentation) -> None:
@@ -100,19 +139,35 @@ def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
         return False
     both, either = _columns(other, seen)
     at = seen.frame_column
-    outer = np.abs(seen.outer_row - other.outer_row[at]) <= SAME_SDS * np.maximum(seen.outer_sd, seen.step_rows)
-    inner = np.abs(seen.inner_row - other.inner_row[at]) <= SAME_SDS * np.maximum(seen.inner_sd, seen.step_rows)
+    outer = np.abs(seen.outer_row - other.outer_row[at]) <= SAME_SDS * np.maximum(
+        seen.outer_sd, seen.step_rows
+    )
+    inner = np.abs(seen.inner_row - other.inner_row[at]) <= SAME_SDS * np.maximum(
+        seen.inner_sd, seen.step_rows
+    )
     thicker = seen.inner_row - other.inner_row[at]
-    inner |= (thicker > 0.0) & (thicker < layer_rows) & (thicker <= SDS * _inner_sd(seen))
-    last = other.rows - 1.0 - seen.step_rows  # of two boundaries below the frame nobody sees which is lower
+    inner |= (
+        (thicker > 0.0) & (thicker < layer_rows) & (thicker <= SDS * _inner_sd(seen))
+    )
+    last = (
+        other.rows - 1.0 - seen.step_rows
+    )  # of two boundaries below the frame nobody sees which is lower
     inner |= (seen.inner_row > last) & (other.inner_row[at] > last)
-    seen_by_both, same = int(np.count_nonzero(both)), int(np.count_nonzero(both & outer & inner))
-    return seen_by_both >= SAME_SHARE * int(np.count_nonzero(either)) and same >= SAME_SHARE * seen_by_both
+    seen_by_both, same = (
+        int(np.count_nonzero(both)),
+        int(np.count_nonzero(both & outer & inner)),
+    )
+    return (
+        seen_by_both >= SAME_SHARE * int(np.count_nonzero(either))
+        and same >= SAME_SHARE * seen_by_both
+    )
 
 
 def doubt(other: Segmentation, seen: SeenWall) -> str:
     """Return what speaks against a wall once a network has looked, too, '' where nothing does."""
-    return next((words for excess, words in _differences(other, seen) if excess > 1.0), "")
+    return next(
+        (words for excess, words in _differences(other, seen) if excess > 1.0), ""
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +181,13 @@ class BothWalls:
     @property
     def disagreement(self) -> float:
         """The largest difference in multiples of the largest usable one: above 1 the frame is refused."""
-        each = (_differences(wall, self.network) for wall in (self.classical, self.first))
-        return min(max((excess for excess, _ in differences), default=0.0) for differences in each)
+        each = (
+            _differences(wall, self.network) for wall in (self.classical, self.first)
+        )
+        return min(
+            max((excess for excess, _ in differences), default=0.0)
+            for differences in each
+        )
 
 
 def sees_wall(seen: SeenWall) -> bool:
@@ -140,19 +200,39 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, s
     at = seen.frame_column
     if not sees_wall(seen):
         if np.isfinite(other.outer_row).any():
-            yield 1.0 / UNSEEN_SHARE, "the network sees no wall where the other method finds one"
+            yield (
+                1.0 / UNSEEN_SHARE,
+                "the network sees no wall where the other method finds one",
+            )
         return
-    thickness, off = seen.inner_row - seen.outer_row, np.abs(seen.inner_row - other.inner_row[at])
-    unsure = seen.there & (seen.inner_row < other.rows - 1.0) & (seen.inner_sd > UNSURE_THICKNESS * thickness)
+    thickness, off = (
+        seen.inner_row - seen.outer_row,
+        np.abs(seen.inner_row - other.inner_row[at]),
+    )
+    unsure = (
+        seen.there
+        & (seen.inner_row < other.rows - 1.0)
+        & (seen.inner_sd > UNSURE_THICKNESS * thickness)
+    )
     if other.inner_found:  # which confirms the same end
-        unsure &= ~(off <= np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness))  # NaN: it sees no wall
+        unsure &= ~(
+            off <= np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness)
+        )  # NaN: it sees no wall
     share = _share(unsure, seen.there)
-    yield share / UNSURE_SHARE, f"the network does not know where the wall ends, in {share:.0%} of its columns"
+    yield (
+        share / UNSURE_SHARE,
+        f"the network does not know where the wall ends, in {share:.0%} of its columns",
+    )
     both, either = _columns(other, seen)
     share = _share(either & ~both, either)
-    yield share / UNSEEN_SHARE, _sentence("one sees wall where the other does not", share)
+    yield (
+        share / UNSEEN_SHARE,
+        _sentence("one sees wall where the other does not", share),
+    )
     above = np.abs(seen.outer_row - other.outer_row[at])
-    yield _distance("surface", above, above > SDS * np.hypot(seen.outer_sd, OTHER_ROWS), both)
+    yield _distance(
+        "surface", above, above > SDS * np.hypot(seen.outer_sd, OTHER_ROWS), both
+    )
     if other.inner_found:
         differs = (off > SDS * _inner_sd(seen)) & (other.inner_row[at] < other.rows)
         yield _distance("inner boundary", off, differs, both)
@@ -168,7 +248,9 @@ def _inner_sd(seen: SeenWall) -> Floats:
 def _distance(name: str, off: Floats, differs: Flags, both: Flags) -> tuple[float, str]:
     differs = differs & both
     share, rows = _share(differs, both), off[differs].max(initial=0.0)
-    return share / DIFFERING_SHARE, _sentence(f"its {name} lies up to {rows:.0f} rows apart", share)
+    return share / DIFFERING_SHARE, _sentence(
+        f"its {name} lies up to {rows:.0f} rows apart", share
+    )
 
 
 def _columns(other: Segmentation, seen: SeenWall) -> tuple[Flags, Flags]:
@@ -205,18 +287,31 @@ def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
     """Return the network's wall, moved to the edges of the full frame near it."""
     width, rows = len(part.missing), len(part.frame)
     at, known = fine_columns(width) + part.left, seen.there
-    curves = seen.outer_row, seen.inner_row, seen.inner_sd, (seen.inner_row < rows - 1).astype(np.float64)
-    *wall, inside = (np.interp(at, seen.column[known], curve[known]) for curve in curves)
+    curves = (
+        seen.outer_row,
+        seen.inner_row,
+        seen.inner_sd,
+        (seen.inner_row < rows - 1).astype(np.float64),
+    )
+    *wall, inside = (
+        np.interp(at, seen.column[known], curve[known]) for curve in curves
+    )
     outer, inner, inner_sd = np.array(wall, dtype=np.float32)
     there = seen.there_at(at)
-    start = _Start(outer, inner, inner_sd, there, there & (inside == 1.0), seen.step_rows)
+    start = _Start(
+        outer, inner, inner_sd, there, there & (inside == 1.0), seen.step_rows
+    )
     row = _surface(part, start)
     inner, shown, thickness_m = _inner(part, row, start)
     boundaries = np.full((2, part.columns), np.nan)
     for boundary, curve in zip(boundaries, (row, inner), strict=True):
         to = boundary[part.left : part.left + width]
-        at_every_column(fine_columns(width), curve, start.there, nearest_point(width), to)
-    return Segmentation(boundaries[0], boundaries[1], rows, True, "", shown, thickness_m=thickness_m)
+        at_every_column(
+            fine_columns(width), curve, start.there, nearest_point(width), to
+        )
+    return Segmentation(
+        boundaries[0], boundaries[1], rows, True, "", shown, thickness_m=thickness_m
+    )
 
 
 def _surface(part: Part, start: _Start) -> Singles:
@@ -224,8 +319,18 @@ def _surface(part: Part, start: _Start) -> Singles:
     width = len(part.missing)
     column = np.linspace(0.0, width - 1.0, START_POINTS, dtype=np.float32)
     row = np.interp(column, fine_columns(width), start.outer).astype(np.float32)
-    spread = continuation(width, float(column[0]), float(column[1] - column[0]), START_POINTS) @ row
-    edge = edge_near(part.frame, part.first, np.clip(spread, 0.0, len(part.frame) - 1.0), part.workplace)
+    spread = (
+        continuation(
+            width, float(column[0]), float(column[1] - column[0]), START_POINTS
+        )
+        @ row
+    )
+    edge = edge_near(
+        part.frame,
+        part.first,
+        np.clip(spread, 0.0, len(part.frame) - 1.0),
+        part.workplace,
+    )
     near = np.abs(edge - start.outer) <= np.float32(NEAR_STEPS * start.step_rows)
     surface: Singles = np.where(near, edge, start.outer)
     return surface
@@ -239,33 +344,65 @@ def _inner(part: Part, row: Singles, start: _Start) -> tuple[Singles, bool, floa
     row = bridge(row, start.there)
     depth_m = part.scale.depth_m / part.scale.refractive_index
     if np.count_nonzero(start.ended) < ENDED_SHARE * np.count_nonzero(start.there):
-        assumed = np.maximum(row, np.float32(0.0)) + np.float32(UNSEEN_DEPTH_M / depth_m)
+        assumed = np.maximum(row, np.float32(0.0)) + np.float32(
+            UNSEEN_DEPTH_M / depth_m
+        )
         return np.minimum(start.inner, assumed), False, float("nan")
     column = fine_columns(len(part.missing))
-    along_rows = stretch(row, float(column[1] - column[0]) * part.scale.lateral_m, depth_m)
+    along_rows = stretch(
+        row, float(column[1] - column[0]) * part.scale.lateral_m, depth_m
+    )
     thickness_m, shown = _thickness(part, row, along_rows, start)
-    return row + along_rows * thickness_m, shown, float(np.median(thickness_m[start.ended]))
+    return (
+        row + along_rows * thickness_m,
+        shown,
+        float(np.median(thickness_m[start.ended])),
+    )
 
 
-def _thickness(part: Part, row: Singles, along_rows: Singles, start: _Start) -> tuple[Singles, bool]:
+def _thickness(
+    part: Part, row: Singles, along_rows: Singles, start: _Start
+) -> tuple[Singles, bool]:
     """Return the wall's thickness along the normal at `fine_columns`, m, and whether an edge shows it."""
-    expected_m = bridge(np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended)
+    expected_m = bridge(
+        np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended
+    )
     step_m = np.float32(NEAR_STEPS * start.step_rows) / along_rows
-    sd_m = np.maximum(np.minimum(start.inner_sd / along_rows, step_m), np.float32(PRIOR_SD_M))
-    typical_m, (thinnest_m, thickest_m) = float(np.median(expected_m[start.there])), UNROLLED_M
-    zoom = np.float32(max(1.0, typical_m / thickest_m) * min(1.0, typical_m / thinnest_m))
+    sd_m = np.maximum(
+        np.minimum(start.inner_sd / along_rows, step_m), np.float32(PRIOR_SD_M)
+    )
+    typical_m, (thinnest_m, thickest_m) = (
+        float(np.median(expected_m[start.there])),
+        UNROLLED_M,
+    )
+    zoom = np.float32(
+        max(1.0, typical_m / thickest_m) * min(1.0, typical_m / thinnest_m)
+    )
     edge_m = np.arange(CELLS + 1, dtype=np.float32) * np.float32(CELL_M)
-    off = (edge_m - (grouped(expected_m) / zoom)[:, None]) / (grouped(sd_m) / zoom)[:, None]
-    prior = -np.minimum(np.float32(PRIOR_WEIGHT) * np.square(off), np.float32(PRIOR_CAP))
+    off = (edge_m - (grouped(expected_m) / zoom)[:, None]) / (grouped(sd_m) / zoom)[
+        :, None
+    ]
+    prior = -np.minimum(
+        np.float32(PRIOR_WEIGHT) * np.square(off), np.float32(PRIOR_CAP)
+    )
     found_m, jumps = thickness_below(
-        part.frame, part.first, part.is_bytes, row, start.there, along_rows * zoom, prior, part.workplace
+        part.frame,
+        part.first,
+        part.is_bytes,
+        row,
+        start.there,
+        along_rows * zoom,
+        prior,
+        part.workplace,
     )
     found_m *= zoom
     off_m = np.abs(found_m - grouped(expected_m))
     near = jumps & (off_m <= grouped(step_m))
     unsure_m = np.maximum(start.inner_sd / along_rows, step_m)
     shown = jumps & (off_m <= SHOWN_SDS * grouped(unsure_m))
-    thickness_m: Singles = grouping(len(row))[1] @ np.where(near, found_m, grouped(expected_m))
+    thickness_m: Singles = grouping(len(row))[1] @ np.where(
+        near, found_m, grouped(expected_m)
+    )
     return thickness_m, bool(shown.mean() > SHOWN_SHARE)
 
 
@@ -276,19 +413,35 @@ def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
     fast for the wide means of the first search.
     """
     seen = np.flatnonzero(np.isfinite(inner_row))
-    reach = max(LEAST_SHARP_ROWS, round(SHARP_M * scale.refractive_index / scale.depth_m))
+    reach = max(
+        LEAST_SHARP_ROWS, round(SHARP_M * scale.refractive_index / scale.depth_m)
+    )
     width = max(2, round(SHARP_WIDTH_M / scale.lateral_m))
     points = seen[:: width // 2]
     row = (inner_row[seen] + np.arange(-reach, reach + 1)[:, None]).astype(np.float32)
     column = np.broadcast_to(seen.astype(np.float32), row.shape).copy()
-    sampled = cv2.remap(frame, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
+    sampled = cv2.remap(
+        frame, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    ).astype(np.float32)
     light = cv2.blur(sampled, (width, 1))[:, :: width // 2]
-    number, above, rows = len(light), np.cumsum(light, axis=0), np.arange(1, len(light))[:, None]
-    fall = np.maximum(above[:-1] / rows - (above[-1] - above[:-1]) / (number - rows), 0.0)
+    number, above, rows = (
+        len(light),
+        np.cumsum(light, axis=0),
+        np.arange(1, len(light))[:, None],
+    )
+    fall = np.maximum(
+        above[:-1] / rows - (above[-1] - above[:-1]) / (number - rows), 0.0
+    )
     parted = np.square(fall) * rows * (number - rows) / number
-    spread = (np.square(light).sum(axis=0) - np.square(above[-1]) / number - parted.max(axis=0)) / number
+    spread = (
+        np.square(light).sum(axis=0)
+        - np.square(above[-1]) / number
+        - parted.max(axis=0)
+    ) / number
     edge = np.arange(-reach, reach) + 0.5
-    score = parted * (GRAINS / width / np.maximum(spread, LEAST_SPREAD * np.median(spread) + 1e-6))
+    score = parted * (
+        GRAINS / width / np.maximum(spread, LEAST_SPREAD * np.median(spread) + 1e-6)
+    )
     score -= np.square(edge / reach)[:, None] * STAYS
     path = best_path(np.ascontiguousarray(score.T, dtype=np.float32), STEP_ROWS)
     sharp = inner_row.copy()
@@ -297,7 +450,9 @@ def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
     return sharp
 
 
-def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: Floats) -> Segmentation:
+def joined_walls(
+    frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: Floats
+) -> Segmentation:
     """Return the finer wall, with the other's inner boundary in stretches where it is `apart_rows` off and light falls.
 
     Columns that only the other wall has are taken from it, except where a needle hides them.
@@ -306,26 +461,40 @@ def joined_walls(frame: Pixels, finer: Segmentation, other: Segmentation, apart_
     both, only = seen & added, added & ~seen
     if finer.needle is not None:
         only[slice(*finer.needle.hidden)] = False
-    outer, inner = np.where(only, other.outer_row, finer.outer_row), np.where(only, other.inner_row, finer.inner_row)
+    outer, inner = (
+        np.where(only, other.outer_row, finer.outer_row),
+        np.where(only, other.inner_row, finer.inner_row),
+    )
     parted = both.copy()
-    parted[both] = np.abs(finer.inner_row[both] - other.inner_row[both]) > apart_rows[both]
+    parted[both] = (
+        np.abs(finer.inner_row[both] - other.inner_row[both]) > apart_rows[both]
+    )
     at = np.flatnonzero(parted)
     if len(at):
         stretch = np.cumsum(np.diff(at, prepend=at[0]) > 1)
-        gain = np.bincount(stretch, _falls(frame, other, finer, at) - _falls(frame, finer, other, at))
+        gain = np.bincount(
+            stretch, _falls(frame, other, finer, at) - _falls(frame, finer, other, at)
+        )
         better = at[gain[stretch] > 0.0]
         inner[better] = other.inner_row[better]
     return replace(finer, outer_row=outer, inner_row=inner)
 
 
-def _falls(frame: Pixels, wall: Segmentation, against: Segmentation, at: Places) -> Floats:
+def _falls(
+    frame: Pixels, wall: Segmentation, against: Segmentation, at: Places
+) -> Floats:
     """Return by how many counts the light falls at a wall's inner boundary, in as many rows as at the other one's."""
     inner = wall.inner_row[at]
-    thickness = np.maximum(inner - wall.outer_row[at], against.inner_row[at] - against.outer_row[at])
+    thickness = np.maximum(
+        inner - wall.outer_row[at], against.inner_row[at] - against.outer_row[at]
+    )
     side = np.maximum(SIDE_SHARE * thickness, LEAST_SIDE_ROWS)
     off = (np.arange(SAMPLES)[:, None] + 0.5) / SAMPLES * side
     inside = (inner - side > -0.5) & (inner + side < len(frame) - 0.5)
-    rows = (np.clip(np.rint(inner + sign * off).astype(np.intp), 0, len(frame) - 1) for sign in (-1.0, 1.0))
+    rows = (
+        np.clip(np.rint(inner + sign * off).astype(np.intp), 0, len(frame) - 1)
+        for sign in (-1.0, 1.0)
+    )
     above, below = (frame[row, at].mean(axis=0) for row in rows)
     falls: Floats = np.where(inside, above - below, 0.0)  # 0 beyond the frame
     return falls

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 WALL = 255
 LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's noise
 LEAST_COVER = 0.4  # of the imaged width must show the wall
-SATURATED_SHARE, SATURATED_LEVEL = 0.4, 0.99  # share of the frame at (nearly) the largest count: saturated
+SATURATED_SHARE, SATURATED_LEVEL = (
+    0.4,
+    0.99,
+)  # share of the frame at (nearly) the largest count: saturated
 EMPTY_SHARE = 1e-3  # of the brightest count: a frame that stands out of its noise by less is empty
 UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
 
@@ -40,19 +43,30 @@ class Segmentation:
     _: KW_ONLY
     thickness_m: float  #: median along the surface's normal, NaN if the inner boundary was not found
     needle: SeenNeedle | None = None  #: that crosses the frame
-    conjunctiva_m: float | None = None  #: median thickness of a layer over the wall, along its normal, if one is seen
+    conjunctiva_m: float | None = (
+        None  #: median thickness of a layer over the wall, along its normal, if one is seen
+    )
     methods: "BothWalls | None" = None  #: the wall by each, if a network looked as well
     source: str = "found"  #: "found" in the frame, or given, as a "mask" or "corrected" in the recording
     sd_rows: float = 0.0  #: standard deviation of given boundaries
-    pixels: Pixels | None = field(default=None, compare=False, repr=False)  #: the frame, of `sf.segment` and `sf.read`
+    pixels: Pixels | None = field(
+        default=None, compare=False, repr=False
+    )  #: the frame, of `sf.segment` and `sf.read`
 
     def __repr__(self) -> str:
-        shown = "" if self.thickness_m != self.thickness_m else f"wall of {from_si(self.thickness_m, 'um'):.0f} µm, "
+        shown = (
+            ""
+            if self.thickness_m != self.thickness_m
+            else f"wall of {from_si(self.thickness_m, 'um'):.0f} µm, "
+        )
         return f"<Segmentation: {shown}{'usable' if self.usable else f'not usable: {self.reason}'}>"
 
     def _repr_html_(self) -> str:
         """The frame, or its mask, with the wall, for Jupyter."""
-        facts = {"thickness": f"{from_si(self.thickness_m, 'um'):.0f} µm", "usable": self.reason or "yes"}
+        facts = {
+            "thickness": f"{from_si(self.thickness_m, 'um'):.0f} µm",
+            "usable": self.reason or "yes",
+        }
         return html_card("Wall", facts, self.overlay)
 
     @property
@@ -64,14 +78,27 @@ class Segmentation:
     def mask(self) -> Bytes:
         """255 in the rows whose centre lies in the wall, else 0, shape (row, column); computed lazily."""
         row = np.arange(self.rows, dtype=np.float32)[:, None]
-        inside = (row >= self.outer_row) & (row < self.inner_row)  # NaN compares as False: no wall
+        inside = (row >= self.outer_row) & (
+            row < self.inner_row
+        )  # NaN compares as False: no wall
         return inside.view(np.uint8) * np.uint8(WALL)
 
 
-def without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None = None) -> Segmentation:
+def without_wall(
+    shape: tuple[int, ...], reason: str, needle: SeenNeedle | None = None
+) -> Segmentation:
     """Return the result for a frame that shows no wall."""
     outer, inner = np.full((2, shape[1]), np.nan)
-    return Segmentation(outer, inner, shape[0], False, reason, False, thickness_m=float("nan"), needle=needle)
+    return Segmentation(
+        outer,
+        inner,
+        shape[0],
+        False,
+        reason,
+        False,
+        thickness_m=float("nan"),
+        needle=needle,
+    )
 
 
 def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
@@ -79,8 +106,10 @@ def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
     if not seen:
         return "no wall was found"
     if contrast < LEAST_CONTRAST * noise:
-        return (f"the signal is too weak: the surface stands out by {contrast / noise:.1f} times the "
-                f"noise, not {LEAST_CONTRAST}")  # fmt: skip
+        return (
+            f"the signal is too weak: the surface stands out by {contrast / noise:.1f} times the "
+            f"noise, not {LEAST_CONTRAST}"
+        )
     cover = seen / points
     if cover < LEAST_COVER:
         return f"the wall covers {cover:.0%} of the imaged width, not {LEAST_COVER:.0%}"
@@ -93,7 +122,9 @@ DASHES = 40  # of an inner boundary that is not seen, with the gaps between them
 SUBPIXEL_BITS = 4
 
 
-def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None) -> Bytes:
+def draw_overlay(
+    pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None
+) -> Bytes:
     """Return a frame in colour with its boundaries: surface orange, inner blue (dashed if not seen), needle purple.
 
     The picture, of `size` or the frame's, is (row, column, 3), blue, green, red, as OpenCV writes it.
@@ -102,12 +133,21 @@ def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | No
     grey = grey_picture(pixels)
     if grey.shape != (rows, columns):
         method = cv2.INTER_AREA if rows * columns < grey.size else cv2.INTER_LINEAR
-        grey = np.asarray(cv2.resize(grey, (columns, rows), interpolation=method), dtype=np.uint8)
+        grey = np.asarray(
+            cv2.resize(grey, (columns, rows), interpolation=method), dtype=np.uint8
+        )
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     stretch_xy = np.array([columns / pixels.shape[1], rows / pixels.shape[0]])
     width = max(1, max(rows, columns) // 240)
-    lines, gaps = [], np.arange(len(found.inner_row)) * DASHES // len(found.inner_row) % 2 == 1
-    inner_row = found.inner_row if found.inner_found else np.where(gaps, np.nan, found.inner_row)
+    lines, gaps = (
+        [],
+        np.arange(len(found.inner_row)) * DASHES // len(found.inner_row) % 2 == 1,
+    )
+    inner_row = (
+        found.inner_row
+        if found.inner_found
+        else np.where(gaps, np.nan, found.inner_row)
+    )
     for boundary, colour in ((inner_row, INNER), (found.outer_row, SURFACE)):
         there = np.flatnonzero(np.isfinite(boundary))
         runs = np.split(there, np.flatnonzero(np.diff(there) > 1) + 1)
@@ -117,5 +157,7 @@ def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | No
     for places_xy, colour in lines:
         centres_xy = (places_xy + 0.5) * stretch_xy - 0.5
         points = np.rint(centres_xy * 2**SUBPIXEL_BITS).astype(np.int32)
-        cv2.polylines(picture, [points], False, colour, width, cv2.LINE_AA, SUBPIXEL_BITS)
+        cv2.polylines(
+            picture, [points], False, colour, width, cv2.LINE_AA, SUBPIXEL_BITS
+        )
     return np.asarray(picture, dtype=np.uint8)

@@ -13,7 +13,13 @@ import numpy as np
 
 from scleraforce.arrays import Counts, Flags, Indices, Singles
 from scleraforce.compiled import compiled
-from scleraforce.segmentation.loops import best_path, mean_of_neighbours, mirrored, multiply_add, sample_rows
+from scleraforce.segmentation.loops import (
+    best_path,
+    mean_of_neighbours,
+    mirrored,
+    multiply_add,
+    sample_rows,
+)
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm
@@ -25,32 +31,58 @@ POOLED = 3  # points whose mean makes a jump stand out of the speckle
 LINE_CELLS = 6  # for the straight line above a jump
 LOW_CELLS = 3  # for the mean below it
 SKIP_EDGE = 1  # on each side of a jump: transition
-HALF_JUMP = np.float32(0.08)  # of the level at the surface: a jump of this size earns half of the largest gain
+HALF_JUMP = np.float32(
+    0.08
+)  # of the level at the surface: a jump of this size earns half of the largest gain
 UPPER_COST = np.float32(1.2)  # share of an upper jump's gain that a jump below it loses
-NEAR_CELLS, FAR_CELLS = 4, 16  # between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
+NEAR_CELLS, FAR_CELLS = (
+    4,
+    16,
+)  # between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
 REACH_CELLS = 5
 REFINE_CELLS = 6
-LEAST_JUMP = 0.06  # of the level at the surface: a smaller jump does not show the boundary
+LEAST_JUMP = (
+    0.06  # of the level at the surface: a smaller jump does not show the boundary
+)
 SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
 SLOPE_M = 0.15e-3  # on each side: over which a surface's slope is taken
-STEEPEST = np.float32(3.0**2)  # square of a surface's slope: beyond it a wall is no longer along a column
+STEEPEST = np.float32(
+    3.0**2
+)  # square of a surface's slope: beyond it a wall is no longer along a column
 LEAST_LEVEL_SHARE = 1e-3  # of the brightest level: a group with less is not measured
-BRIGHTEST = np.float32(1.5)  # times a group's own level: what is brighter counts as that
-SURE_SPREAD, SPREAD_REACH = np.float32(1.3), 10  # ... nor this many standard deviations of jumps within some cells
+BRIGHTEST = np.float32(
+    1.5
+)  # times a group's own level: what is brighter counts as that
+SURE_SPREAD, SPREAD_REACH = (
+    np.float32(1.3),
+    10,
+)  # ... nor this many standard deviations of jumps within some cells
 
-FIRST_EDGE, AFTER_EDGE = LEAST_CELLS, CELLS - LOW_CELLS - SKIP_EDGE + 1  # between cells, where a jump is looked for
+FIRST_EDGE, AFTER_EDGE = (
+    LEAST_CELLS,
+    CELLS - LOW_CELLS - SKIP_EDGE + 1,
+)  # between cells, where a jump is looked for
 # Makes the path unique where nothing is seen.
 ROW_COST = np.linspace(0.0, 1e-3, CELLS + 1, dtype=np.float32)
-THICKNESS_M = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
+THICKNESS_M = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(
+    CELL_M
+)
 _REACH = LINE_CELLS / 2 + SKIP_EDGE  # from the middle of a line to the jump
 _OFFSET = np.arange(-REFINE_CELLS, REFINE_CELLS)
 FROM_MIDDLE = ((_OFFSET + 0.5) / _REACH + 1.0).astype(np.float32)
 _RAMP = np.arange(LINE_CELLS) - (LINE_CELLS - 1) / 2
-BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)  # of a straight line, least squares, over _REACH
+BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(
+    np.float32
+)  # of a straight line, least squares, over _REACH
 # `BEND` goes from a line's middle to the jump; this many times that, it continues to the middle of the cells below.
 BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
 _LINE_SHARE, _LOW_SHARE = np.float32(1.0 / LINE_CELLS), np.float32(1.0 / LOW_CELLS)
-_CELL_M, _MEASURED, _SEEN, _LEAST_LEVEL = np.float32(CELL_M), np.float32(0.3), np.float32(1e-3), np.float32(1e-6)
+_CELL_M, _MEASURED, _SEEN, _LEAST_LEVEL = (
+    np.float32(CELL_M),
+    np.float32(0.3),
+    np.float32(1e-3),
+    np.float32(1e-6),
+)
 _ONE, _ZERO, _THIRD = np.float32(1.0), np.float32(0.0), 1.0 / 3.0
 
 
@@ -59,28 +91,45 @@ def stretch(row: Singles, point_m: float, depth_m: float) -> Singles:
     """Return the rows (`depth_m` in tissue) along a column for 1 m along the normal of a surface at every `point_m`."""
     points, along_rows = len(row), np.empty_like(row)
     reach = min(max(1, round(SLOPE_M / point_m)), (points - 1) // 2)
-    rise = np.float32(depth_m / (2 * reach * point_m))  # slope, metres over metres, of one row
+    rise = np.float32(
+        depth_m / (2 * reach * point_m)
+    )  # slope, metres over metres, of one row
     for at in range(points):
         first, last = at - reach, at + reach
         # Mirrored in its end points, a slope continues beyond them.
         before = row[first] if first >= 0 else np.float32(2 * row[0] - row[-first])
-        after = row[last] if last < points else np.float32(2 * row[points - 1] - row[2 * (points - 1) - last])
+        after = (
+            row[last]
+            if last < points
+            else np.float32(2 * row[points - 1] - row[2 * (points - 1) - last])
+        )
         slope = (after - before) * rise
-        along_rows[at] = np.sqrt(min(slope * slope, STEEPEST) + _ONE) / np.float32(depth_m)
+        along_rows[at] = np.sqrt(min(slope * slope, STEEPEST) + _ONE) / np.float32(
+            depth_m
+        )
     return along_rows
 
 
 @compiled
 def unroll(
-    frame: Counts, first: int, floor: int, columns: Indices, across: Singles, row: Singles, there: Flags,
+    frame: Counts,
+    first: int,
+    floor: int,
+    columns: Indices,
+    across: Singles,
+    row: Singles,
+    there: Flags,
     along_rows: Singles,
-) -> tuple[Singles, Singles]:  # fmt: skip
+) -> tuple[Singles, Singles]:
     """Return the wall as (group, cell), surface level 1 and noise floor 0, and where it is measured (1 or 0).
 
     The surface has rows `row` (point,), and is stretched by `along_rows`. For `frame` to `across` see `sample_rows`.
     """
     points = len(row)
-    places, wall = np.empty((CELLS, points), np.float32), np.empty((points // GROUP, CELLS), np.float32)
+    places, wall = (
+        np.empty((CELLS, points), np.float32),
+        np.empty((points // GROUP, CELLS), np.float32),
+    )
     for cell in range(CELLS):
         for at in range(points):
             places[cell, at] = multiply_add(THICKNESS_M[cell], along_rows[at], row[at])
@@ -91,13 +140,18 @@ def unroll(
             total = _ZERO
             for at in range(GROUP * group, GROUP * group + GROUP):
                 total += light[cell, at]
-            wall[group, cell] = max(total * np.float32(1.0 / GROUP) - np.float32(floor), _ZERO) * seen[group, cell]
+            wall[group, cell] = (
+                max(total * np.float32(1.0 / GROUP) - np.float32(floor), _ZERO)
+                * seen[group, cell]
+            )
     _level_out(wall, seen)
     return wall, seen
 
 
 @compiled
-def _measured(last_row: np.float32, row: Singles, there: Flags, along_rows: Singles) -> Singles:
+def _measured(
+    last_row: np.float32, row: Singles, there: Flags, along_rows: Singles
+) -> Singles:
     """Return 1 in the cells above the deepest thickness at the outer points of a group, else 0, (group, cell)."""
     seen = np.empty((len(row) // GROUP, CELLS), np.float32)
     for group in range(len(seen)):
@@ -123,8 +177,13 @@ def _level_out(wall: Singles, seen: Singles) -> None:
             measured += np.float64(seen[group, cell])
         own[group] = np.float32(light) / np.float32(max(measured, 1.0))
     for group in range(groups):
-        before, after = own[mirrored(group - 1, groups)], own[mirrored(group + 1, groups)]
-        smooth[group] = np.float32((np.float64(before) + np.float64(own[group]) + np.float64(after)) * _THIRD)
+        before, after = (
+            own[mirrored(group - 1, groups)],
+            own[mirrored(group + 1, groups)],
+        )
+        smooth[group] = np.float32(
+            (np.float64(before) + np.float64(own[group]) + np.float64(after)) * _THIRD
+        )
         largest = max(largest, smooth[group])
     least = np.float32(max(LEAST_LEVEL_SHARE * np.float64(largest), 1e-9))
     for group in range(groups):
@@ -135,7 +194,9 @@ def _level_out(wall: Singles, seen: Singles) -> None:
 
 
 @compiled
-def find_thickness(wall: Singles, seen: Singles, prior: Singles) -> tuple[Singles, Flags, float]:
+def find_thickness(
+    wall: Singles, seen: Singles, prior: Singles
+) -> tuple[Singles, Flags, float]:
     """Return the thickness along the normal at each group, m, which groups show the boundary, and their share.
 
     `prior` (group, edge): gain by prior knowledge; a jump gains at most 1.
@@ -147,8 +208,17 @@ def find_thickness(wall: Singles, seen: Singles, prior: Singles) -> tuple[Single
     testable, shows = 0, np.empty(groups, np.bool_)
     edge, weight = np.empty(groups, np.float32), np.empty(groups, np.float32)
     for group in range(groups):
-        size, first = jump[group, path[group]], max(path[group] - SKIP_EDGE - LINE_CELLS, 0)
-        found = _cross(near[group], path[group], mean[group, first], bend[group, first], max(size, _ZERO))
+        size, first = (
+            jump[group, path[group]],
+            max(path[group] - SKIP_EDGE - LINE_CELLS, 0),
+        )
+        found = _cross(
+            near[group],
+            path[group],
+            mean[group, first],
+            bend[group, first],
+            max(size, _ZERO),
+        )
         measured = seen[group, min(path[group] + SKIP_EDGE, CELLS - 1)] > 0
         shows[group] = size > least[path[group]] and measured
         testable += measured
@@ -162,7 +232,9 @@ def find_thickness(wall: Singles, seen: Singles, prior: Singles) -> tuple[Single
 
 
 @compiled
-def _find_jumps(wall: Singles, seen: Singles) -> tuple[Singles, Singles, Singles, Singles]:
+def _find_jumps(
+    wall: Singles, seen: Singles
+) -> tuple[Singles, Singles, Singles, Singles]:
     """Return means of neighbouring groups, the lines that start at each cell, and the jump at each edge between cells.
 
     Of the lines, mean and fall from their middle to the jump; (group, cell), the jump (group, CELLS + 1).
@@ -174,8 +246,14 @@ def _find_jumps(wall: Singles, seen: Singles) -> tuple[Singles, Singles, Singles
     for group in range(groups):
         before, after = mirrored(group - 1, groups), mirrored(group + 1, groups)
         for cell in range(CELLS):
-            light = np.float64(wall[before, cell]) + np.float64(wall[group, cell]) + np.float64(wall[after, cell])
-            share = np.float32((seen[before, cell] + seen[group, cell] + seen[after, cell]) * _THIRD)
+            light = (
+                np.float64(wall[before, cell])
+                + np.float64(wall[group, cell])
+                + np.float64(wall[after, cell])
+            )
+            share = np.float32(
+                (seen[before, cell] + seen[group, cell] + seen[after, cell]) * _THIRD
+            )
             near[group, cell] = np.float32(light * _THIRD)
             pooled[group, cell] = near[group, cell] / max(share, _SEEN)
         for cell in range(CELLS - LINE_CELLS + 1):
@@ -187,9 +265,14 @@ def _find_jumps(wall: Singles, seen: Singles) -> tuple[Singles, Singles, Singles
         for edge in range(FIRST_EDGE, AFTER_EDGE):
             line, low = edge - SKIP_EDGE - LINE_CELLS, _ZERO
             for step in range(LOW_CELLS):
-                low = multiply_add(_LOW_SHARE, pooled[group, edge + SKIP_EDGE + step], low)
+                low = multiply_add(
+                    _LOW_SHARE, pooled[group, edge + SKIP_EDGE + step], low
+                )
             deepest = edge + SKIP_EDGE + LOW_CELLS - 1
-            share = np.float32((seen[before, deepest] + seen[group, deepest] + seen[after, deepest]) * _THIRD)
+            share = np.float32(
+                (seen[before, deepest] + seen[group, deepest] + seen[after, deepest])
+                * _THIRD
+            )
             if share > _MEASURED:
                 above = max(bend[group, line] * BEND_TO_LOW + mean[group, line], _ZERO)
                 jump[group, edge] = above - low
@@ -200,7 +283,11 @@ def _find_jumps(wall: Singles, seen: Singles) -> tuple[Singles, Singles, Singles
 def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
     """Return a path's gain at each edge, (group, edge), where jumps over `least` (edge,) stand out."""
     groups, edges = jump.shape
-    own, upper, score = np.empty(edges, np.float32), np.empty(edges, np.float32), np.empty(jump.shape, np.float32)
+    own, upper, score = (
+        np.empty(edges, np.float32),
+        np.empty(edges, np.float32),
+        np.empty(jump.shape, np.float32),
+    )
     for group in range(groups):
         for edge in range(edges):
             over = max(jump[group, edge] - least[edge], _ZERO)
@@ -210,7 +297,12 @@ def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
             for edge in range(edges - above):
                 upper[edge + above] = max(upper[edge + above], own[edge])
         for edge in range(edges):
-            score[group, edge] = own[edge] - ROW_COST[edge] - upper[edge] * UPPER_COST + prior[group, edge]
+            score[group, edge] = (
+                own[edge]
+                - ROW_COST[edge]
+                - upper[edge] * UPPER_COST
+                + prior[group, edge]
+            )
     return score
 
 
@@ -221,12 +313,20 @@ def _standing_out(jump: Singles) -> Singles:
     The wall's end is rare: less than the median; and its jumps at one depth hardly differ from place to place.
     """
     groups, edges = jump.shape
-    sizes, number, spread = np.empty(jump.size, np.float32), 0, np.empty(edges, np.float32)
+    sizes, number, spread = (
+        np.empty(jump.size, np.float32),
+        0,
+        np.empty(edges, np.float32),
+    )
     for group in range(groups):
         for edge in range(FIRST_EDGE, AFTER_EDGE, 2):
             sizes[number] = abs(jump[group, edge])
             number += sizes[number] > 0
-    typical = np.float64(np.partition(sizes[:number], number // 2)[number // 2]) if number else 0.0
+    typical = (
+        np.float64(np.partition(sizes[:number], number // 2)[number // 2])
+        if number
+        else 0.0
+    )
     half_share = np.float64(np.float32(0.5 / (groups - POOLED)))
     for edge in range(edges):
         total = 0.0
@@ -234,14 +334,19 @@ def _standing_out(jump: Singles) -> Singles:
             change = jump[group + POOLED, edge] - jump[group, edge]
             total += half_share * np.float64(change * change)
         spread[edge] = np.sqrt(np.float32(total))
-    least, smallest = mean_of_neighbours(spread, SPREAD_REACH), np.float32(max(LEAST_JUMP, SURE_JUMP * typical))
+    least, smallest = (
+        mean_of_neighbours(spread, SPREAD_REACH),
+        np.float32(max(LEAST_JUMP, SURE_JUMP * typical)),
+    )
     for edge in range(edges):
         least[edge] = max(least[edge] * SURE_SPREAD, smallest)
     return least
 
 
 @compiled
-def _cross(near: Singles, path: int, mean: np.float32, bend: np.float32, jump: np.float32) -> np.float32:
+def _cross(
+    near: Singles, path: int, mean: np.float32, bend: np.float32, jump: np.float32
+) -> np.float32:
     """Return the edge near a path, in cells, that best parts light above and below a jump's middle."""
     path = min(max(path, REFINE_CELLS), CELLS - REFINE_CELLS)
     limit, middle = max(jump, _SEEN), mean - jump / np.float32(2.0)

@@ -26,15 +26,28 @@ MAX_COLUMNS = 192  # of the grid: the frame is halved until it has fewer
 MAX_ROWS = 384
 LEAST_SHAPE = 16  # rows and columns of a frame
 BLACK_PART = 1000  # th part of the brightest cell: less is black
-FLOOR_SHARE = 0.2  # of the pixels that are not black, this share lies at or below the noise floor
+FLOOR_SHARE = (
+    0.2  # of the pixels that are not black, this share lies at or below the noise floor
+)
 LIT_ROWS = 4  # every fourth row tells whether a column is imaged
-LIT_SHARE = 0.02  # of the frame's largest count: a column that never reaches it is black
-PAGE_SPREAD = 0.008  # of the largest count: how much the grey of margins differs; 2 of 255
-NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the intensity itself
-PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it
+LIT_SHARE = (
+    0.02  # of the frame's largest count: a column that never reaches it is black
+)
+PAGE_SPREAD = (
+    0.008  # of the largest count: how much the grey of margins differs; 2 of 255
+)
+NOT_LOGARITHMIC = (
+    0.38  # contrast of pairs: midway between the root and the intensity itself
+)
+PAIR_COLUMNS, LOOKED_AT_ROWS = (
+    8,
+    24,
+)  # of a pair, from one count to the other; of a frame, spread over it
 DIMMER = 0.9  # of the pairs are left out: noise about the tissue
 LEAST_PAIRS = 200
-STANDS_OUT = np.float32(5.0)  # times the spread of the columns' means in the uppermost rows: a needle may begin
+STANDS_OUT = np.float32(
+    5.0
+)  # times the spread of the columns' means in the uppermost rows: a needle may begin
 _LEAST_SPREAD = np.float32(1e-3)
 
 
@@ -57,7 +70,9 @@ def grid_size(rows: int, columns: int, scale: PixelScale) -> GridSize:
     while columns >= MAX_COLUMNS:
         columns, step_columns = columns // 2, 2 * step_columns
     lateral_m, depth_m = scale.lateral_m * step_columns, scale.depth_m * step_rows
-    cell = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=scale.refractive_index)
+    cell = PixelScale(
+        lateral_m=lateral_m, depth_m=depth_m, refractive_index=scale.refractive_index
+    )
     return GridSize(rows, columns, step_rows, step_columns, cell)
 
 
@@ -70,11 +85,20 @@ def counts_of(frame: Pixels) -> Counts:
 
 def without_page(frame: Pixels) -> Pixels:
     """Return a frame with a page's margins black: edges of one grey, brighter than most pixels; itself without any."""
-    corners = [int(frame[row, column]) for row, column in ((0, 0), (0, -1), (-1, -1), (-1, 0))]
+    corners = [
+        int(frame[row, column]) for row, column in ((0, 0), (0, -1), (-1, -1), (-1, 0))
+    ]
     least = PAGE_SPREAD * max(corners)
-    if all(abs(one - other) > least or not one for one, other in zip(corners, corners[1:] + corners[:1], strict=True)):
+    if all(
+        abs(one - other) > least or not one
+        for one, other in zip(corners, corners[1:] + corners[:1], strict=True)
+    ):
         return frame
-    least, dark, shown = PAGE_SPREAD * int(frame.max()), float(np.median(frame)), frame.copy()
+    least, dark, shown = (
+        PAGE_SPREAD * int(frame.max()),
+        float(np.median(frame)),
+        frame.copy(),
+    )
     for flip in (slice(None), slice(None, None, -1)):
         for lines, to in ((frame[flip], shown[flip]), (frame.T[flip], shown.T[flip])):
             grey = int(lines[0, 0])
@@ -86,7 +110,11 @@ def without_page(frame: Pixels) -> Pixels:
 
 def as_logarithmic(frame: Pixels) -> Pixels:
     """Return a frame as a logarithmic display would show it, as 16 bits; unchanged if it comes from one."""
-    return _logarithms(int(np.iinfo(frame.dtype).max))[frame] if pair_contrast(frame) > NOT_LOGARITHMIC else frame
+    return (
+        _logarithms(int(np.iinfo(frame.dtype).max))[frame]
+        if pair_contrast(frame) > NOT_LOGARITHMIC
+        else frame
+    )
 
 
 def pair_contrast(frame: Pixels) -> float:
@@ -106,13 +134,18 @@ def _logarithms(largest: int) -> Counts:
 @compiled
 def _contrast(frame: Counts) -> float:
     """Return the contrast of pairs: see `pair_contrast`."""
-    step, columns = max(1, len(frame) // LOOKED_AT_ROWS), max(frame.shape[1] - PAIR_COLUMNS, 0)
+    step, columns = (
+        max(1, len(frame) // LOOKED_AT_ROWS),
+        max(frame.shape[1] - PAIR_COLUMNS, 0),
+    )
     mean, number = np.empty(((len(frame) - 1) // step + 1, columns), np.uint16), 0
     for row in range(len(mean)):
         line, line_mean = frame[step * row], mean[row]
         for at in range(columns):
             one, other = np.int32(line[at + PAIR_COLUMNS]), np.int32(line[at])
-            lit = (one > 0) & (other > 0)  # no branch: half of them would be taken by chance
+            lit = (one > 0) & (
+                other > 0
+            )  # no branch: half of them would be taken by chance
             line_mean[at] = ((one + other) >> 1) * np.int32(lit)
             number += lit
     if number < LEAST_PAIRS:
@@ -178,7 +211,11 @@ def _halved(frame: Counts, left: int, columns: int, eight_bits: bool) -> Counts:
     halves = np.empty((rows, columns), np.uint16)
     if across and down:  # loops of their own: in one, less is computed at once
         for row in range(rows):
-            half, upper, lower = halves[row], frame[2 * row, left:], frame[2 * row + 1, left:]
+            half, upper, lower = (
+                halves[row],
+                frame[2 * row, left:],
+                frame[2 * row + 1, left:],
+            )
             for at in range(columns):
                 above = np.uint32(upper[2 * at]) + np.uint32(upper[2 * at + 1])
                 below = np.uint32(lower[2 * at]) + np.uint32(lower[2 * at + 1])
@@ -187,12 +224,19 @@ def _halved(frame: Counts, left: int, columns: int, eight_bits: bool) -> Counts:
         for row in range(rows):
             half, line = halves[row], frame[row, left:]
             for at in range(columns):
-                half[at] = _mean_of_two(np.uint32(line[2 * at]), np.uint32(line[2 * at + 1]), up)
+                half[at] = _mean_of_two(
+                    np.uint32(line[2 * at]), np.uint32(line[2 * at + 1]), up
+                )
     else:
         for row in range(rows):  # of a row and itself where it is not halved at all
-            upper, lower = frame[2 * row if down else row, left:], frame[2 * row + 1 if down else row, left:]
+            upper, lower = (
+                frame[2 * row if down else row, left:],
+                frame[2 * row + 1 if down else row, left:],
+            )
             for at in range(columns):
-                halves[row, at] = _mean_of_two(np.uint32(upper[at]), np.uint32(lower[at]), up)
+                halves[row, at] = _mean_of_two(
+                    np.uint32(upper[at]), np.uint32(lower[at]), up
+                )
     return halves
 
 
@@ -229,4 +273,6 @@ def brighter_columns(cells: Counts, rows: int) -> Integers:
             total[column] += np.float32(cells[row, column])
     ordered = np.sort(total)
     middle, low = ordered[columns // 2], ordered[columns // 6]
-    return np.flatnonzero(total > middle + STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle))
+    return np.flatnonzero(
+        total > middle + STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle)
+    )

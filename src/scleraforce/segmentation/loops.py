@@ -16,7 +16,9 @@ from scleraforce.compiled import compiled
 
 Numbers = NDArray[np.number]
 
-MARGIN = 1  # columns that are searched on each side of steps of a path that are too large
+MARGIN = (
+    1  # columns that are searched on each side of steps of a path that are too large
+)
 
 
 def _multiply_add() -> Callable[..., Any]:
@@ -36,7 +38,9 @@ multiply_add = _multiply_add()
 
 
 @compiled
-def sample_rows(frame: Counts, first: int, columns: Indices, across: Singles, row: Singles) -> Singles:
+def sample_rows(
+    frame: Counts, first: int, columns: Indices, across: Singles, row: Singles
+) -> Singles:
     """Return the counts at points, interpolated and rounded; the frame's edges continue beyond it.
 
     `columns`: those before and after each point, from `first` on, (2, point); `across`: distance beyond the one before;
@@ -44,17 +48,30 @@ def sample_rows(frame: Counts, first: int, columns: Indices, across: Singles, ro
     """
     last, origin, points = frame.shape[0] - 1, np.uintp(first), len(across)
     near, far, light = columns[0], columns[1], np.empty(row.shape, np.float32)
-    upper, lower, down = np.empty(points, np.uintp), np.empty(points, np.uintp), np.empty(points, np.float32)
+    upper, lower, down = (
+        np.empty(points, np.uintp),
+        np.empty(points, np.uintp),
+        np.empty(points, np.float32),
+    )
     for line in range(len(row)):
         for at in range(points):
             above = np.floor(row[line, at])
             down[at] = row[line, at] - above
             place = int(above)
-            upper[at], lower[at] = min(max(place, 0), last), min(max(place + 1, 0), last)
+            upper[at], lower[at] = (
+                min(max(place, 0), last),
+                min(max(place + 1, 0), last),
+            )
         for at in range(points):
             left, right = origin + near[at], origin + far[at]
-            p00, p01 = np.float32(frame[upper[at], left]), np.float32(frame[upper[at], right])
-            p10, p11 = np.float32(frame[lower[at], left]), np.float32(frame[lower[at], right])
+            p00, p01 = (
+                np.float32(frame[upper[at], left]),
+                np.float32(frame[upper[at], right]),
+            )
+            p10, p11 = (
+                np.float32(frame[lower[at], left]),
+                np.float32(frame[lower[at], right]),
+            )
             above = multiply_add(across[at], p01 - p00, p00)
             below = multiply_add(across[at], p11 - p10, p10)
             light[line, at] = np.rint(multiply_add(down[at], below - above, above))
@@ -80,7 +97,9 @@ def mean_of_neighbours(values: Singles, reach: int) -> Singles:
         total += np.float64(values[mirrored(place, length)])
     for at in range(length):
         means[at] = np.float32(total * share)
-        total += np.float64(values[mirrored(at + reach + 1, length)]) - np.float64(values[mirrored(at - reach, length)])
+        total += np.float64(values[mirrored(at + reach + 1, length)]) - np.float64(
+            values[mirrored(at - reach, length)]
+        )
     return means
 
 
@@ -129,11 +148,19 @@ def _larger_or_smaller(one: Numbers, other: Numbers, larger: bool, to: Numbers) 
 @compiled
 def bridge(row: Singles, there: Flags) -> Singles:
     """Return a curve with straight lines over its missing points; not all are missing."""
-    return np.interp(np.arange(len(row)), np.flatnonzero(there), row[there].astype(np.float64)).astype(np.float32)
+    return np.interp(
+        np.arange(len(row)), np.flatnonzero(there), row[there].astype(np.float64)
+    ).astype(np.float32)
 
 
 @compiled
-def at_every_column(column: Singles, row: Singles, there: Flags, nearest: Integers, to: NDArray[np.float64]) -> None:
+def at_every_column(
+    column: Singles,
+    row: Singles,
+    there: Flags,
+    nearest: Integers,
+    to: NDArray[np.float64],
+) -> None:
     """Write a curve at every column, by its points' columns; NaN where the `nearest` point to a column is not there.
 
     If all of these are there, the other points count, too.

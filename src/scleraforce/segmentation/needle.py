@@ -26,19 +26,31 @@ BESIDE_M = 2.5e-3
 TISSUE_M = 0.1e-3  # depth over which light is tissue's: thinner lines are not
 HOVERING_M = 0.3e-3  # over the surface beside it, at most: a needle's tip
 BELOW_M = 1.2e-3  # below a line's end, from where on no tissue is expected
-DEEP_M = 0.5e-3  # from there down to the frame's end, at least, to judge the light there
+DEEP_M = (
+    0.5e-3  # from there down to the frame's end, at least, to judge the light there
+)
 NEAR_M = 0.5e-3  # beside a line's end: columns that its own is compared with
 PARTS = 3  # of that depth
 STREAK = 0.06  # of the spread of a frame's light: a flare is brighter by so much in all parts, drawn needles by 0.015
-NEAREST = 6  # columns of the grid with tissue on each side, which tell where its surface is
+NEAREST = (
+    6  # columns of the grid with tissue on each side, which tell where its surface is
+)
 BEVELLED = 0.6  # of the width: an edge that is so much longer than the other one is the point of a bevel
 SAME_LENGTH = 0.7  # of the longer line: as far down the other one of two sides of a shaft goes, at least
-BEVEL_M = 2.2e-3  # the cut of the thickest needle (22G, 18 degrees); longer lines are shafts
-TOP_M, TOP_ROWS = 0.19e-3, 4  # and at least 4 rows: the shaft comes in through the top edge
+BEVEL_M = (
+    2.2e-3  # the cut of the thickest needle (22G, 18 degrees); longer lines are shafts
+)
+TOP_M, TOP_ROWS = (
+    0.19e-3,
+    4,
+)  # and at least 4 rows: the shaft comes in through the top edge
 
 POOLED_M = 62e-6  # of depth taken as one, for the coarse search
 WIDEST_M = 1.3e-3  # between the edges of a shaft, along the columns
-LINE_M, LINE_COLUMNS = 0.4e-3, 5  # a line is narrower along the columns, or narrower than 5 pixels
+LINE_M, LINE_COLUMNS = (
+    0.4e-3,
+    5,
+)  # a line is narrower along the columns, or narrower than 5 pixels
 STEEPEST = 1.2  # columns over rows in metres: 50 degrees off the depth
 SLOPES = 81
 BRIGHT = 4.0  # spreads of the background: as bright as this is all that counts
@@ -71,11 +83,17 @@ class SeenNeedle:
     """A needle seen in a frame."""
 
     angle_rad: float  #: between its shaft and the depth; above 0 it leans to growing columns on its way up
-    tip_m: tuple[float, float] | None  #: from the middle and the top edge, None if the shaft leaves below the frame
+    tip_m: (
+        tuple[float, float] | None
+    )  #: from the middle and the top edge, None if the shaft leaves below the frame
     tip: tuple[float, float]  #: column and row, or of the last that is seen of it
     top: tuple[float, float]  #: column and row where its axis meets the top edge
-    hidden: tuple[int, int]  #: the first column that shaft or shadow cover, and the first one after
-    axis_rad: float | None = None  #: as `angle_rad`, of the axis; None if the lines may be a bevel's, or one side's
+    hidden: tuple[
+        int, int
+    ]  #: the first column that shaft or shadow cover, and the first one after
+    axis_rad: float | None = (
+        None  #: as `angle_rad`, of the axis; None if the lines may be a bevel's, or one side's
+    )
 
 
 def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
@@ -90,7 +108,9 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
     return {
         "angle_deg": round(from_si(abs(needle.angle_rad), "deg"), 2),
         "leans": "left" if needle.angle_rad < 0.0 else "right",
-        "tip_mm": None if needle.tip_m is None else [round(from_si(place_m, "mm"), 4) for place_m in needle.tip_m],
+        "tip_mm": None
+        if needle.tip_m is None
+        else [round(from_si(place_m, "mm"), 4) for place_m in needle.tip_m],
     }
 
 
@@ -106,16 +126,25 @@ def find_needle(
     if shaded is None:
         return None
     (column, row), (first, after) = shaded
-    lateral_m, depth_m = size.scale.lateral_m / size.step_columns, size.scale.depth_m / size.step_rows
+    lateral_m, depth_m = (
+        size.scale.lateral_m / size.step_columns,
+        size.scale.depth_m / size.step_rows,
+    )
     tip = left + column, (row + 1.0) * size.step_rows - 0.5
     slope, axis = edges[0].slope / size.step_rows, _axis_slope(edges, size)
     ends = row < len(cells) - 1.0
     return SeenNeedle(
         angle_rad=-atan(slope * lateral_m / depth_m),
-        tip_m=((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m) if ends else None,
-        tip=tip, top=(tip[0] - slope * (tip[1] + 0.5), -0.5), hidden=(left + first, left + after),
-        axis_rad=None if axis is None else -atan(axis / size.step_rows * lateral_m / depth_m),
-    )  # fmt: skip
+        tip_m=((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m)
+        if ends
+        else None,
+        tip=tip,
+        top=(tip[0] - slope * (tip[1] + 0.5), -0.5),
+        hidden=(left + first, left + after),
+        axis_rad=None
+        if axis is None
+        else -atan(axis / size.step_rows * lateral_m / depth_m),
+    )
 
 
 def _axis_slope(edges: list[ShaftEdge], size: GridSize) -> float | None:
@@ -126,7 +155,11 @@ def _axis_slope(edges: list[ShaftEdge], size: GridSize) -> float | None:
     """
     one, other = edges[0], edges[-1]
     if min(one.row, other.row) >= SAME_LENGTH * max(one.row, other.row):
-        at_end = one.top - other.top + (one.slope - other.slope) * (min(one.row, other.row) + 0.5)
+        at_end = (
+            one.top
+            - other.top
+            + (one.slope - other.slope) * (min(one.row, other.row) + 0.5)
+        )
         if abs(at_end) > 0.5 * abs(one.top - other.top):
             return 0.5 * (one.slope + other.slope)
     return one.slope if (one.row + 1) * size.scale.depth_m > BEVEL_M else None
@@ -141,7 +174,10 @@ def _shaded(
     """
     step, columns = size.step_columns, cells.shape[1]
     reached = [place for edge in edges for place in (edge.top, edge.end)]
-    first, after = max(0, round(min(reached) / step - 0.5)), min(columns, round(max(reached) / step + 0.5))
+    first, after = (
+        max(0, round(min(reached) / step - 0.5)),
+        min(columns, round(max(reached) / step + 0.5)),
+    )
     if first >= after:
         return None
     tissue = _tissue(cells, size, edges)
@@ -150,7 +186,9 @@ def _shaded(
     beside = _beside(level, first, after, reach)
     usual = float(np.sort(level)[3 * columns // 4])
     lit = beside[beside > LIT_SHARE * usual]
-    if not len(lit) or float(np.median(level[first:after])) > SHADED_SHARE * float(np.median(lit)):
+    if not len(lit) or float(np.median(level[first:after])) > SHADED_SHARE * float(
+        np.median(lit)
+    ):
         return None
     dark = level < DARK_SHARE * usual
     while first > 0 and dark[first - 1]:
@@ -159,7 +197,9 @@ def _shaded(
         after += 1
     shown = tissue > LIT_SHARE * usual
     tip = _tip(size, edges, (first * step, after * step))
-    if _goes_through(size, edges, shown, first, after) or _shines_below(cells, size, edges):
+    if _goes_through(size, edges, shown, first, after) or _shines_below(
+        cells, size, edges
+    ):
         return None
     if not _touches(size, shown, (first, after), tip[1]):
         return None
@@ -167,11 +207,16 @@ def _shaded(
     return tip, (max(0, first - margin) * step, min(columns, after + margin) * step)
 
 
-def _touches(size: GridSize, lit: Flags, shadow: tuple[int, int], tip_row: float) -> bool:
+def _touches(
+    size: GridSize, lit: Flags, shadow: tuple[int, int], tip_row: float
+) -> bool:
     """Return whether tissue is seen on both sides of a shadow, and a tip is not far above it (a reflex)."""
     (first, after), reach = shadow, max(2, round(BESIDE_M / size.scale.lateral_m))
     surfaces = []
-    for side in (lit[:, max(0, first - reach) : first][:, ::-1], lit[:, after : after + reach]):
+    for side in (
+        lit[:, max(0, first - reach) : first][:, ::-1],
+        lit[:, after : after + reach],
+    ):
         seen = np.flatnonzero(side.any(axis=0))[:NEAREST]
         if not len(seen):
             return False
@@ -179,7 +224,9 @@ def _touches(size: GridSize, lit: Flags, shadow: tuple[int, int], tip_row: float
     return (min(surfaces) - tip_row) * size.scale.depth_m <= HOVERING_M
 
 
-def _goes_through(size: GridSize, edges: list[ShaftEdge], lit: Flags, first: int, after: int) -> bool:
+def _goes_through(
+    size: GridSize, edges: list[ShaftEdge], lit: Flags, first: int, after: int
+) -> bool:
     """Return whether edges end far below the tissue's surface beside them: a flare's do."""
     around = max(1, round(MARGIN_M / size.scale.lateral_m)) + 1
     sides = lit[:, max(0, first - around) : first], lit[:, after : after + around]
@@ -201,14 +248,24 @@ def _shines_below(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> bool
     first, after = max(0, min(ends)), max(0, max(ends) + 1)
     reach = max(2, round(NEAR_M / size.scale.lateral_m)) + 1
     levels: list[Singles] = [part.mean(axis=0) for part in np.array_split(deep, PARTS)]
-    pairs = [(level[first:after], _beside(level, first, after, reach)) for level in levels]
+    pairs = [
+        (level[first:after], _beside(level, first, after, reach)) for level in levels
+    ]
     least = STREAK * float(cells.std())
-    return all(len(one) and len(other) and float(one.mean() - other.mean()) > least for one, other in pairs)
+    return all(
+        len(one) and len(other) and float(one.mean() - other.mean()) > least
+        for one, other in pairs
+    )
 
 
 def _beside(level: Singles, first: int, after: int, reach: int) -> Singles:
     """Return the levels of columns on both sides of others, without those right beside them."""
-    return np.concatenate([level[max(0, first - reach) : max(0, first - 1)], level[after + 1 : after + reach]])
+    return np.concatenate(
+        [
+            level[max(0, first - reach) : max(0, first - 1)],
+            level[after + 1 : after + reach],
+        ]
+    )
 
 
 def _tissue(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> Singles:
@@ -224,11 +281,15 @@ def _tissue(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> Singles:
     light[: len(rows)][inside] = 0.0
     light[: top_rows(size)] = 0.0  # where a shaft comes in it may shine all across
     light = cast(Singles, cv2.blur(light, (1, 3)))
-    deep = np.ones((max(3, round(TISSUE_M / size.scale.depth_m)), 1), np.uint8)  # what is thinner is a line
+    deep = np.ones(
+        (max(3, round(TISSUE_M / size.scale.depth_m)), 1), np.uint8
+    )  # what is thinner is a line
     return cast(Singles, cv2.erode(light, deep))
 
 
-def _tip(size: GridSize, edges: list[ShaftEdge], dark: tuple[int, int]) -> tuple[float, float]:
+def _tip(
+    size: GridSize, edges: list[ShaftEdge], dark: tuple[int, int]
+) -> tuple[float, float]:
     """Return column and row (of the grid) where the shaft ends: between its edges' ends, or at the point of a bevel.
 
     Where one edge alone is seen, the other one's end is the end of the shadow, on the side away from the shaft.
@@ -238,24 +299,38 @@ def _tip(size: GridSize, edges: list[ShaftEdge], dark: tuple[int, int]) -> tuple
     if len(ends) == 1:
         column, row = ends[0].tolist()
         other = dark[1] - 1 if edges[0].slope >= 0 else dark[0]
-        return (0.5 * (column + other) if abs(other - column) * pixel_m[0] < WIDEST_M else column), row
+        return (
+            0.5 * (column + other)
+            if abs(other - column) * pixel_m[0] < WIDEST_M
+            else column
+        ), row
     along = np.array([edges[0].slope * pixel_m[0], pixel_m[1]])
     along /= hypot(*along)
     apart = (ends[1] - ends[0]) * pixel_m
-    longer, width = float(apart @ along), abs(float(apart[0] * along[1] - apart[1] * along[0]))
+    longer, width = (
+        float(apart @ along),
+        abs(float(apart[0] * along[1] - apart[1] * along[0])),
+    )
     tip = ends[int(longer > 0)] if abs(longer) > BEVELLED * width else ends.mean(axis=0)
     return float(tip[0]), float(tip[1])
 
 
-def _find_edges(frame: Pixels, cells: Counts, size: GridSize, begin: Places) -> list[ShaftEdge]:
+def _find_edges(
+    frame: Pixels, cells: Counts, size: GridSize, begin: Places
+) -> list[ShaftEdge]:
     """Return the longest bright line of a frame's imaged part, and the one beside it if seen, the shaft's own first."""
     thin = _thin(cells, size.scale.lateral_m)
-    start = np.unique(np.clip(np.concatenate([begin - 1, begin, begin + 1]), 0, thin.shape[1] - 1))
+    start = np.unique(
+        np.clip(np.concatenate([begin - 1, begin, begin + 1]), 0, thin.shape[1] - 1)
+    )
     coarse = _best(thin, start.astype(np.float64), _slopes(size), _pooled_rows(size))
     if coarse.length * size.scale.depth_m < LEAST_LENGTH_M:
         return []
     if size.step_rows > 1:  # in the grid's rows, with the frame's own columns
-        shape, frame = (frame.shape[1], len(cells)), frame[: len(cells) * size.step_rows]
+        shape, frame = (
+            (frame.shape[1], len(cells)),
+            frame[: len(cells) * size.step_rows],
+        )
         frame = cast(Pixels, cv2.resize(frame, shape, interpolation=cv2.INTER_AREA))
     fine = _thin(frame, size.scale.lateral_m / size.step_columns)
     return _edges(thin, fine, coarse, size)
@@ -287,10 +362,14 @@ def _pooled_rows(size: GridSize) -> int:
 
 def _slopes(size: GridSize) -> Floats:
     """Return the slopes to try, columns a row."""
-    return np.linspace(-STEEPEST, STEEPEST, SLOPES) * (size.scale.depth_m / size.scale.lateral_m)
+    return np.linspace(-STEEPEST, STEEPEST, SLOPES) * (
+        size.scale.depth_m / size.scale.lateral_m
+    )
 
 
-def _edges(thin: Singles, fine: Singles, coarse: ShaftEdge, size: GridSize) -> list[ShaftEdge]:
+def _edges(
+    thin: Singles, fine: Singles, coarse: ShaftEdge, size: GridSize
+) -> list[ShaftEdge]:
     """Return the shaft's edge near a coarse line, and the other edge if it is seen, the shaft's own one first.
 
     `thin` are the thin structures in the grid, `fine` structures in the frame's own columns.
@@ -299,14 +378,25 @@ def _edges(thin: Singles, fine: Singles, coarse: ShaftEdge, size: GridSize) -> l
     widest = max(2, round(WIDEST_M / size.scale.lateral_m))
     deepest = coarse.row + round(WIDEST_M / size.scale.depth_m)
     others = np.setdiff1d(np.arange(-widest, widest + 1), [-1, 0, 1]) + coarse.top
-    other = _best(_without(thin[:deepest], coarse, 1.0), others, _slopes(size)[::2], _pooled_rows(size))
-    meets = abs(other.end - coarse.end) <= widest and abs(other.row - coarse.row) * size.scale.depth_m <= WIDEST_M
+    other = _best(
+        _without(thin[:deepest], coarse, 1.0),
+        others,
+        _slopes(size)[::2],
+        _pooled_rows(size),
+    )
+    meets = (
+        abs(other.end - coarse.end) <= widest
+        and abs(other.row - coarse.row) * size.scale.depth_m <= WIDEST_M
+    )
     if not meets or other.length < OTHER_SHARE * coarse.length:
         return [first]
     second = _refined(_without(fine, first, NEAR_COLUMNS + 1.0), other, size)
     # The shaft's edge is the longer one, of a bevel the lower one: it is held with its cut up.
     left, right = sorted([first, second], key=lambda edge: edge.top)
-    bevelled = right.top - left.top - abs(right.end - left.end) > widest * size.step_columns / 4  # they converge
+    bevelled = (
+        right.top - left.top - abs(right.end - left.end)
+        > widest * size.step_columns / 4
+    )  # they converge
     if bevelled and left.slope * right.slope > 0.0:
         return [right, left] if left.slope < 0.0 else [left, right]
     return sorted([first, second], key=lambda edge: -edge.length)
@@ -316,29 +406,48 @@ def _refined(fine: Singles, coarse: ShaftEdge, size: GridSize) -> ShaftEdge:
     """Return the line of the frame's own columns near one of the grid: straight through the light near it."""
     step = size.step_columns
     near = (coarse.top + 0.5) * step - 0.5 + np.arange(-1.5 * step, 1.5 * step + 1)
-    spread = NEAR_SLOPES * 2.0 * STEEPEST / (SLOPES - 1) * size.scale.depth_m / size.scale.lateral_m * step
+    spread = (
+        NEAR_SLOPES
+        * 2.0
+        * STEEPEST
+        / (SLOPES - 1)
+        * size.scale.depth_m
+        / size.scale.lateral_m
+        * step
+    )
     slopes = coarse.slope * step + np.linspace(-spread, spread, 2 * NEAR_SLOPES + 1)
     deepest = coarse.row + round(MORE_M / size.scale.depth_m)
     edge = _best(fine[:deepest], near, slopes)
     at, rows = np.arange(fine.shape[1], dtype=np.float32), np.arange(edge.row + 1)
     off = at - (edge.top + edge.slope * (rows[:, None] + 0.5))
-    weight = np.where(np.abs(off) <= NEAR_COLUMNS, np.maximum(fine[: edge.row + 1] - np.float32(0.25), 0.0), 0.0)
+    weight = np.where(
+        np.abs(off) <= NEAR_COLUMNS,
+        np.maximum(fine[: edge.row + 1] - np.float32(0.25), 0.0),
+        0.0,
+    )
     by_row = weight.sum(axis=1)
     if np.count_nonzero(by_row) < LEAST_ROWS:
         return edge
     centre = (weight * at).sum(axis=1) / np.maximum(by_row, 1e-6)
-    slope, top = (float(value) for value in np.polyfit(rows + 0.5, centre, 1, w=np.sqrt(by_row)))  # least squares
+    slope, top = (
+        float(value) for value in np.polyfit(rows + 0.5, centre, 1, w=np.sqrt(by_row))
+    )  # least squares
     return replace(edge, top=top, slope=slope)
 
 
 def _without(thin: Singles, edge: ShaftEdge, columns: float) -> Singles:
     """Return a picture without the light within some columns of an edge."""
     rows = np.arange(len(thin))[:, None]
-    near = np.abs(np.arange(thin.shape[1]) - (edge.top + edge.slope * (rows + 0.5))) <= columns
+    near = (
+        np.abs(np.arange(thin.shape[1]) - (edge.top + edge.slope * (rows + 0.5)))
+        <= columns
+    )
     return np.where(near & (rows <= edge.row + 2), np.float32(-0.5), thin)
 
 
-def _best(thin: Singles, start: Floats, slopes: Floats, pooled_rows: int = 1) -> ShaftEdge:
+def _best(
+    thin: Singles, start: Floats, slopes: Floats, pooled_rows: int = 1
+) -> ShaftEdge:
     """Return the longest bright line in a picture, with `pooled_rows` rows averaged.
 
     A line's length is the largest sum, down to any row, of the light over LEAST_BRIGHT.
@@ -347,12 +456,18 @@ def _best(thin: Singles, start: Floats, slopes: Floats, pooled_rows: int = 1) ->
         shape = thin.shape[1], max(1, len(thin) // pooled_rows)
         thin = cast(Singles, cv2.resize(thin, shape, interpolation=cv2.INTER_AREA))
     rows = np.arange(len(thin))[:, None]
-    place = np.rint(start + slopes[:, None, None] * pooled_rows * (rows + 0.5)).astype(np.intp)
+    place = np.rint(start + slopes[:, None, None] * pooled_rows * (rows + 0.5)).astype(
+        np.intp
+    )
     inside = (place >= 0) & (place < thin.shape[1])
-    shine = np.where(inside, thin[rows, place.clip(0, thin.shape[1] - 1)], np.float32(-0.5))
+    shine = np.where(
+        inside, thin[rows, place.clip(0, thin.shape[1] - 1)], np.float32(-0.5)
+    )
     sums = np.cumsum(shine - np.float32(LEAST_BRIGHT), axis=1)  # (slope, row, start)
     lengths = sums.max(axis=1)
     which, column = np.unravel_index(int(lengths.argmax()), lengths.shape)
     row, length = int(sums[which, :, column].argmax()), float(lengths[which, column])
     row, length = pooled_rows * (row + 1) - 1, pooled_rows * length
-    return ShaftEdge(top=float(start[column]), slope=float(slopes[which]), row=row, length=length)
+    return ShaftEdge(
+        top=float(start[column]), slope=float(slopes[which]), row=row, length=length
+    )

@@ -29,7 +29,11 @@ BOTTOM_M = 0.1e-3  # a boundary this near to the last row is where the frame end
 HIDDEN_SHARE = 0.25  # of the thickness: so far above the bottom the inner boundary must be expected to be seen
 UNEVEN_SHARE = 0.2  # of the thickness: bending hardly changes it, so more is not the wall's inner boundary
 STEEPEST = 1.25  # stretch, 37 degrees: the inner boundary is sought down the columns, and lost on steeper parts
-MIDDLE_M, ASIDE_M, FLANK_M = 1.2e-3, 3e-3, 0.3e-3  # where a dent is, and where the wall beside it
+MIDDLE_M, ASIDE_M, FLANK_M = (
+    1.2e-3,
+    3e-3,
+    0.3e-3,
+)  # where a dent is, and where the wall beside it
 SLOPE_M = 0.3e-3  # over which the surface's slope is taken
 
 
@@ -40,7 +44,9 @@ class Boundaries:
     lateral_m: Floats  # (column,), from the frame's middle, increasing
     depth_m: Floats  # (2, column), from its top edge, NaN where unseen
     pixel_m: float  # depth of a pixel
-    sd_m: float = 0.0  # standard deviation of boundaries that were given, 0 of those found
+    sd_m: float = (
+        0.0  # standard deviation of boundaries that were given, 0 of those found
+    )
 
 
 def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Boundaries:
@@ -60,14 +66,23 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Bound
         stretched_m = segmentation.thickness_m * stretch
         seen = outer_m + (1 + HIDDEN_SHARE) * stretched_m * index < bottom_m
         even = np.abs(optical_m / index - stretched_m) < UNEVEN_SHARE * stretched_m
-        inner_m = np.where(seen & even & (stretch < STEEPEST), outer_m + optical_m / index, np.nan)
-    return Boundaries(lateral_m, np.stack([outer_m, inner_m]), scale.depth_m, segmentation.sd_rows * scale.depth_m)
+        inner_m = np.where(
+            seen & even & (stretch < STEEPEST), outer_m + optical_m / index, np.nan
+        )
+    return Boundaries(
+        lateral_m,
+        np.stack([outer_m, inner_m]),
+        scale.depth_m,
+        segmentation.sd_rows * scale.depth_m,
+    )
 
 
 def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Floats, Floats]:
     """Return the columns' lateral places from the frame's middle and the surface's depth, (column,), m; NaN: unseen."""
     columns = len(segmentation.outer_row)
-    lateral_m = (np.arange(columns, dtype=np.float64) + (0.5 - columns / 2)) * scale.lateral_m
+    lateral_m = (
+        np.arange(columns, dtype=np.float64) + (0.5 - columns / 2)
+    ) * scale.lateral_m
     # Row r is centred half a pixel below its upper edge.
     outer_m = (segmentation.outer_row + 0.5) * scale.depth_m
     outer_m[~(outer_m < segmentation.rows * scale.depth_m - BOTTOM_M)] = np.nan
@@ -81,10 +96,17 @@ def dent(boundaries: Boundaries) -> float:
     """
     lateral_m, depth_m = boundaries.lateral_m, boundaries.depth_m[0]
     middle = (np.abs(lateral_m) < MIDDLE_M) & np.isfinite(depth_m)
-    flanks = [(np.abs(lateral_m - side) < FLANK_M) & np.isfinite(depth_m) for side in (-ASIDE_M, ASIDE_M)]
+    flanks = [
+        (np.abs(lateral_m - side) < FLANK_M) & np.isfinite(depth_m)
+        for side in (-ASIDE_M, ASIDE_M)
+    ]
     if not (middle.any() and flanks[0].any() and flanks[1].any()):
         return float("nan")
-    line_m = np.interp(lateral_m[middle], [-ASIDE_M, ASIDE_M], [float(depth_m[flank].mean()) for flank in flanks])
+    line_m = np.interp(
+        lateral_m[middle],
+        [-ASIDE_M, ASIDE_M],
+        [float(depth_m[flank].mean()) for flank in flanks],
+    )
     return float((depth_m[middle] - line_m).max())
 
 
@@ -92,7 +114,9 @@ def stretch_of(lateral_m: Floats, outer_m: Floats) -> Floats:
     """Return depth along a column over thickness along the normal, NaN where the surface is unseen."""
     half = max(1, round(SLOPE_M / 2 / (lateral_m[1] - lateral_m[0])))
     slope = np.full_like(outer_m, np.nan)
-    slope[half:-half] = (outer_m[2 * half :] - outer_m[: -2 * half]) / (lateral_m[2 * half :] - lateral_m[: -2 * half])
+    slope[half:-half] = (outer_m[2 * half :] - outer_m[: -2 * half]) / (
+        lateral_m[2 * half :] - lateral_m[: -2 * half]
+    )
     return np.sqrt(1 + slope**2)
 
 
@@ -118,7 +142,9 @@ class Roughness:
         return (1 + self.correlation) / (1 - self.correlation)
 
 
-def observe_points(boundaries: Boundaries, count: int, centre_m: float, span_m: float) -> Observation:
+def observe_points(
+    boundaries: Boundaries, count: int, centre_m: float, span_m: float
+) -> Observation:
     """Take at most `count` points about the needle, at `centre_m`: half (rounded up) outer ones, the rest inner."""
     parts: list[tuple[float, float, int, float]] = []
     inside = np.abs(boundaries.lateral_m - centre_m) <= span_m
@@ -153,14 +179,22 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
     variance = float(np.median((rest**2).sum(axis=1) / (2 * half - 3)))
     square = np.maximum((rest**2).sum(axis=1), 1e-30)
     correlation = float(np.median((rest[:, 1:] * rest[:, :-1]).sum(axis=1) / square))
-    correlation += (1 + 3 * correlation) / (2 * half)  # what the parabola takes off it (Kendall 1954)
+    correlation += (1 + 3 * correlation) / (
+        2 * half
+    )  # what the parabola takes off it (Kendall 1954)
     sd = sqrt(max(variance, boundaries.pixel_m**2 / 12))
-    return Roughness(sd_m=sd, correlation=min(max(correlation, 0.0), LARGEST_CORRELATION))
+    return Roughness(
+        sd_m=sd, correlation=min(max(correlation, 0.0), LARGEST_CORRELATION)
+    )
 
 
-def _point(boundaries: Boundaries, boundary: int, column: int, rough: Roughness) -> tuple[float, float]:
+def _point(
+    boundaries: Boundaries, boundary: int, column: int, rough: Roughness
+) -> tuple[float, float]:
     """Return depth and noise of the boundary at a column, from the stretch around it."""
-    half = max(2, round(STRETCH_M / (boundaries.lateral_m[1] - boundaries.lateral_m[0])))
+    half = max(
+        2, round(STRETCH_M / (boundaries.lateral_m[1] - boundaries.lateral_m[0]))
+    )
     first = max(column - half, 0)
     depth = boundaries.depth_m[boundary, first : column + half + 1]
     seen = np.isfinite(depth)
@@ -173,7 +207,9 @@ def _point(boundaries: Boundaries, boundary: int, column: int, rough: Roughness)
     slope /= step_m
     independent = min(float(weights[0] @ weights[0]) * rough.columns_as_one(), 1.0)
     speckle = rough.sd_m**2 * independent * (1 + slope**2)
-    return float(value), sqrt(speckle + PIXEL_SHARE**2 * (boundaries.pixel_m**2 + (slope * step_m) ** 2))
+    return float(value), sqrt(
+        speckle + PIXEL_SHARE**2 * (boundaries.pixel_m**2 + (slope * step_m) ** 2)
+    )
 
 
 @lru_cache(maxsize=1024)
@@ -183,7 +219,9 @@ def _parabola_weights(offsets: tuple[int, ...]) -> Floats:
     return np.linalg.pinv(np.stack([np.ones_like(x), x, x * x], axis=1))[:2]
 
 
-def boundary_slice(segmentation: Segmentation, scale: PixelScale, slice_study: SliceStudy) -> Bytes:
+def boundary_slice(
+    segmentation: Segmentation, scale: PixelScale, slice_study: SliceStudy
+) -> Bytes:
     """Draw the wall of a frame into the slice's window, (rows, columns): 255 where a pixel's centre lies in the wall.
 
     The window is centred on the frame laterally and starts at its top edge. Boundaries are interpolated between the
@@ -194,7 +232,10 @@ def boundary_slice(segmentation: Segmentation, scale: PixelScale, slice_study: S
 
 
 def boundary_slices(
-    segmentation: Segmentation, scale: PixelScale, slice_study: SliceStudy, shifts: tuple[float, ...]
+    segmentation: Segmentation,
+    scale: PixelScale,
+    slice_study: SliceStudy,
+    shifts: tuple[float, ...],
 ) -> tuple[Bytes, bool, float]:
     """Draw the wall as `boundary_slice`, in windows that start lower by shares of a row (shift, rows, columns).
 
@@ -202,23 +243,44 @@ def boundary_slices(
     """
     columns, pixel_m = slice_study.columns, slice_study.pixel_m
     lateral_m, outer_m = surface(segmentation, scale)
-    seen_m = lateral_m[(np.abs(lateral_m) <= columns * pixel_m / 2) & np.isfinite(outer_m)]
+    seen_m = lateral_m[
+        (np.abs(lateral_m) <= columns * pixel_m / 2) & np.isfinite(outer_m)
+    ]
     depth_bc = _slice_depths(segmentation, scale, columns, pixel_m)
-    middle_m = (np.arange(slice_study.rows)[:, None] + 0.5 + np.array(shifts)[:, None, None]) * pixel_m
-    walls = ((depth_bc[0] <= middle_m) & (middle_m < depth_bc[1])).view(np.uint8) * np.uint8(WALL)
+    middle_m = (
+        np.arange(slice_study.rows)[:, None] + 0.5 + np.array(shifts)[:, None, None]
+    ) * pixel_m
+    walls = ((depth_bc[0] <= middle_m) & (middle_m < depth_bc[1])).view(
+        np.uint8
+    ) * np.uint8(WALL)
     return walls, dent_leaves(walls[0]), float(np.ptp(seen_m)) if len(seen_m) else 0.0
 
 
-def _slice_depths(segmentation: Segmentation, scale: PixelScale, columns: int, pixel_m: float) -> Floats:
+def _slice_depths(
+    segmentation: Segmentation, scale: PixelScale, columns: int, pixel_m: float
+) -> Floats:
     """Return the depths of both boundaries at a slice's columns, (2, column), m, NaN where there is no wall."""
     rows = segmentation.outer_row, segmentation.inner_row
     there, width = np.isfinite(rows[0]) & np.isfinite(rows[1]), len(rows[0])
     if not there.any():
         return np.full((2, columns), np.nan)
-    at = (np.arange(columns) + 0.5 - columns / 2) * pixel_m / scale.lateral_m + width / 2 - 0.5
-    shown = (at >= -0.5) & (at <= width - 0.5) & there[np.clip(np.rint(at), 0, width - 1).astype(np.intp)]
-    outer_m, inner_m = ((np.interp(at, np.flatnonzero(there), row[there]) + 0.5) * scale.depth_m for row in rows)
-    return np.where(shown, [outer_m, outer_m + (inner_m - outer_m) / scale.refractive_index], np.nan)
+    at = (
+        (np.arange(columns) + 0.5 - columns / 2) * pixel_m / scale.lateral_m
+        + width / 2
+        - 0.5
+    )
+    shown = (
+        (at >= -0.5)
+        & (at <= width - 0.5)
+        & there[np.clip(np.rint(at), 0, width - 1).astype(np.intp)]
+    )
+    outer_m, inner_m = (
+        (np.interp(at, np.flatnonzero(there), row[there]) + 0.5) * scale.depth_m
+        for row in rows
+    )
+    return np.where(
+        shown, [outer_m, outer_m + (inner_m - outer_m) / scale.refractive_index], np.nan
+    )
 
 
 @compiled
@@ -245,28 +307,52 @@ def dent_leaves(cut: Bytes) -> bool:
     return leaves
 
 
-GIVEN_SD_ROWS = 2.0  # of the boundaries of a mask that a user, another network or the app gave
+GIVEN_SD_ROWS = (
+    2.0  # of the boundaries of a mask that a user, another network or the app gave
+)
 
 
-def given_wall(mask: Bytes, scale: PixelScale, sd_rows: float = GIVEN_SD_ROWS, source: str = "mask") -> Segmentation:
+def given_wall(
+    mask: Bytes, scale: PixelScale, sd_rows: float = GIVEN_SD_ROWS, source: str = "mask"
+) -> Segmentation:
     """Return the wall of a mask (row, column) of NO_WALL, NOT_JUDGED and WALL (`recording.walls`).
 
     A boundary lies in the middle between a row with wall and one without. A column is left out if a pixel of it is not
     judged, if its wall touches the frame's first row, or is interrupted. `sd_rows`: of the boundaries, rows.
     """
     rows, is_wall = len(mask), mask == WALL
-    first, last, count = is_wall.argmax(axis=0), rows - is_wall[::-1].argmax(axis=0), is_wall.sum(axis=0)
+    first, last, count = (
+        is_wall.argmax(axis=0),
+        rows - is_wall[::-1].argmax(axis=0),
+        is_wall.sum(axis=0),
+    )
     judged = ~(mask == NOT_JUDGED).any(axis=0)
     whole = judged & (count > 0) & (last - first == count) & (first > 0)
-    outer_row, inner_row = np.where(whole, first - 0.5, np.nan), np.where(whole, last - 0.5, np.nan)
+    outer_row, inner_row = (
+        np.where(whole, first - 0.5, np.nan),
+        np.where(whole, last - 0.5, np.nan),
+    )
     fault = surface_fault(int(whole.sum()), max(int(judged.sum()), 1), 1.0, 1.0)
     if whole.sum() < LEAST_SHAPE:
         return without_wall(mask.shape, fault or "no wall was found")
     wall = Segmentation(
-        outer_row, inner_row, rows, not fault, fault, True, thickness_m=0.0, source=source, sd_rows=sd_rows
+        outer_row,
+        inner_row,
+        rows,
+        not fault,
+        fault,
+        True,
+        thickness_m=0.0,
+        source=source,
+        sd_rows=sd_rows,
     )
     lateral_m, outer_m = surface(wall, scale)
-    along_m = (inner_row - outer_row) * scale.depth_m / scale.refractive_index / stretch_of(lateral_m, outer_m)
+    along_m = (
+        (inner_row - outer_row)
+        * scale.depth_m
+        / scale.refractive_index
+        / stretch_of(lateral_m, outer_m)
+    )
     inside = (last < rows) & np.isfinite(along_m)
     thickness_m = float(np.median(along_m[inside])) if inside.any() else float("nan")
     return replace(wall, inner_found=bool(inside.any()), thickness_m=thickness_m)
@@ -275,11 +361,15 @@ def given_wall(mask: Bytes, scale: PixelScale, sd_rows: float = GIVEN_SD_ROWS, s
 def check_size(mask: Bytes, shape: tuple[int, ...], place: str) -> None:
     """Raise a `FrameError` naming `place` unless a mask has the shape of its frame."""
     if mask.shape != shape:
-        size, of_frame = (f"{rows} x {columns}" for rows, columns in (mask.shape, shape))
+        size, of_frame = (
+            f"{rows} x {columns}" for rows, columns in (mask.shape, shape)
+        )
         raise FrameError(f"{place}: {size} pixels, the frame has {of_frame}")
 
 
-def recorded_wall(walls: RecordedWalls, file: str, shape: tuple[int, ...], scale: PixelScale) -> Segmentation | None:
+def recorded_wall(
+    walls: RecordedWalls, file: str, shape: tuple[int, ...], scale: PixelScale
+) -> Segmentation | None:
     """Return the wall that a recording has for a frame (row, column), None without one."""
     mask = walls.wall(file)
     if mask is None:

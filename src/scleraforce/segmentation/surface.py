@@ -14,18 +14,34 @@ import numpy as np
 
 from scleraforce.arrays import Counts, Flags, Indices, Integers, Singles
 from scleraforce.compiled import compiled
-from scleraforce.segmentation.loops import best_path, best_rows, is_path, mirrored, open_rows, sample_rows
+from scleraforce.segmentation.loops import (
+    best_path,
+    best_rows,
+    is_path,
+    mirrored,
+    open_rows,
+    sample_rows,
+)
 
 ROWS = 2  # ... and rows of the grid taken as one
 BRIGHT_SHARE = 0.985  # of the cells are darker than bright tissue
 LEAST_STEP = np.float32(0.06)  # of the bright tissue's level: less is texture
 LARGEST_LEVEL = np.float32(1.2)  # times that: what is brighter counts as that
-HALF_STEP = np.float32(0.25)  # a step of this size (over LEAST_STEP) earns half of the largest gain
-LEAST_EXCESS = np.float32(0.15)  # of the bright tissue's level: less is haze, not tissue
-EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of full depth
+HALF_STEP = np.float32(
+    0.25
+)  # a step of this size (over LEAST_STEP) earns half of the largest gain
+LEAST_EXCESS = np.float32(
+    0.15
+)  # of the bright tissue's level: less is haze, not tissue
+EXCESS_COST, EXCESS_CAP = (
+    0.5,
+    1.5,
+)  # cost of tissue above the path, in steps of full depth
 SMOOTHED = 5  # points
 BLACK_SHARE = 0.25  # of the noise floor: darker cells are not measured
-ABSENT_SHARE = 0.3  # of the frame's own typical contrast: a column with less shows no surface
+ABSENT_SHARE = (
+    0.3  # of the frame's own typical contrast: a column with less shows no surface
+)
 TYPICAL = 0.75  # of the columns have less than the typical contrast
 FOUR = 4  # rows of the score of which the best one is searched first
 _LARGEST_COST = np.float32(EXCESS_COST * EXCESS_CAP)
@@ -56,7 +72,9 @@ def opened_pairs(cells: Counts, floor: int, pairs: Indices, thin: int) -> Counts
 
 
 @compiled
-def _extend_upwards(cells: Counts, black: float, pairs: Indices, margin: int, opened: Counts) -> None:
+def _extend_upwards(
+    cells: Counts, black: float, pairs: Indices, margin: int, opened: Counts
+) -> None:
     """Continue what lies at the upper edge of the measured part into the black above: it is not a surface."""
     rows, columns = opened.shape
     for at in range(columns):
@@ -81,7 +99,11 @@ def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
     rows, pairs = tissue.shape
     level = _scaled_level(tissue)
     means = _depth_means(level, depth)
-    total, lowest, score_cr = np.zeros(pairs), level[0].copy(), np.empty((pairs, rows), np.float32)
+    total, lowest, score_cr = (
+        np.zeros(pairs),
+        level[0].copy(),
+        np.empty((pairs, rows), np.float32),
+    )
     cost_factor = np.float64(np.float32(EXCESS_COST * 2.0 / depth))
     for row in range(rows):
         for pair in range(pairs):
@@ -91,7 +113,10 @@ def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
         if row % 2 == 1:  # the tissue above every other cell will do: it changes slowly
             for pair in range(pairs):
                 lowest[pair] = min(lowest[pair], level[row - 1, pair])
-                total[pair] += max(level[row - 1, pair] - lowest[pair] - LEAST_EXCESS, _ZERO) * cost_factor
+                total[pair] += (
+                    max(level[row - 1, pair] - lowest[pair] - LEAST_EXCESS, _ZERO)
+                    * cost_factor
+                )
     return score_cr
 
 
@@ -106,7 +131,10 @@ def _scaled_level(tissue: Counts) -> Singles:
             number += 1
     place = int(BRIGHT_SHARE * number)
     bright = np.partition(sample[:number], place)[place]
-    scale, level = np.float32(1.0 / max(float(bright), 1e-6)), np.empty(tissue.shape, np.float32)
+    scale, level = (
+        np.float32(1.0 / max(float(bright), 1e-6)),
+        np.empty(tissue.shape, np.float32),
+    )
     for row in range(rows):
         for pair in range(pairs):
             level[row, pair] = min(np.float32(tissue[row, pair]) * scale, LARGEST_LEVEL)
@@ -117,14 +145,20 @@ def _scaled_level(tissue: Counts) -> Singles:
 def _depth_means(level: Singles, depth: int) -> Singles:
     """Return the mean of the `depth` rows above each row, from the first one to `depth` rows below the last."""
     rows, pairs = level.shape
-    share, total, means = 1.0 / depth, np.empty(pairs), np.empty((rows + depth, pairs), np.float32)
+    share, total, means = (
+        1.0 / depth,
+        np.empty(pairs),
+        np.empty((rows + depth, pairs), np.float32),
+    )
     for pair in range(pairs):
         total[pair] = depth * np.float64(level[0, pair])
     for row in range(rows + depth):
         entering, leaving = min(row, rows - 1), max(row - depth, 0)
         for pair in range(pairs):
             means[row, pair] = np.float32(total[pair] * share)
-            total[pair] += np.float64(level[entering, pair]) - np.float64(level[leaving, pair])
+            total[pair] += np.float64(level[entering, pair]) - np.float64(
+                level[leaving, pair]
+            )
     return means
 
 
@@ -153,9 +187,15 @@ def coarse_rows(score_cr: Singles, reach: int) -> Integers:
 
 
 @compiled
-def start_rows(path: Integers, step_rows: int, place: Integers, weight: Singles, rows: int) -> Singles:
+def start_rows(
+    path: Integers, step_rows: int, place: Integers, weight: Singles, rows: int
+) -> Singles:
     """Return a path at the fine columns, in rows of a frame, from its two neighbours' places and weights."""
-    coarse, start, last = np.empty(len(path), np.float32), np.empty(len(place), np.float32), np.float32(rows - 1.0)
+    coarse, start, last = (
+        np.empty(len(path), np.float32),
+        np.empty(len(place), np.float32),
+        np.float32(rows - 1.0),
+    )
     for pair in range(len(path)):
         coarse[pair] = np.float32(path[pair] * (ROWS * step_rows)) - _ONE_HALF
     for at in range(len(start)):
@@ -167,7 +207,12 @@ def start_rows(path: Integers, step_rows: int, place: Integers, weight: Singles,
 
 @compiled
 def sample_strip(
-    frame: Counts, first: int, columns: Indices, across: Singles, start: Singles, half: int
+    frame: Counts,
+    first: int,
+    columns: Indices,
+    across: Singles,
+    start: Singles,
+    half: int,
 ) -> tuple[Singles, float]:
     """Return the light in a strip about a curve, (row, column), and the noise of a pixel above it.
 
@@ -224,15 +269,22 @@ def _smoothed_and_opened(raw: Singles, thin: int) -> Singles:
     rows, columns = raw.shape
     strip, three = np.empty(raw.shape, np.float32), np.empty(columns, np.float32)
     for row in range(rows):
-        upper, line, lower = raw[mirrored(row - 1, rows)], raw[row], raw[mirrored(row + 1, rows)]
+        upper, line, lower = (
+            raw[mirrored(row - 1, rows)],
+            raw[row],
+            raw[mirrored(row + 1, rows)],
+        )
         mean = strip[row]
         for at in range(columns):
             three[at] = upper[at] + line[at] + lower[at]  # counts: no sum is rounded
         for at in range(1, columns - 1):
-            mean[at] = np.float32(np.float64(three[at - 1] + three[at] + three[at + 1]) * _NINTH)
+            mean[at] = np.float32(
+                np.float64(three[at - 1] + three[at] + three[at + 1]) * _NINTH
+            )
         mean[0] = np.float32(np.float64(three[0] + three[1] + three[1]) * _NINTH)
         mean[columns - 1] = np.float32(
-            np.float64(three[columns - 1] + three[columns - 2] + three[columns - 2]) * _NINTH
+            np.float64(three[columns - 1] + three[columns - 2] + three[columns - 2])
+            * _NINTH
         )
     open_rows(strip, thin)
     return strip
@@ -259,7 +311,14 @@ def smooth_surface(found: Singles) -> None:
 
 
 @compiled
-def show_points(row: Singles, contrast: Singles, missing: Flags, column: Singles, deepest: float, widest: int) -> Flags:
+def show_points(
+    row: Singles,
+    contrast: Singles,
+    missing: Flags,
+    column: Singles,
+    deepest: float,
+    widest: int,
+) -> Flags:
     """Return which points, in their columns of a frame's imaged part, show a surface, or a gap of at most `widest`.
 
     A surface below row `deepest` has left the window; less than ABSENT_SHARE of the typical contrast does not show it.

@@ -12,7 +12,13 @@ import numpy as np
 
 from scleraforce.arrays import Counts, Flags, Integers
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.boundaries import FINE_COLUMNS, Workplace, fine_columns, look, workplace_for
+from scleraforce.segmentation.boundaries import (
+    FINE_COLUMNS,
+    Workplace,
+    fine_columns,
+    look,
+    workplace_for,
+)
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.found import (
     EMPTY_SHARE,
@@ -45,7 +51,10 @@ LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
 
 
 def find_wall(
-    frame: Pixels, scale: PixelScale, thickness_m: float | None = None, finder: "WallFinder | None" = None
+    frame: Pixels,
+    scale: PixelScale,
+    thickness_m: float | None = None,
+    finder: "WallFinder | None" = None,
 ) -> Segmentation:
     """Find the wall in a frame: the one that forces are read from.
 
@@ -59,9 +68,13 @@ def find_wall(
         ModelError: as of `WallFinder.find`.
     """
     if frame.ndim != 2 or frame.dtype not in COUNTED:
-        raise ValueError(f"a frame of {frame.ndim} dimensions and type {frame.dtype}: give rows x columns of counts")
+        raise ValueError(
+            f"a frame of {frame.ndim} dimensions and type {frame.dtype}: give rows x columns of counts"
+        )
     if min(frame.shape) < LEAST_SHAPE or max(frame.shape) > 2**15:
-        raise ValueError(f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16")
+        raise ValueError(
+            f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16"
+        )
     frame = without_page(frame)
     counts = counts_of(frame)
     lit = find_lit(counts)
@@ -70,7 +83,11 @@ def find_wall(
         counts = counts_of(frame)
         lit = find_lit(counts)
     first = _first_wall(counts, frame.itemsize == 1, scale, lit)
-    found = first if thickness_m is None else below_conjunctiva(frame, scale, first, thickness_m)
+    found = (
+        first
+        if thickness_m is None
+        else below_conjunctiva(frame, scale, first, thickness_m)
+    )
     if finder is None:
         return found
     # Imported here: ONNX Runtime takes longer than a frame does.
@@ -79,7 +96,9 @@ def find_wall(
     return checked_by(finder, frame, scale, first, found)
 
 
-def _first_wall(frame: Counts, is_bytes: bool, scale: PixelScale, lit: Lit) -> Segmentation:
+def _first_wall(
+    frame: Counts, is_bytes: bool, scale: PixelScale, lit: Lit
+) -> Segmentation:
     """Return the wall below the first surface that light meets."""
     left, after, columns, brightest, dark, _ = lit
     if columns < LEAST_SHAPE:
@@ -93,12 +112,21 @@ def _first_wall(frame: Counts, is_bytes: bool, scale: PixelScale, lit: Lit) -> S
     if not len(begin):
         return found
     shown = part.frame[:, part.first : part.first + len(part.missing)]
-    needle = find_needle(shown, cells, grid_size(len(frame), len(part.missing), scale), begin, left, part.columns)
+    needle = find_needle(
+        shown,
+        cells,
+        grid_size(len(frame), len(part.missing), scale),
+        begin,
+        left,
+        part.columns,
+    )
     if needle is None:
         return part.look(0)[1]
     beside = _beside(frame, part, (needle.hidden[0] - left, needle.hidden[1] - left))
     if beside is None:
-        return without_wall(frame.shape, "the needle and its shadow hide the wall", needle)
+        return without_wall(
+            frame.shape, "the needle and its shadow hide the wall", needle
+        )
     found = replace(beside.look(0)[1], needle=needle)
     for boundary in (found.outer_row, found.inner_row):
         boundary[slice(*needle.hidden)] = np.nan
@@ -118,27 +146,51 @@ class Part(NamedTuple):
     is_bytes: bool
     hidden: tuple[int, int] | None  # the span of the part's columns that a needle hides
 
-    def look(self, brightest: int) -> tuple[tuple[Counts, int, bool, Integers], Segmentation]:
+    def look(
+        self, brightest: int
+    ) -> tuple[tuple[Counts, int, bool, Integers], Segmentation]:
         """Return cells, their floor, whether they are saturated, where a needle may begin; and the wall: see `look`."""
-        width, shape, behind = len(self.missing), (len(self.frame), self.columns), (0, 0)
+        width, shape, behind = (
+            len(self.missing),
+            (len(self.frame), self.columns),
+            (0, 0),
+        )
         if self.hidden is not None:
-            start, stop = np.searchsorted(fine_columns(width), np.array(self.hidden) - 0.5)
+            start, stop = np.searchsorted(
+                fine_columns(width), np.array(self.hidden) - 0.5
+            )
             behind = int(start), int(stop)
         rows = np.empty((2, self.columns))
         cells, floor, saturated, begin, seen, contrast, noise, thickness_m = look(
-            self.frame, self.first, self.is_bytes, brightest, self.missing, behind, self.workplace, self.left, rows
+            self.frame,
+            self.first,
+            self.is_bytes,
+            brightest,
+            self.missing,
+            behind,
+            self.workplace,
+            self.left,
+            rows,
         )
         points = min(width, FINE_COLUMNS)
         if LEAST_SHAPE <= seen < LEAST_COVER * points:
             seen_at = np.flatnonzero(np.isfinite(rows[0]))
-            low = rows[0, seen_at] >= 0.75 * shape[0]  # between two of these the surface has left the frame
-            left = float((np.diff(seen_at) - 1)[low[:-1] & low[1:]].sum() / self.columns)
+            low = (
+                rows[0, seen_at] >= 0.75 * shape[0]
+            )  # between two of these the surface has left the frame
+            left = float(
+                (np.diff(seen_at) - 1)[low[:-1] & low[1:]].sum() / self.columns
+            )
             points -= round(min(left, LARGEST_LEFT) * points)
         fault = surface_fault(seen, points, contrast, noise)
         if seen < LEAST_SHAPE:
-            return (cells, floor, saturated, begin), without_wall(shape, fault or "no wall was found")
+            return (cells, floor, saturated, begin), without_wall(
+                shape, fault or "no wall was found"
+            )
         found = not isnan(thickness_m)
-        wall = Segmentation(rows[0], rows[1], shape[0], not fault, fault, found, thickness_m=thickness_m)
+        wall = Segmentation(
+            rows[0], rows[1], shape[0], not fault, fault, found, thickness_m=thickness_m
+        )
         return (cells, floor, saturated, begin), wall
 
 
@@ -146,15 +198,27 @@ def lit_part(frame: Pixels, scale: PixelScale) -> Part | None:
     """Return the imaged part of a frame; None: nothing is imaged."""
     counts = counts_of(frame)
     left, after, lit, _, dark, _ = find_lit(counts)
-    return _part(counts, frame.itemsize == 1, scale, left, dark[left:after]) if lit >= LEAST_SHAPE else None
+    return (
+        _part(counts, frame.itemsize == 1, scale, left, dark[left:after])
+        if lit >= LEAST_SHAPE
+        else None
+    )
 
 
 def _part(
-    frame: Counts, is_bytes: bool, scale: PixelScale, left: int, missing: Flags, hidden: tuple[int, int] | None = None
+    frame: Counts,
+    is_bytes: bool,
+    scale: PixelScale,
+    left: int,
+    missing: Flags,
+    hidden: tuple[int, int] | None = None,
 ) -> Part:
     """Return the part of a frame from a column on, missing ones as the nearest that are not; neither end is missing."""
     size = scale.lateral_m, scale.depth_m, scale.refractive_index
-    workplace, (columns, first) = workplace_for(len(frame), len(missing), *size), (frame.shape[1], left)
+    workplace, (columns, first) = (
+        workplace_for(len(frame), len(missing), *size),
+        (frame.shape[1], left),
+    )
     if np.count_nonzero(missing):
         filled, first = frame[:, left : left + len(missing)].copy(), 0
         change = np.flatnonzero(missing[1:] != missing[:-1]) + 1
@@ -163,7 +227,9 @@ def _part(
             filled[:, start:middle] = filled[:, start - 1 : start]
             filled[:, middle:end] = filled[:, end : end + 1]
         frame = counts_of(filled)
-    return Part(frame, first, left, columns, missing, scale, workplace, is_bytes, hidden)
+    return Part(
+        frame, first, left, columns, missing, scale, workplace, is_bytes, hidden
+    )
 
 
 def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
@@ -173,7 +239,10 @@ def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
     """
     (first, after), missing = hidden, part.missing
     least = max(LEAST_SHAPE, round(LEAST_SIDE * len(missing)))
-    start, stop = (after if first < least else 0), (first if len(missing) - after < least else len(missing))
+    start, stop = (
+        (after if first < least else 0),
+        (first if len(missing) - after < least else len(missing)),
+    )
     if stop - start < least:
         return None
     inside = (first - start, after - start) if start < first and after < stop else None
@@ -184,5 +253,7 @@ def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
     if not len(lit):
         return None
     start, filled = start + int(lit[0]), filled[lit[0] : lit[-1] + 1]
-    inside = None if inside is None else (inside[0] - int(lit[0]), inside[1] - int(lit[0]))
+    inside = (
+        None if inside is None else (inside[0] - int(lit[0]), inside[1] - int(lit[0]))
+    )
     return _part(frame, part.is_bytes, part.scale, part.left + start, filled, inside)

@@ -23,29 +23,60 @@ from scleraforce.segmentation.loops import best_path
 from scleraforce.study import RawReaderStudy, WallFinderStudy
 
 BLACK_SHARE = 2e-3  # of the brightest pixel: what is darker is not imaged
-FLOOR_SHARE, BRIGHT_SHARE = 0.2, 0.99  # of the pixels that are not black: noise, and what lies below bright tissue
+FLOOR_SHARE, BRIGHT_SHARE = (
+    0.2,
+    0.99,
+)  # of the pixels that are not black: noise, and what lies below bright tissue
 LEAST_LEVEL, LARGEST_LEVEL = -0.5, 1.5
 LEAST_CONTRAST = 1e-6  # of the counts of bright tissue
 
 
 def reduced_frame(frame: Pixels | Singles, rows: int, columns: int) -> Singles:
     """Return the means of a frame with the noise at 0 and bright tissue at 1, (rows, columns); 0 without contrast."""
-    while frame.shape[0] >= 2 * rows and frame.shape[1] >= columns and not frame.shape[0] % 2:  # halves: quicker
-        frame = cast(Pixels, cv2.resize(frame, (frame.shape[1], frame.shape[0] // 2), interpolation=cv2.INTER_LINEAR))
-    while frame.shape[1] >= 2 * columns and frame.shape[0] >= rows and not frame.shape[1] % 2:
-        frame = cast(Pixels, cv2.resize(frame, (frame.shape[1] // 2, frame.shape[0]), interpolation=cv2.INTER_LINEAR))
+    while (
+        frame.shape[0] >= 2 * rows
+        and frame.shape[1] >= columns
+        and not frame.shape[0] % 2
+    ):  # halves: quicker
+        frame = cast(
+            Pixels,
+            cv2.resize(
+                frame,
+                (frame.shape[1], frame.shape[0] // 2),
+                interpolation=cv2.INTER_LINEAR,
+            ),
+        )
+    while (
+        frame.shape[1] >= 2 * columns
+        and frame.shape[0] >= rows
+        and not frame.shape[1] % 2
+    ):
+        frame = cast(
+            Pixels,
+            cv2.resize(
+                frame,
+                (frame.shape[1] // 2, frame.shape[0]),
+                interpolation=cv2.INTER_LINEAR,
+            ),
+        )
     smaller = frame.shape[0] >= rows and frame.shape[1] >= columns
     method = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-    small: Singles = cv2.resize(frame, (columns, rows), interpolation=method).astype(np.float32)
+    small: Singles = cv2.resize(frame, (columns, rows), interpolation=method).astype(
+        np.float32
+    )
     lit = small[small > float(small.max()) * np.float32(BLACK_SHARE)]
     if not len(lit):
         return np.zeros((rows, columns), dtype=np.float32)
-    low_nth, high_nth = (int(share * (len(lit) - 1)) for share in (FLOOR_SHARE, BRIGHT_SHARE))
+    low_nth, high_nth = (
+        int(share * (len(lit) - 1)) for share in (FLOOR_SHARE, BRIGHT_SHARE)
+    )
     ordered = np.partition(lit, (low_nth, high_nth))
     low, high = float(ordered[low_nth]), float(ordered[high_nth])
     if high - low <= LEAST_CONTRAST * max(high, 1.0):
         return np.zeros((rows, columns), dtype=np.float32)
-    return np.clip((small - np.float32(low)) / np.float32(high - low), LEAST_LEVEL, LARGEST_LEVEL)
+    return np.clip(
+        (small - np.float32(low)) / np.float32(high - low), LEAST_LEVEL, LARGEST_LEVEL
+    )
 
 
 def reduced_columns(columns: int, answers: int) -> Floats:
@@ -69,12 +100,19 @@ class FrameWindow:
     @classmethod
     def of(cls, study: RawReaderStudy) -> "FrameWindow":
         """Return the window of a raw reader."""
-        return cls(rows=study.rows, columns=study.columns, row_m=study.row_m, column_m=study.column_m)
+        return cls(
+            rows=study.rows,
+            columns=study.columns,
+            row_m=study.row_m,
+            column_m=study.column_m,
+        )
 
     @property
     def laterals_m(self) -> Floats:
         """Centres of the columns, m from the middle, (column,)."""
-        return np.asarray((np.arange(self.columns) + 0.5 - 0.5 * self.columns) * self.column_m)
+        return np.asarray(
+            (np.arange(self.columns) + 0.5 - 0.5 * self.columns) * self.column_m
+        )
 
     def means(self, frame: Pixels, scale: PixelScale) -> Singles:
         """Return the mean count of each cell, (row, column); 0 where the frame does not reach.
@@ -86,9 +124,9 @@ class FrameWindow:
                [0. , 0. ]], dtype=float32)
         """
         rows_at = np.arange(self.rows + 1) * (self.row_m / scale.depth_m)
-        columns_at = 0.5 * frame.shape[1] + (np.arange(self.columns + 1) - 0.5 * self.columns) * (
-            self.column_m / scale.lateral_m
-        )
+        columns_at = 0.5 * frame.shape[1] + (
+            np.arange(self.columns + 1) - 0.5 * self.columns
+        ) * (self.column_m / scale.lateral_m)
         return _means_between(columns_at, _means_between(rows_at, frame).T).T
 
     def reduced(self, frame: Pixels, scale: PixelScale) -> Singles:
@@ -100,18 +138,30 @@ def _means_between(edges: Reals, values: NDArray[Any]) -> Singles:
     """Return the means (cell, column) of rows (row, column) between increasing edges (cell + 1,), 0 beyond the rows."""
     inside = np.clip(edges, 0.0, len(values))
     whole = inside.astype(np.intp)
-    padded = np.concatenate([values, np.zeros((1, values.shape[1]), dtype=values.dtype)]).astype(np.float32)
+    padded = np.concatenate(
+        [values, np.zeros((1, values.shape[1]), dtype=values.dtype)]
+    ).astype(np.float32)
     sums = np.add.reduceat(padded, whole, axis=0)[:-1]
     sums[np.diff(whole) == 0] = 0.0
     part = (inside - whole).astype(np.float32)[:, None] * padded[whole]
     width = np.maximum(np.diff(inside), 1e-9).astype(np.float32)
-    return ((sums + np.diff(part, axis=0)) / width[:, None]).astype(np.float32, copy=False)
+    return ((sums + np.diff(part, axis=0)) / width[:, None]).astype(
+        np.float32, copy=False
+    )
 
 
-FINDER_FRAMES, FINDER_ROWS, FINDER_WALL = "frames", "rows", "wall"  # input and outputs of the network
+FINDER_FRAMES, FINDER_ROWS, FINDER_WALL = (
+    "frames",
+    "rows",
+    "wall",
+)  # input and outputs of the network
 
-REACH_ROWS = 16  # largest step of a boundary between answers, in rows of the reduced frame
-THICKNESS_COST = 0.6  # of a row's change of thickness between answers, in logarithms of probability
+REACH_ROWS = (
+    16  # largest step of a boundary between answers, in rows of the reduced frame
+)
+THICKNESS_COST = (
+    0.6  # of a row's change of thickness between answers, in logarithms of probability
+)
 THIN_BONUS = 0.05  # in the same: what makes the path unique where nothing is seen
 NEAR_ROWS = 3  # of the likeliest row: these are averaged
 SPIKE = 5  # neighbouring answers of a boundary that a median is taken of
@@ -121,8 +171,14 @@ LEAST_THICKNESS_ROWS = 0.5  # of a wall, in rows of the reduced frame
 LEAST_SPREAD_ROWS = 0.3  # of a boundary: no finer than a row of the reduced frame
 EDGE_ROWS = 0.6  # a boundary so near the first or the last row lies beyond the frame: its truth was put there
 SURE_WALL = 0.5  # probability from which on a column has wall
-FILLED_SHARE, BEYOND_SHARE = 0.85, 0.15  # of the rows: no second look; of the wall's rows, shown beyond it
-SAME_COLUMNS_SHARE, MOVED_THICKNESS = 0.8, 0.3  # of a wall that a second look may correct
+FILLED_SHARE, BEYOND_SHARE = (
+    0.85,
+    0.15,
+)  # of the rows: no second look; of the wall's rows, shown beyond it
+SAME_COLUMNS_SHARE, MOVED_THICKNESS = (
+    0.8,
+    0.3,
+)  # of a wall that a second look may correct
 
 
 @dataclass(frozen=True)
@@ -144,7 +200,9 @@ class SeenWall:
 
     def there_at(self, column: NDArray[Any]) -> Flags:
         """Return whether the nearest point to each column has wall."""
-        there: Flags = self.there[np.abs(self.column[None] - column[:, None]).argmin(axis=1)]
+        there: Flags = self.there[
+            np.abs(self.column[None] - column[:, None]).argmin(axis=1)
+        ]
         return there
 
 
@@ -154,33 +212,52 @@ class WallFinder:
     `rows` (n, 2, row, column / 2): probabilities of either boundary; `wall` (n, column / 2): that a column has wall.
     """
 
-    def __init__(self, session: onnxruntime.InferenceSession, study: WallFinderStudy, place: str) -> None:
+    def __init__(
+        self, session: onnxruntime.InferenceSession, study: WallFinderStudy, place: str
+    ) -> None:
         self.session, self._study, self._place = session, study, place
         frames, walls = [study.rows, study.columns], [study.columns // 2]
-        outputs = {FINDER_ROWS: ("tensor(float)", [2, study.rows, *walls]), FINDER_WALL: ("tensor(float)", walls)}
-        check_interface(session, {FINDER_FRAMES: ("tensor(float)", frames)}, outputs, place)
+        outputs = {
+            FINDER_ROWS: ("tensor(float)", [2, study.rows, *walls]),
+            FINDER_WALL: ("tensor(float)", walls),
+        }
+        check_interface(
+            session, {FINDER_FRAMES: ("tensor(float)", frames)}, outputs, place
+        )
 
     def find(self, frame: Pixels) -> SeenWall:
         """Return the wall that the network sees in a frame of counts (row, column); raises `ModelError`."""
         first = self._look(frame, 0, len(frame))
         if not first.there.any():
             return first
-        rows = rows_about(first.outer_row[first.there], first.inner_row[first.there], len(frame))
+        rows = rows_about(
+            first.outer_row[first.there], first.inner_row[first.there], len(frame)
+        )
         if rows is None:
             return first
         second = self._look(frame, *rows)
         both, either = first.there & second.there, first.there | second.there
-        if np.count_nonzero(both) < SAME_COLUMNS_SHARE * np.count_nonzero(either) or not both.any():
+        if (
+            np.count_nonzero(both) < SAME_COLUMNS_SHARE * np.count_nonzero(either)
+            or not both.any()
+        ):
             return first
         moved = np.median(np.abs(second.outer_row - first.outer_row)[both])
-        same = moved < MOVED_THICKNESS * np.median((first.inner_row - first.outer_row)[both])
+        same = moved < MOVED_THICKNESS * np.median(
+            (first.inner_row - first.outer_row)[both]
+        )
         return second if same else first
 
     def _look(self, frame: Pixels, top: int, bottom: int) -> SeenWall:
         """Return the wall that the network sees between two rows of a frame."""
         rows, columns = self._study.rows, self._study.columns
         small = reduced_frame(frame[top:bottom], rows, columns)[None]
-        probability, wall = run_network(self.session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: small}, self._place)
+        probability, wall = run_network(
+            self.session,
+            [FINDER_ROWS, FINDER_WALL],
+            {FINDER_FRAMES: small},
+            self._place,
+        )
         there, paths = wall[0] >= SURE_WALL, _paths(probability[0], wall[0])
         (outer, outer_sd), (inner, inner_sd) = map(_moved, probability[0], paths)
         outer, inner = _without_spikes(outer, there), _without_spikes(inner, there)
@@ -188,15 +265,28 @@ class WallFinder:
             outer = np.where(outer < EDGE_ROWS, -1.0, outer)
         if bottom == len(frame):
             inner = np.where(inner > rows - 1.0 - EDGE_ROWS, rows, inner)
-        stretch, there = (bottom - top) / rows, there & (inner - outer > LEAST_THICKNESS_ROWS)
-        at, rows_sd = reduced_columns(frame.shape[1], columns // 2), (outer_sd * stretch, inner_sd * stretch)
-        outer_row, inner_row = (top + (row + 0.5) * stretch - 0.5 for row in (outer, inner))
+        stretch, there = (
+            (bottom - top) / rows,
+            there & (inner - outer > LEAST_THICKNESS_ROWS),
+        )
+        at, rows_sd = (
+            reduced_columns(frame.shape[1], columns // 2),
+            (outer_sd * stretch, inner_sd * stretch),
+        )
+        outer_row, inner_row = (
+            top + (row + 0.5) * stretch - 0.5 for row in (outer, inner)
+        )
         return SeenWall(at, outer_row, inner_row, *rows_sd, there, stretch)
 
 
-def rows_about(outer_row: Floats, inner_row: Floats, rows: int, share: float = BEYOND_SHARE) -> tuple[int, int] | None:
+def rows_about(
+    outer_row: Floats, inner_row: Floats, rows: int, share: float = BEYOND_SHARE
+) -> tuple[int, int] | None:
     """Return the rows about a wall, and a share of them beyond, for a second look; None: it fills the frame."""
-    first, last = max(float(outer_row.min()), 0.0), min(float(inner_row.max()), rows - 1.0)
+    first, last = (
+        max(float(outer_row.min()), 0.0),
+        min(float(inner_row.max()), rows - 1.0),
+    )
     beyond = share * (last - first)
     top, bottom = max(int(first - beyond), 0), min(int(last + beyond) + 2, rows)
     return (top, bottom) if LEAST_SHAPE <= bottom - top < FILLED_SHARE * rows else None
@@ -207,13 +297,20 @@ def _paths(probability: Singles, wall: Singles) -> tuple[Places, Places]:
 
     Columns without wall do not constrain them; where the upper boundary is above the frame the thickness is free.
     """
-    score = np.log(np.maximum(probability, np.float32(LEAST_PROBABILITY))).transpose(0, 2, 1) * wall[:, None]
+    score = (
+        np.log(np.maximum(probability, np.float32(LEAST_PROBABILITY))).transpose(
+            0, 2, 1
+        )
+        * wall[:, None]
+    )
     outer = best_path(np.ascontiguousarray(score[0]), REACH_ROWS)
     rows = np.minimum(outer[:, None] + np.arange(score.shape[2]), score.shape[2] - 1)
     inside = (outer > 0).astype(np.float32)
     cost = np.float32(THICKNESS_COST) * np.minimum(inside[1:], inside[:-1])
     of_thickness = np.take_along_axis(score[1], rows, axis=1)
-    of_thickness -= np.linspace(0.0, THIN_BONUS, of_thickness.shape[1], dtype=np.float32)
+    of_thickness -= np.linspace(
+        0.0, THIN_BONUS, of_thickness.shape[1], dtype=np.float32
+    )
     thickness = smooth_path(of_thickness, cost)
     return outer, np.minimum(outer + thickness, score.shape[2] - 1)
 
@@ -225,10 +322,15 @@ def _moved(probability: Singles, path: Places) -> tuple[Floats, Floats]:
     for _ in range(MEANS):
         near = np.clip(np.rint(mean).astype(np.intp) + off, 0, len(probability) - 1)
         weight = probability[near, np.arange(len(path))].astype(np.float64)
-        weight += LEAST_PROBABILITY  # where nothing speaks for these rows, the path's own
+        weight += (
+            LEAST_PROBABILITY  # where nothing speaks for these rows, the path's own
+        )
         mean = (weight * near).sum(axis=0) / weight.sum(axis=0)
     row = np.arange(len(probability), dtype=np.float32)
-    first, second = row @ probability, np.square(row) @ probability  # moments of all rows
+    first, second = (
+        row @ probability,
+        np.square(row) @ probability,
+    )  # moments of all rows
     spread = np.sqrt(np.maximum(second - 2.0 * mean * first + mean**2, 0.0))
     return mean, np.maximum(spread, LEAST_SPREAD_ROWS)
 
@@ -255,7 +357,9 @@ def smooth_path(score_cr: Singles, cost: Singles) -> Places:
     columns, rows = score_cr.shape
     total = np.empty((columns, 2, rows), dtype=np.float32)
     total[:, 0], total[:, 1] = score_cr, score_cr[::-1]
-    fall = np.stack([cost, cost[::-1]], axis=1)[:, :, None].astype(np.float32) * np.arange(rows, dtype=np.float32)
+    fall = np.stack([cost, cost[::-1]], axis=1)[:, :, None].astype(
+        np.float32
+    ) * np.arange(rows, dtype=np.float32)
     for (before, after), down in zip(pairwise(total), fall, strict=True):
         from_above = np.maximum.accumulate(before + down, axis=1)
         from_above -= down

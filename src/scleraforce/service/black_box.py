@@ -50,7 +50,9 @@ class SessionBeginning:
     comment: str
 
 
-ForceSample = tuple[float, tuple[float, ...]]  # the middle of a step (s), and the means in it (N, N m)
+ForceSample = tuple[
+    float, tuple[float, ...]
+]  # the middle of a step (s), and the means in it (N, N m)
 
 
 class RobotForce:
@@ -71,7 +73,9 @@ class RobotForce:
         self._sums: list[float] = []
         self._count = 0
 
-    def add(self, at_s: float, values: Sequence[float], device: str) -> ForceSample | None:
+    def add(
+        self, at_s: float, values: Sequence[float], device: str
+    ) -> ForceSample | None:
         """Take a message that came at `at_s`; if it begins a new step, return the sample of the step before."""
         source = (device, len(values))
         sound = len(values) in (1, 3, 6) and all(map(isfinite, (at_s, *values)))
@@ -81,14 +85,23 @@ class RobotForce:
         self._source = source
         if len(values) == 1:
             values = [self._info.contact_sign * values[0]]
-        self.columns = (f"{self._info.axis}_n",) if len(values) == 1 else FORCE_COLUMNS[1 : 1 + len(values)]
+        self.columns = (
+            (f"{self._info.axis}_n",)
+            if len(values) == 1
+            else FORCE_COLUMNS[1 : 1 + len(values)]
+        )
         step, sample = max(floor(at_s / FORCE_STEP_S), self._step), None
         if step > self._step:
             if self._count:
-                sample = (self._step + 0.5) * FORCE_STEP_S, tuple(total / self._count for total in self._sums)
+                sample = (
+                    (self._step + 0.5) * FORCE_STEP_S,
+                    tuple(total / self._count for total in self._sums),
+                )
                 self.samples.append(sample)
             self._step, self._count, self._sums = step, 0, [0.0] * len(self.columns)
-        self._sums = [total + value for total, value in zip(self._sums, values, strict=True)]
+        self._sums = [
+            total + value for total, value in zip(self._sums, values, strict=True)
+        ]
         self._count += 1
         return sample
 
@@ -101,18 +114,28 @@ class FrameTaker:
     """
 
     def __init__(
-        self, ring: FrameRing, folder: Path, info: RecordingInfo, beginning: SessionBeginning, kept: str = ""
+        self,
+        ring: FrameRing,
+        folder: Path,
+        info: RecordingInfo,
+        beginning: SessionBeginning,
+        kept: str = "",
     ) -> None:
         self.folder, self.start_s = folder, beginning.at_s
         self.written = self.lost = 0
         columns = COLUMNS + PLANE_COLUMN * bool(info.oct.plane)
-        self._ring, self._writer = ring, RecordingWriter(folder, info, beginning.comment + kept, columns)
+        self._ring, self._writer = (
+            ring,
+            RecordingWriter(folder, info, beginning.comment + kept, columns),
+        )
         self._waiting: deque[messages.Decided] = deque()
         self._last_s, self._moment = -float("inf"), 0
 
     def add(self, decided: messages.Decided) -> None:
         """Enqueue the frame of a decision, whose time it gets; frames of one moment get that of the first of them."""
-        if len(self._waiting) == self._ring.frames:  # then the oldest one has been overwritten
+        if (
+            len(self._waiting) == self._ring.frames
+        ):  # then the oldest one has been overwritten
             self._waiting.popleft()
             self.lost += 1
         self._waiting.append(decided)
@@ -130,8 +153,12 @@ class FrameTaker:
         if pixels is None:
             self.lost += 1
             return
-        if moment is None or moment != self._moment:  # no two frames of one plane share a time
-            self._last_s = max(decided.entry.at_s - self.start_s, self._last_s + CLOCK_STEP_S)
+        if (
+            moment is None or moment != self._moment
+        ):  # no two frames of one plane share a time
+            self._last_s = max(
+                decided.entry.at_s - self.start_s, self._last_s + CLOCK_STEP_S
+            )
             self._moment = moment or number
         try:
             self._writer.add(f"{number:07d}.png", self._last_s, pixels, _cells(decided))
@@ -153,7 +180,9 @@ class SessionRecording:
     It can be read at any time. `taker` takes its frames; None while nothing is recorded.
     """
 
-    def __init__(self, settings: messages.BlackBoxSettings, ring: FrameRing, journal: Journal) -> None:
+    def __init__(
+        self, settings: messages.BlackBoxSettings, ring: FrameRing, journal: Journal
+    ) -> None:
         self.taker: FrameTaker | None = None
         self._settings, self._ring, self._journal = settings, ring, journal
         self._forces: ForceWriter | None = None
@@ -164,7 +193,9 @@ class SessionRecording:
         folder = self._settings.record
         if folder is not None and self._journal.has_room(SESSION, folder):
             with self._ended_by_a_fault():
-                self.taker = FrameTaker(self._ring, folder, self._settings.info, beginning)
+                self.taker = FrameTaker(
+                    self._ring, folder, self._settings.info, beginning
+                )
 
     def add_force(self, columns: tuple[str, ...], sample: ForceSample) -> None:
         """Add a sample of the robot's force."""
@@ -182,7 +213,9 @@ class SessionRecording:
             taker.take()
             if taker.lost and not self._loss_noted:
                 self._loss_noted = True
-                self._journal.note(f"{taker.folder}: the disk does not keep up: frames are lost")
+                self._journal.note(
+                    f"{taker.folder}: the disk does not keep up: frames are lost"
+                )
 
     @contextmanager
     def _ended_by_a_fault(self) -> Iterator[None]:
@@ -203,7 +236,9 @@ class SessionRecording:
                 self._forces.close()
         except OSError as fault:
             self._journal.fault(SESSION, fault)
-        self._journal.note(f"recorded {taker.written} frames in {taker.folder}; {taker.lost} were lost")
+        self._journal.note(
+            f"recorded {taker.written} frames in {taker.folder}; {taker.lost} were lost"
+        )
 
 
 @dataclass
@@ -224,9 +259,18 @@ class Withdrawals:
     """Remembers the frames and the log's lines of the last seconds, and keeps them at a withdrawal."""
 
     def __init__(
-        self, settings: messages.BlackBoxSettings, ring: FrameRing, force: RobotForce, journal: Journal
+        self,
+        settings: messages.BlackBoxSettings,
+        ring: FrameRing,
+        force: RobotForce,
+        journal: Journal,
     ) -> None:
-        self._settings, self._ring, self._force, self._journal = settings, ring, force, journal
+        self._settings, self._ring, self._force, self._journal = (
+            settings,
+            ring,
+            force,
+            journal,
+        )
         self._frames: deque[messages.Decided] = deque(maxlen=ring.frames)
         self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=WITHDRAWAL)
@@ -239,7 +283,9 @@ class Withdrawals:
         self._lines.append((entry.at_s, line))
         while self._lines[0][0] < entry.at_s - self._settings.keep_s:
             self._lines.popleft()
-        if entry.frame is None or (self._frames and entry.frame <= (self._frames[-1].entry.frame or 0)):
+        if entry.frame is None or (
+            self._frames and entry.frame <= (self._frames[-1].entry.frame or 0)
+        ):
             return False
         self._frames.append(decided)
         return True
@@ -249,7 +295,9 @@ class Withdrawals:
         """Takes the frames of the withdrawal that is being written, if one is."""
         return self._writing.taker if self._writing else None
 
-    def keep(self, cause: str, entry: messages.Entry, beginning: SessionBeginning) -> None:
+    def keep(
+        self, cause: str, entry: messages.Entry, beginning: SessionBeginning
+    ) -> None:
         """Keep the seconds up to an entry; while others are being written, only the latest request waits."""
         if self._writing is not None:
             if self._wanted:
@@ -265,19 +313,29 @@ class Withdrawals:
         except OSError as fault:
             self._journal.fault(WITHDRAWAL, fault)
 
-    def _begin(self, cause: str, entry: messages.Entry, beginning: SessionBeginning) -> _Writing:
+    def _begin(
+        self, cause: str, entry: messages.Entry, beginning: SessionBeginning
+    ) -> _Writing:
         since_s = entry.at_s - self._settings.keep_s
-        stamp = datetime.fromtimestamp(entry.time_s, UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
+        stamp = datetime.fromtimestamp(entry.time_s, UTC).strftime("%Y%m%dT%H%M%S.%f")[
+            :-3
+        ]
         folder = self._settings.folder / "withdrawals" / f"{stamp}Z-{cause}"
         partial = folder.parent / f".{folder.name}.partial"
-        taker = FrameTaker(self._ring, partial, self._settings.info, beginning, f" Kept: {cause}.")
-        lines = [line for line_s, line in self._lines if since_s <= line_s <= entry.at_s]
+        taker = FrameTaker(
+            self._ring, partial, self._settings.info, beginning, f" Kept: {cause}."
+        )
+        lines = [
+            line for line_s, line in self._lines if since_s <= line_s <= entry.at_s
+        ]
         (partial / "decisions.jsonl").write_bytes(b"".join(lines))
         for decided in self._frames:
             if since_s <= decided.entry.at_s <= entry.at_s:
                 taker.add(decided)
         # Labels of the last frames average over what comes after them.
-        return _Writing(folder, taker, time.monotonic() + self._settings.force.average_s)
+        return _Writing(
+            folder, taker, time.monotonic() + self._settings.force.average_s
+        )
 
     def write_frame(self, taker: FrameTaker) -> None:
         """Write the next frame of the taker."""
@@ -294,7 +352,9 @@ class Withdrawals:
         if writing.finishing is None:
             if time.monotonic() < writing.due_s and not ended and force.columns:
                 return
-            writing.finishing = self._thread.submit(_finish, writing, force.columns, tuple(force.samples))
+            writing.finishing = self._thread.submit(
+                _finish, writing, force.columns, tuple(force.samples)
+            )
         if writing.finishing.done():
             self._complete(writing, writing.finishing)
 
@@ -302,9 +362,13 @@ class Withdrawals:
         taker, folder = writing.taker, writing.folder
         try:
             reason = finished.result()
-            self._journal.note(f"kept {taker.written} frames in {folder}; {taker.lost} were lost")
+            self._journal.note(
+                f"kept {taker.written} frames in {folder}; {taker.lost} were lost"
+            )
             if reason:
-                self._journal.note(f"{folder}: the robot's force gives no labels: {reason}")
+                self._journal.note(
+                    f"{folder}: the robot's force gives no labels: {reason}"
+                )
             self._journal.send(messages.WithdrawalKept(folder=str(folder)))
         except OSError as fault:
             shutil.rmtree(taker.folder, ignore_errors=True)
@@ -322,10 +386,16 @@ def _cells(decided: messages.Decided) -> tuple[str, ...]:
     """Return the cells of a frame in the columns, empty where nothing is known."""
     travel_m, plane = decided.travel_m, decided.entry.plane
     known = travel_m is not None and abs(travel_m) <= FARTHEST_M
-    return "1" if decided.pierced else "", f"{travel_m:.7f}" if known else "", *([plane] if plane else [])
+    return (
+        "1" if decided.pierced else "",
+        f"{travel_m:.7f}" if known else "",
+        *([plane] if plane else []),
+    )
 
 
-def _finish(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
+def _finish(
+    writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]
+) -> str | None:
     """Write the force log, wait for the disk, rename the folder; return the reason if the log gives no labels."""
     writing.taker.close()
     reason = _write_forces(writing, columns, forces) if columns else None
@@ -337,7 +407,9 @@ def _finish(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSam
     return reason
 
 
-def _write_forces(writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]) -> str | None:
+def _write_forces(
+    writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]
+) -> str | None:
     """Write the log; if it can label no frame, set it aside, so that the frames can be read."""
     partial = writing.taker.folder
     log = ForceWriter(partial, columns)
@@ -349,7 +421,11 @@ def _write_forces(writing: _Writing, columns: Sequence[str], forces: Sequence[Fo
     except ScleraforceError as fault:
         log.set_aside()
         return str(fault).replace(str(partial), str(writing.folder))
-    return None if (partial / "forces.csv").exists() else f"fewer than {MIN_SAMPLE_RATE_HZ:g} samples a second"
+    return (
+        None
+        if (partial / "forces.csv").exists()
+        else f"fewer than {MIN_SAMPLE_RATE_HZ:g} samples a second"
+    )
 
 
 def _sync(path: Path) -> None:
@@ -376,7 +452,11 @@ class BlackBox:
 
     def run(self) -> None:
         """Work until the monitor has ended and all is written."""
-        while not (self.ended and self._next_taker() is None and self._withdrawals.taker is None):
+        while not (
+            self.ended
+            and self._next_taker() is None
+            and self._withdrawals.taker is None
+        ):
             self.turn()
         self._session.end()
         self._withdrawals.close()
@@ -388,7 +468,9 @@ class BlackBox:
         pause_s = max(0.0, min(due_s, POLL_S) if self._withdrawals.taker else due_s)
         self._hear(0.0 if self._next_taker() else pause_s)
         if (taker := self._next_taker()) is not None:
-            (self._session if taker is self._session.taker else self._withdrawals).write_frame(taker)
+            (
+                self._session if taker is self._session.taker else self._withdrawals
+            ).write_frame(taker)
         self._withdrawals.turn(ended=self.ended)
         now_s = time.monotonic()
         if now_s >= self._alive_s:
@@ -398,7 +480,11 @@ class BlackBox:
 
     def _next_taker(self) -> FrameTaker | None:
         """Return the taker of the oldest frame, which is overwritten first."""
-        takers = [taker for taker in (self._withdrawals.taker, self._session.taker) if taker and taker.next]
+        takers = [
+            taker
+            for taker in (self._withdrawals.taker, self._session.taker)
+            if taker and taker.next
+        ]
         return min(takers, key=lambda taker: taker.next or 0, default=None)
 
     def _hear(self, pause_s: float) -> None:
@@ -432,13 +518,17 @@ class BlackBox:
             case messages.MonitorEnds():
                 self.ended = True
             case _:
-                raise MessageError(f"a {type(message).__name__} is not for the black box")
+                raise MessageError(
+                    f"a {type(message).__name__} is not for the black box"
+                )
 
     def _take_decision(self, message: messages.Decided) -> None:
         entry = message.entry
         before, self._entry = self._entry, entry
         if before and entry.number != before.number + 1:
-            self._journal.note(f"decisions {before.number + 1} to {entry.number - 1} never arrived")
+            self._journal.note(
+                f"decisions {before.number + 1} to {entry.number - 1} never arrived"
+            )
         is_new = self._withdrawals.remember(message, self._journal.record(message))
         self._begin(entry.at_s, entry.time_s)
         if is_new and self._session.taker:
@@ -452,14 +542,18 @@ class BlackBox:
         sample = force.add(heard.at_s, heard.values, heard.device)
         if force.refused > refused == 0:
             values = list(heard.values)
-            self._journal.note(f"a force of {heard.device} is not kept: {values}; so are others like it")
+            self._journal.note(
+                f"a force of {heard.device} is not kept: {values}; so are others like it"
+            )
         if sample:
             self._session.add_force(force.columns, sample)
 
     def _begin(self, at_s: float, time_s: float) -> SessionBeginning:
         """Return the beginning of the session; the first message, at `time_s` since 1970, begins its recording."""
         if self._beginning is None:
-            began = datetime.fromtimestamp(time_s, UTC).isoformat(timespec="milliseconds")
+            began = datetime.fromtimestamp(time_s, UTC).isoformat(
+                timespec="milliseconds"
+            )
             comment = f"Of a session of scleraforce {__version__}, research use only; time 0 is {began}."
             self._beginning = SessionBeginning(at_s, comment)
             self._session.begin(self._beginning)
@@ -474,7 +568,9 @@ def serve(channel: Channel, settings: messages.BlackBoxSettings) -> None:
     """Run the black box until the monitor has ended."""
     os.nice(NICENESS)
     os.umask(0o077)  # recordings are of a patient: readable by the owner only
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends with the monitor, and not before
+    signal.signal(
+        signal.SIGTERM, signal.SIG_IGN
+    )  # it ends with the monitor, and not before
     BlackBox(channel, settings).run()
 
 

@@ -35,7 +35,13 @@ def encode_message(message: CompanionMessage) -> bytes:
         try:
             data = _ENCODER.encode(message)
         except UnicodeEncodeError:  # half a character, from a file name: it is escaped
-            data = _ENCODER.encode(_escaped(msgspec.to_builtins(message, builtin_types=(bytes,), enc_hook=_plain)))
+            data = _ENCODER.encode(
+                _escaped(
+                    msgspec.to_builtins(
+                        message, builtin_types=(bytes,), enc_hook=_plain
+                    )
+                )
+            )
     except (msgspec.MsgspecError, TypeError, OverflowError) as fault:
         raise MessageError(f"{type(message).__name__}: {fault}") from fault
     _check_size(data)
@@ -47,8 +53,17 @@ def decode_message(data: bytes) -> CompanionMessage:
     _check_size(data)
     try:
         return _DECODER.decode(data)
-    except (msgspec.MsgspecError, ValueError, TypeError, OverflowError, RecursionError, ScleraforceError) as fault:
-        raise MessageError(f"not a message: {fault}") from fault  # records check their bounds by themselves
+    except (
+        msgspec.MsgspecError,
+        ValueError,
+        TypeError,
+        OverflowError,
+        RecursionError,
+        ScleraforceError,
+    ) as fault:
+        raise MessageError(
+            f"not a message: {fault}"
+        ) from fault  # records check their bounds by themselves
 
 
 def _check_size(data: bytes) -> None:
@@ -77,11 +92,17 @@ def _escaped(value: Any) -> Any:
         return value.encode(errors="backslashreplace").decode()
     if isinstance(value, dict):
         return {key: _escaped(entry) for key, entry in value.items()}
-    return [_escaped(entry) for entry in value] if isinstance(value, (list, tuple)) else value
+    return (
+        [_escaped(entry) for entry in value]
+        if isinstance(value, (list, tuple))
+        else value
+    )
 
 
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_plain)
-_DECODER: msgspec.msgpack.Decoder[CompanionMessage] = msgspec.msgpack.Decoder(CompanionMessage, dec_hook=_path)
+_DECODER: msgspec.msgpack.Decoder[CompanionMessage] = msgspec.msgpack.Decoder(
+    CompanionMessage, dec_hook=_path
+)
 
 
 class Channel:
@@ -125,7 +146,9 @@ class Channel:
         messages: list[CompanionMessage] = []
         while len(messages) < most:
             try:
-                data = self._end.recv(MESSAGE_BYTES + 1)  # one that is larger is cut, and refused
+                data = self._end.recv(
+                    MESSAGE_BYTES + 1
+                )  # one that is larger is cut, and refused
             except BlockingIOError:
                 break
             except ConnectionResetError:  # raised once if the other end left messages unread; ours can still be read
@@ -144,7 +167,9 @@ class Channel:
         self._end.close()
 
 
-def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence[int]) -> Popen[bytes]:
+def start_companion(
+    module: str, arguments: Sequence[str], descriptors: Sequence[int]
+) -> Popen[bytes]:
     """Start `python -m MODULE ARGUMENTS` as a process that ends with the monitor, and not before.
 
     No terminal reaches it: it has a session of its own, the signals with which terminals and users end programs are
@@ -157,7 +182,12 @@ def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence
     try:
         with one_thread():
             return Popen(
-                command, stdin=DEVNULL, stdout=DEVNULL, stderr=errors, pass_fds=descriptors, start_new_session=True
+                command,
+                stdin=DEVNULL,
+                stdout=DEVNULL,
+                stderr=errors,
+                pass_fds=descriptors,
+                start_new_session=True,
             )
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -167,7 +197,9 @@ def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence
 def _errors_that_never_wait() -> int:
     """Return a new, non-blocking descriptor of standard error; the old one, which other processes share, may block."""
     try:
-        return os.open("/proc/self/fd/2", os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOCTTY)
+        return os.open(
+            "/proc/self/fd/2", os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOCTTY
+        )
     except OSError:  # closed, a socket, another user's terminal
         return os.open(os.devnull, os.O_WRONLY)
 
@@ -179,9 +211,13 @@ class Child:
     under the same numbers; descriptors in the settings must be among them.
     """
 
-    def __init__(self, module: str, settings: Settings, descriptors: Sequence[int] = ()) -> None:
+    def __init__(
+        self, module: str, settings: Settings, descriptors: Sequence[int] = ()
+    ) -> None:
         self.channel, theirs = Channel.pair()
-        self.process = start_companion(module, [str(theirs.fileno())], [theirs.fileno(), *descriptors])
+        self.process = start_companion(
+            module, [str(theirs.fileno())], [theirs.fileno(), *descriptors]
+        )
         theirs.close()
         self.channel.send(settings)
 
@@ -195,15 +231,23 @@ class Child:
             return self.process.wait()
 
 
-def run_companion(kind: type[ChildSettings], serve: Callable[[Channel, ChildSettings], None]) -> None:
+def run_companion(
+    kind: type[ChildSettings], serve: Callable[[Channel, ChildSettings], None]
+) -> None:
     """Run this child process: take its settings and serve until the channel closes; report a fault to the monitor."""
     with closing(Channel(socket.socket(fileno=int(sys.argv[1])))) as channel:
-        messages = channel.receive(1) if select([channel], [], [], SETTINGS_S)[0] else []
+        messages = (
+            channel.receive(1) if select([channel], [], [], SETTINGS_S)[0] else []
+        )
         if not messages:
-            raise RuntimeError("no settings came: this module is started by `scleraforce monitor`")
+            raise RuntimeError(
+                "no settings came: this module is started by `scleraforce monitor`"
+            )
         settings = messages[0]
         if not isinstance(settings, kind):
-            raise MessageError(f"a {type(settings).__name__} came; the first message must be a {kind.__name__}")
+            raise MessageError(
+                f"a {type(settings).__name__} came; the first message must be a {kind.__name__}"
+            )
         try:
             serve(channel, settings)
         except ChannelClosedError:

@@ -21,18 +21,38 @@ from time import sleep
 from scleraforce.decision.decide import Decision
 from scleraforce.decision.events import Verdict
 from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink import Decoder, Message, PeerEvent, Sensor, Status, Text, encode
+from scleraforce.openigtlink import (
+    Decoder,
+    Message,
+    PeerEvent,
+    Sensor,
+    Status,
+    Text,
+    encode,
+)
 from scleraforce.service.companions import Guard
 from scleraforce.service.messages import Entry
 from scleraforce.service.scanner_image import FrameAssembler
 
-NOT_READ = Verdict(predicted=0, probabilities=None, usable=False, reason=None, force_n=None, interval_n=None)
+NOT_READ = Verdict(
+    predicted=0,
+    probabilities=None,
+    usable=False,
+    reason=None,
+    force_n=None,
+    interval_n=None,
+)
 MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
 WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
-SEND_BUFFER_BYTES = 8192  # of the system, which doubles it: what it holds, nobody can take back
+SEND_BUFFER_BYTES = (
+    8192  # of the system, which doubles it: what it holds, nobody can take back
+)
 NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
 FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
-TURN_BYTES, TURN_EVENTS = 8 * 1024 * 1024, 16  # received before others have their turn: all that a socket holds
+TURN_BYTES, TURN_EVENTS = (
+    8 * 1024 * 1024,
+    16,
+)  # received before others have their turn: all that a socket holds
 ACCEPTED_PER_TURN = 16
 CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
 REST_S = 0.001  # now and then: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
@@ -68,7 +88,9 @@ class RateLimiter:
 
     def take(self, now_s: float) -> bool:
         """Return whether the action is allowed now; if it is, it counts as done."""
-        self._left = min(self._at_once, self._left + self._per_s * max(0.0, now_s - self._then_s))
+        self._left = min(
+            self._at_once, self._left + self._per_s * max(0.0, now_s - self._then_s)
+        )
         self._then_s = max(now_s, self._then_s)
         if self._left < 1.0:
             return False
@@ -78,8 +100,19 @@ class RateLimiter:
 
 def status_message(decision: Decision) -> Status:
     """Return the STATUS of a decision; the error name is the cause's, or without a cause the state's."""
-    name = decision.cause.name if decision.cause else "" if decision.code == 1 else decision.state.name
-    return Status(decision.code, decision.sub_code, name[:20], decision.message[:MESSAGE_CHARACTERS])
+    name = (
+        decision.cause.name
+        if decision.cause
+        else ""
+        if decision.code == 1
+        else decision.state.name
+    )
+    return Status(
+        decision.code,
+        decision.sub_code,
+        name[:20],
+        decision.message[:MESSAGE_CHARACTERS],
+    )
 
 
 def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
@@ -93,26 +126,35 @@ def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
     numbers = (
         nan if entry.frame is None else float(entry.frame),
         float(verdict.predicted) if entry.verdict else nan,
-        *shares, *(nan,) * (3 - len(shares)),
+        *shares,
+        *(nan,) * (3 - len(shares)),
         nan if verdict.force_n is None else verdict.force_n,
         *(verdict.interval_n or (nan, nan)),
         float(verdict.usable),
         float(entry.code),
-    )  # fmt: skip
+    )
     return Text(json.dumps(entry.as_json())), Sensor(numbers)
 
 
 class Outgoing:
     """Messages for several clients, encoded once for each header version that is needed."""
 
-    def __init__(self, device: str, messages: tuple[Message, ...], wall_clock: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        device: str,
+        messages: tuple[Message, ...],
+        wall_clock: Callable[[], float],
+    ) -> None:
         self._device, self._messages, self._time_s = device, messages, wall_clock()
         self._encoded: dict[int, bytes] = {}
 
     def to(self, version: int) -> bytes:
         """Return the bytes for a client of a header version."""
         if version not in self._encoded:
-            parts = [encode(item, self._device, version=version, time_s=self._time_s) for item in self._messages]
+            parts = [
+                encode(item, self._device, version=version, time_s=self._time_s)
+                for item in self._messages
+            ]
             self._encoded[version] = b"".join(parts)
         return self._encoded[version]
 
@@ -133,23 +175,35 @@ class Connection:
         self.frames = dict[str | None, FrameAssembler]()
         self.heard_s, self.wrong_tokens = 0.0, 0
         self.message_since_s: float | None = None
-        self.notes, self.forces = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE), RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
+        self.notes, self.forces = (
+            RateLimiter(NOTES_PER_S, NOTES_AT_ONCE),
+            RateLimiter(FORCES_PER_S, FORCES_AT_ONCE),
+        )
         self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")
         self._given_bytes = 0
-        self._untaken: deque[tuple[int, float]] = deque()  # (bytes given in all, when) of each message
+        self._untaken: deque[tuple[int, float]] = (
+            deque()
+        )  # (bytes given in all, when) of each message
 
     def fileno(self) -> int:
         """Return the socket's descriptor."""
         return self._link.fileno()
 
-    def receive(self, max_body_bytes: int, now_s: float) -> tuple[list[PeerEvent], bool]:
+    def receive(
+        self, max_body_bytes: int, now_s: float
+    ) -> tuple[list[PeerEvent], bool]:
         """Read the share of one turn; return the complete events, and whether the peer is still there."""
         events: list[PeerEvent] = []
         self.heard_s = now_s
         self._decoder.max_body_bytes = max_body_bytes
         left, alive = TURN_BYTES, True
         try:
-            while left > 0 and len(events) < TURN_EVENTS and alive and not self._decoder.broken:
+            while (
+                left > 0
+                and len(events) < TURN_EVENTS
+                and alive
+                and not self._decoder.broken
+            ):
                 space = self._decoder.space()
                 count = self._link.recv_into(space)
                 events += self._decoder.received(count) if count else ()
@@ -185,7 +239,9 @@ class Connection:
 
     def _forget_taken(self) -> int:
         """Forget the messages that have arrived in the peer's own buffer; return the bytes sent that have not."""
-        waiting_bytes = int.from_bytes(fcntl.ioctl(self._link, termios.TIOCOUTQ, bytes(4)), sys.byteorder)  # SIOCOUTQ
+        waiting_bytes = int.from_bytes(
+            fcntl.ioctl(self._link, termios.TIOCOUTQ, bytes(4)), sys.byteorder
+        )  # SIOCOUTQ
         taken_bytes = self._given_bytes - len(self._rest) - waiting_bytes
         while self._untaken and self._untaken[0][0] <= taken_bytes:
             self._untaken.popleft()
@@ -201,7 +257,9 @@ class Connection:
         """End the connection, also where another process holds a duplicate; `discard` what has not arrived."""
         with suppress(OSError):  # the peer was quicker
             if discard:
-                self._link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, pack("ii", 1, 0))
+                self._link.setsockopt(
+                    socket.SOL_SOCKET, socket.SO_LINGER, pack("ii", 1, 0)
+                )
             self._link.shutdown(socket.SHUT_RDWR)
         self._link.close()
 
@@ -214,9 +272,18 @@ class Clients:
     """
 
     def __init__(
-        self, listener: socket.socket, settings: ServerSettings, guard: Guard, note: Callable[[str], None]
+        self,
+        listener: socket.socket,
+        settings: ServerSettings,
+        guard: Guard,
+        note: Callable[[str], None],
     ) -> None:
-        self._settings, self._guard, self._note, self._listener = settings, guard, note, listener
+        self._settings, self._guard, self._note, self._listener = (
+            settings,
+            guard,
+            note,
+            listener,
+        )
         listener.setblocking(False)
         self.selector = selectors.DefaultSelector()
         self.selector.register(listener, selectors.EVENT_READ, None)
@@ -232,7 +299,9 @@ class Clients:
     def __contains__(self, client: Connection) -> bool:
         return client.number in self._connected
 
-    def wait(self, within_s: float, clock: Callable[[], float]) -> list[Connection | str | None]:
+    def wait(
+        self, within_s: float, clock: Callable[[], float]
+    ) -> list[Connection | str | None]:
         """Wait for data, `within_s` at most; rest for a moment first if there was no wait for long.
 
         Returns the clients and the companions that have sent something; None for clients that want to connect.
@@ -254,7 +323,11 @@ class Clients:
             try:
                 link, address = self._listener.accept()
             except OSError as fault:
-                if fault.errno in (EMFILE, ENFILE) and not freed and self._free_descriptor(spared):
+                if (
+                    fault.errno in (EMFILE, ENFILE)
+                    and not freed
+                    and self._free_descriptor(spared)
+                ):
                     freed = True  # once in a turn, so that a newcomer is heard before another replaces it
                     continue
                 break  # no client waits any more, or too many files are open
@@ -271,11 +344,17 @@ class Clients:
     def _take_spare(self) -> None:
         """Reserve a descriptor for a client that comes when no other is free: it may be the operator."""
         with suppress(OSError):
-            self._spare = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC) if self._spare is None else self._spare
+            self._spare = (
+                os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
+                if self._spare is None
+                else self._spare
+            )
 
     def _free_descriptor(self, spared: Connection | None) -> bool:
         """Free a descriptor for a client that waits: the spare one, or that of one of the newest clients."""
-        if not select([self._listener], [], [], 0.0)[0]:  # accept says that none is free before it looks
+        if not select([self._listener], [], [], 0.0)[
+            0
+        ]:  # accept says that none is free before it looks
             return False
         if self._spare is not None:
             os.close(self._spare)
@@ -287,7 +366,9 @@ class Clients:
         """Disconnect one of the newest clients; return whether there was one."""
         others = [client for client in self if client is not spared]
         for client in others[-max(1, min(CHANGING, len(others) // 8)) :][:1]:
-            self.leave(client, "was disconnected: no place is free, and another client came")
+            self.leave(
+                client, "was disconnected: no place is free, and another client came"
+            )
         return bool(others)
 
     def leave(self, client: Connection, why: str, *, discard: bool = False) -> None:
@@ -322,15 +403,29 @@ class Clients:
     def sweep(self, now_s: float, spared: Connection | None) -> list[str]:
         """Disconnect clients (except `spared`) that send or read too slowly; return the addresses of slow readers."""
         self._take_spare()
-        message_s, stalled_s, slow = self._settings.message_s, self._settings.stalled_s, []
+        message_s, stalled_s, slow = (
+            self._settings.message_s,
+            self._settings.stalled_s,
+            [],
+        )
         for client in self:
-            if client.message_since_s is not None and now_s - client.message_since_s > message_s:
-                self.leave(client, f"was disconnected: its message was not complete within {message_s:g} s")
+            if (
+                client.message_since_s is not None
+                and now_s - client.message_since_s > message_s
+            ):
+                self.leave(
+                    client,
+                    f"was disconnected: its message was not complete within {message_s:g} s",
+                )
             if client is spared or client not in self:
                 continue
             since_s = client.unread_since_s
             if since_s is not None and now_s - since_s > stalled_s:
-                self.leave(client, f"was disconnected: messages to it waited for {stalled_s:g} s", discard=True)
+                self.leave(
+                    client,
+                    f"was disconnected: messages to it waited for {stalled_s:g} s",
+                    discard=True,
+                )
                 slow.append(client.address)
         return slow
 

@@ -14,15 +14,28 @@ from scleraforce.errors import MessageError
 from scleraforce.openigtlink import Status, encode
 from scleraforce.segmentation.found import Segmentation
 from scleraforce.service import messages, watchdog
-from scleraforce.service.channel import Channel, ChannelClosedError, Child, encode_message, start_companion
+from scleraforce.service.channel import (
+    Channel,
+    ChannelClosedError,
+    Child,
+    encode_message,
+    start_companion,
+)
 from scleraforce.service.messages import STATUS_DEVICE
 
 BEAT_LOOKS = 0.5  # 10 ms
-SILENT_LOOKS = 25  # half a second: a watchdog that answers later than this counts as failed
+SILENT_LOOKS = (
+    25  # half a second: a watchdog that answers later than this counts as failed
+)
 START_S = 20.0
-EMERGENCY = Status(3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died")
+EMERGENCY = Status(
+    3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died"
+)
 BLACK_BOX, CONSOLE, OPINION = "black box", "console", "second opinion"
-NEEDED = (BLACK_BOX, OPINION)  # a failure of these is a cause of a withdrawal; the console only shows
+NEEDED = (
+    BLACK_BOX,
+    OPINION,
+)  # a failure of these is a cause of a withdrawal; the console only shows
 SENDS: dict[str, type | UnionType] = {
     BLACK_BOX: messages.WithdrawalKept,
     CONSOLE: messages.ResetAsked | messages.ListensAt | messages.WrongTokens,
@@ -43,7 +56,9 @@ class Guard:
         self._beat_s, self._silent_s = BEAT_LOOKS * look_s, SILENT_LOOKS * look_s
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         arguments = [str(theirs.fileno()), str(os.getpid()), str(look_s)]
-        self._process = start_companion("scleraforce.service.watchdog", arguments, [theirs.fileno()])
+        self._process = start_companion(
+            "scleraforce.service.watchdog", arguments, [theirs.fileno()]
+        )
         theirs.close()
         self._fault: str | None = None
         self._beaten_s = self._answered_s = 0.0
@@ -52,7 +67,9 @@ class Guard:
             raise OSError("the watchdog did not start")
         self._channel.setblocking(False)
         for version in (1, 2, 3):
-            self._send(b"M%d " % version + encode(EMERGENCY, STATUS_DEVICE, version=version))
+            self._send(
+                b"M%d " % version + encode(EMERGENCY, STATUS_DEVICE, version=version)
+            )
 
     @property
     def pid(self) -> int:
@@ -75,7 +92,9 @@ class Guard:
         """Send a sign of life, and take the watchdog's; return its fault, if any. Call it every few ms."""
         if now_s - self._beaten_s < self._beat_s:
             return self._fault
-        if now_s - self._beaten_s > self._silent_s:  # the first time, or after a pause of this process
+        if (
+            now_s - self._beaten_s > self._silent_s
+        ):  # the first time, or after a pause of this process
             self._answered_s = now_s
         self._beaten_s = now_s
         self._send(b"B")
@@ -96,7 +115,9 @@ class Guard:
 
     def _send(self, data: bytes, descriptor: int | None = None) -> None:
         try:
-            socket.send_fds(self._channel, [data], [] if descriptor is None else [descriptor])
+            socket.send_fds(
+                self._channel, [data], [] if descriptor is None else [descriptor]
+            )
         except BlockingIOError:
             self._fault = self._fault or "the watchdog does not keep up"
         except OSError:
@@ -145,14 +166,18 @@ class Companions:
     def starts(self, name: str) -> bool:
         """Return whether a companion runs that has neither given a sign of life nor failed, as far as `hear` knows."""
         state = self._states.get(name)
-        return state is not None and not (state.heard or state.fault or state.garbled or state.dead)
+        return state is not None and not (
+            state.heard or state.fault or state.garbled or state.dead
+        )
 
     def faults(self, now_s: float) -> tuple[str, ...]:
         """Return the faults of the companions that are needed; call it every few ms, after `hear`."""
         if self._alive_until_s is None:
             self._alive_until_s = now_s + STARTS_S
         self._send_waiting(now_s)
-        found = {name: self._fault(name, now_s) for name in NEEDED if name in self._children}
+        found = {
+            name: self._fault(name, now_s) for name in NEEDED if name in self._children
+        }
         return tuple(f"{name}: {fault}" for name, fault in found.items() if fault)
 
     def _fault(self, name: str, now_s: float) -> str | None:
@@ -160,7 +185,9 @@ class Companions:
         if state.garbled or state.fault or state.dead:
             return state.garbled or state.fault or "it has died"
         full = name == BLACK_BOX and len(self._waiting) >= MOST_WAITING
-        if full or (state.full_since_s is not None and now_s - state.full_since_s > KEEPS_UP_S):
+        if full or (
+            state.full_since_s is not None and now_s - state.full_since_s > KEEPS_UP_S
+        ):
             return "it does not keep up"
         silent = name == BLACK_BOX and now_s > (self._alive_until_s or now_s)
         return "it does not answer" if silent else None
@@ -169,24 +196,32 @@ class Companions:
         """Send a decision; it waits for a black box that does not keep up, before all other messages."""
         data, entry = encode_message(decided), decided.entry
         if BLACK_BOX in self._children:
-            if len(self._waiting) < MOST_WAITING:  # else it counts as failed already, and the log shows the gap
+            if (
+                len(self._waiting) < MOST_WAITING
+            ):  # else it counts as failed already, and the log shows the gap
                 self._waiting.append(data)
             self._send_waiting(entry.at_s)
         self._send(CONSOLE, data, entry.at_s)
 
-    def outline(self, frame: int, wall: Segmentation, now_s: float, plane: str | None) -> None:
+    def outline(
+        self, frame: int, wall: Segmentation, now_s: float, plane: str | None
+    ) -> None:
         """Send a frame's wall to the console, every `OUTLINE_S` at most."""
         if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
             self._outlined_s = now_s
             outer, inner = _rows(wall.outer_row), _rows(wall.inner_row)
-            outline = messages.Outline(frame=frame, step=OUTLINE_STEP, outer=outer, inner=inner, plane=plane)
+            outline = messages.Outline(
+                frame=frame, step=OUTLINE_STEP, outer=outer, inner=inner, plane=plane
+            )
             self.send(CONSOLE, outline, now_s)
 
     def send(self, name: str, message: messages.CompanionMessage, now_s: float) -> bool:
         """Send a message to a companion, to the black box only while no decision waits; return whether it was taken."""
         if name == BLACK_BOX:
             self._send_waiting(now_s)
-        return (name != BLACK_BOX or not self._waiting) and self._send(name, encode_message(message), now_s)
+        return (name != BLACK_BOX or not self._waiting) and self._send(
+            name, encode_message(message), now_s
+        )
 
     def _send_waiting(self, now_s: float) -> None:
         while self._waiting and self._send(BLACK_BOX, self._waiting[0], now_s):
@@ -201,7 +236,13 @@ class Companions:
         except ChannelClosedError:
             state.dead = True
             return False
-        state.full_since_s = None if taken else now_s if state.full_since_s is None else state.full_since_s
+        state.full_since_s = (
+            None
+            if taken
+            else now_s
+            if state.full_since_s is None
+            else state.full_since_s
+        )
         return taken
 
     def hear(self, name: str, now_s: float) -> Iterator[messages.CompanionMessage]:
@@ -219,9 +260,13 @@ class Companions:
                     case _ if isinstance(message, SENDS[name]):
                         yield message
                     case _:
-                        raise MessageError(f"a {type(message).__name__} is not its to send")
+                        raise MessageError(
+                            f"a {type(message).__name__} is not its to send"
+                        )
         except MessageError as fault:
-            state.garbled = state.garbled or f"it does not keep to the protocol: {fault}"
+            state.garbled = (
+                state.garbled or f"it does not keep to the protocol: {fault}"
+            )
         except ChannelClosedError:
             state.dead = True
 
@@ -243,4 +288,9 @@ class Companions:
 
 
 def _rows(row: Floats) -> tuple[float | None, ...]:
-    return tuple([None if value != value else round(value, 1) for value in row[::OUTLINE_STEP].tolist()])
+    return tuple(
+        [
+            None if value != value else round(value, 1)
+            for value in row[::OUTLINE_STEP].tolist()
+        ]
+    )

@@ -21,7 +21,13 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.service.channel import Channel, ChannelClosedError
-from scleraforce.service.messages import Alive, CompanionMessage, Decided, Note, SelfReport
+from scleraforce.service.messages import (
+    Alive,
+    CompanionMessage,
+    Decided,
+    Note,
+    SelfReport,
+)
 from scleraforce.units import from_si
 
 FILE_BYTES = 16 * 2**20
@@ -72,17 +78,25 @@ class DecisionLog:
     OSError if the folder cannot be used, or another process uses it; so do its methods.
     """
 
-    def __init__(self, folder: Path, file_bytes: int = FILE_BYTES, total_bytes: int = TOTAL_BYTES) -> None:
+    def __init__(
+        self, folder: Path, file_bytes: int = FILE_BYTES, total_bytes: int = TOTAL_BYTES
+    ) -> None:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         self._separator = b""
-        self._folder, self._file_bytes, self._total_bytes = folder, file_bytes, total_bytes
+        self._folder, self._file_bytes, self._total_bytes = (
+            folder,
+            file_bytes,
+            total_bytes,
+        )
         self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         self._turn = threading.Lock()  # another thread may sync
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as fault:
             os.close(self._lock)
-            raise OSError(fault.errno, "in use by another monitor", str(folder)) from fault
+            raise OSError(
+                fault.errno, "in use by another monitor", str(folder)
+            ) from fault
         files = _files(folder)
         self._open(files[-1] if files else _file(folder, 1))
 
@@ -106,7 +120,9 @@ class DecisionLog:
             os.fdatasync(self._descriptor)
             same = os.path.samestat(self._path.stat(), os.fstat(self._descriptor))
         if not same:
-            raise FileNotFoundError(errno.ENOENT, "replaced by another file", str(self._path))
+            raise FileNotFoundError(
+                errno.ENOENT, "replaced by another file", str(self._path)
+            )
 
     def close(self) -> None:
         """Sync and close."""
@@ -120,7 +136,9 @@ class DecisionLog:
         os.fchmod(self._descriptor, 0o600)  # also of a file of an earlier version
         self._size = os.fstat(self._descriptor).st_size
         torn = self._size and os.pread(self._descriptor, 1, self._size - 1) != b"\n"
-        self._separator = b"\n" if torn else b""  # a torn record stays, on a line of its own
+        self._separator = (
+            b"\n" if torn else b""
+        )  # a torn record stays, on a line of its own
         os.fsync(self._lock)
 
     def _next_file(self) -> None:
@@ -141,7 +159,14 @@ def _parts(file: Path, offset: int, line: bytes) -> Iterator[LogPart]:
     """Yield the parts of a line; there are several if the end of a line was changed."""
     at = 0
     for check in CHECK.finditer(line):
-        begin = next((b for b in (at, at + 1) if zlib.crc32(line[b : check.start()]) == int(check[1], 16)), None)
+        begin = next(
+            (
+                b
+                for b in (at, at + 1)
+                if zlib.crc32(line[b : check.start()]) == int(check[1], 16)
+            ),
+            None,
+        )
         if begin is None:
             yield LogPart(file, offset + at, line[at : check.end()], None)
         else:
@@ -164,7 +189,14 @@ def _number(path: Path) -> int:
 
 
 def _files(folder: Path) -> list[Path]:
-    return sorted((p for p in folder.glob("decisions-*.jsonl") if re.fullmatch(r"decisions-\d+", p.stem)), key=_number)
+    return sorted(
+        (
+            p
+            for p in folder.glob("decisions-*.jsonl")
+            if re.fullmatch(r"decisions-\d+", p.stem)
+        ),
+        key=_number,
+    )
 
 
 class Journal:
@@ -172,7 +204,11 @@ class Journal:
 
     def __init__(self, folder: Path, channel: Channel) -> None:
         self.sync_due_s = 0.0  # on the monotonic clock
-        self._log, self._channel, self._folder = DecisionLog(folder / "log"), channel, folder
+        self._log, self._channel, self._folder = (
+            DecisionLog(folder / "log"),
+            channel,
+            folder,
+        )
         self._faults: dict[str, str] = {}
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="log")
         self._syncing: Future[None] | None = None
@@ -214,7 +250,9 @@ class Journal:
         try:
             free_bytes = shutil.disk_usage(place).free
             if free_bytes < LEAST_FREE_BYTES:
-                raise OSError(f"{place}: {from_si(free_bytes, 'gb'):.2f} GB free; below 1 GB nothing is kept")
+                raise OSError(
+                    f"{place}: {from_si(free_bytes, 'gb'):.2f} GB free; below 1 GB nothing is kept"
+                )
         except OSError as fault:
             self.fault(name, fault)
             return False

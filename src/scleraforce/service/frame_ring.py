@@ -15,8 +15,13 @@ from scleraforce.units import from_si
 
 PROC, GROUPS = Path("/proc"), Path("/sys/fs/cgroup")
 # Limit and usage of a group by its controllers; of version 2 without names.
-LIMITS = {"": ("memory.max", "memory.current"), "memory": ("memory.limit_in_bytes", "memory.usage_in_bytes")}
-SPARED_BYTES = 512 * 2**20  # for the processes beside the monitor: models, library, what is written
+LIMITS = {
+    "": ("memory.max", "memory.current"),
+    "memory": ("memory.limit_in_bytes", "memory.usage_in_bytes"),
+}
+SPARED_BYTES = (
+    512 * 2**20
+)  # for the processes beside the monitor: models, library, what is written
 
 
 def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
@@ -26,21 +31,34 @@ def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
         left.append(1024 * _numbers(proc / "meminfo")["MemAvailable:"])
     with suppress(OSError):
         for _, controllers, path in (
-            line.split(":", 2) for line in (proc / "self" / "cgroup").read_text().splitlines()
+            line.split(":", 2)
+            for line in (proc / "self" / "cgroup").read_text().splitlines()
         ):
             place = Path(path.strip("/"))
             for group in (place, *place.parents) if controllers in LIMITS else ():
                 with suppress(OSError, ValueError):  # "max": there is no limit
                     folder = groups / controllers / group
-                    most, used = (int((folder / name).read_text()) for name in LIMITS[controllers])
+                    most, used = (
+                        int((folder / name).read_text()) for name in LIMITS[controllers]
+                    )
                     cached = _numbers(folder / "memory.stat")
-                    left.append(most - used + cached.get("total_inactive_file", cached.get("inactive_file", 0)))
+                    left.append(
+                        most
+                        - used
+                        + cached.get(
+                            "total_inactive_file", cached.get("inactive_file", 0)
+                        )
+                    )
     return max(0, min(left)) if left else None
 
 
 def _numbers(file: Path) -> dict[str, int]:
     """Return the numbers of a file with one a line, behind its name."""
-    return {words[0]: int(words[1]) for words in map(str.split, file.read_text().splitlines()) if words}
+    return {
+        words[0]: int(words[1])
+        for words in map(str.split, file.read_text().splitlines())
+        if words
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,18 +81,26 @@ class FrameRing:
     """
 
     def __init__(self, place: RingPlace) -> None:
-        self.place, self.frames, self.shape = place, place.frames, (place.rows, place.columns)
-        self._numbers = np.frombuffer(mmap.mmap(place.descriptor, 8 * place.frames), dtype=np.int64)
+        self.place, self.frames, self.shape = (
+            place,
+            place.frames,
+            (place.rows, place.columns),
+        )
+        self._numbers = np.frombuffer(
+            mmap.mmap(place.descriptor, 8 * place.frames), dtype=np.int64
+        )
 
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
         """Return a new ring, for `FrameRing(ring.place)` in another process; raise InputError if memory is short."""
         size, available = frames * (8 + 2 * rows * columns), available_bytes()
         if available is not None and size > available - SPARED_BYTES:
-            raise InputError(f"memory: the last {frames} frames of {rows} x {columns} pixels take "
-                             f"{from_si(size, 'mb'):,.0f} MB and other processes {from_si(SPARED_BYTES, 'mb'):.0f} MB; "
-                             f"{from_si(available, 'mb'):,.0f} MB are there; give the scanner's own --rows and "
-                             "--columns, or end other programs")  # fmt: skip
+            raise InputError(
+                f"memory: the last {frames} frames of {rows} x {columns} pixels take "
+                f"{from_si(size, 'mb'):,.0f} MB and other processes {from_si(SPARED_BYTES, 'mb'):.0f} MB; "
+                f"{from_si(available, 'mb'):,.0f} MB are there; give the scanner's own --rows and "
+                "--columns, or end other programs"
+            )
         descriptor = os.memfd_create("scleraforce-frames")
         try:
             os.posix_fallocate(descriptor, 0, size)
@@ -84,15 +110,26 @@ class FrameRing:
                 f"memory: {fault.strerror} for the last {frames} frames of {rows} x {columns} pixels, "
                 f"{from_si(size, 'mb'):.0f} MB; end other programs"
             ) from fault
-        return cls(RingPlace(descriptor=descriptor, frames=frames, rows=rows, columns=columns))
+        return cls(
+            RingPlace(descriptor=descriptor, frames=frames, rows=rows, columns=columns)
+        )
 
     def put(self, number: int, pixels: Bytes | Counts) -> None:
         """Keep a frame (row, column) in place of the oldest one."""
         if pixels.shape != self.shape:  # NumPy would repeat a row
-            raise ValueError(f"a frame of {pixels.shape}; the ring has frames of {self.shape}")
-        slot, counts = number % self.frames, np.ascontiguousarray(pixels, dtype=np.uint16)
+            raise ValueError(
+                f"a frame of {pixels.shape}; the ring has frames of {self.shape}"
+            )
+        slot, counts = (
+            number % self.frames,
+            np.ascontiguousarray(pixels, dtype=np.uint16),
+        )
         self._numbers[slot] = 0
-        written = os.pwrite(self.place.descriptor, counts.data, self._numbers.nbytes + slot * counts.nbytes)
+        written = os.pwrite(
+            self.place.descriptor,
+            counts.data,
+            self._numbers.nbytes + slot * counts.nbytes,
+        )
         self._numbers[slot] = number if written == counts.nbytes else 0
 
     def get(self, number: int) -> Counts | None:
@@ -101,5 +138,9 @@ class FrameRing:
         if number < 1 or self._numbers[slot] != number:
             return None
         pixels = np.empty(self.shape, dtype=np.uint16)
-        os.preadv(self.place.descriptor, [pixels.data], self._numbers.nbytes + slot * pixels.nbytes)
+        os.preadv(
+            self.place.descriptor,
+            [pixels.data],
+            self._numbers.nbytes + slot * pixels.nbytes,
+        )
         return pixels if self._numbers[slot] == number else None

@@ -23,7 +23,11 @@ from scleraforce.calibration.eye_posterior import EyePosterior
 from scleraforce.calibration.result import Calibration, FrameRecord, UsedRecording
 from scleraforce.errors import InputError
 from scleraforce.known import Known, Modulus
-from scleraforce.known.calibration_file import open_calibration, summary_of, write_calibration
+from scleraforce.known.calibration_file import (
+    open_calibration,
+    summary_of,
+    write_calibration,
+)
 from scleraforce.library.joint_fit import ShownFrame
 from scleraforce.library.unknowns import TIP
 from scleraforce.reader.answer import Answer
@@ -64,18 +68,33 @@ class EyeLearner:
 
     def show(self, asked: OpinionAsked, answer: Answer, scale: PixelScale) -> None:
         """Take a frame as the second opinion read it, if it teaches."""
-        if not (asked.teaches and answer.usable and answer.fit is not None and answer.segmentation is not None):
+        if not (
+            asked.teaches
+            and answer.usable
+            and answer.fit is not None
+            and answer.segmentation is not None
+        ):
             return
         is_light = answer.force_n is not None and answer.force_n < LIGHT_N
         self._light_s = min(self._light_s, asked.at_s) if is_light else inf
-        if asked.at_s - self._light_s > SETTLES_S and not self._waiting:  # the contact ended without a puncture
+        if (
+            asked.at_s - self._light_s > SETTLES_S and not self._waiting
+        ):  # the contact ended without a puncture
             self._link.send(KEEP)
             self._light_s = inf
         tip_m = float(answer.fit.unknown[TIP])
         before = [*self._tips_m, *(waiting[1] for waiting in self._waiting)]
         is_new = all(abs(tip_m - other_m) > OTHER_TIP_M for other_m in before)
-        if is_new and answer.can_calibrate and not is_light and asked.at_s - self._taken_s >= LEAST_S:
-            self._taken_s, wall = asked.at_s, segmented_boundaries(answer.segmentation, scale)
+        if (
+            is_new
+            and answer.can_calibrate
+            and not is_light
+            and asked.at_s - self._taken_s >= LEAST_S
+        ):
+            self._taken_s, wall = (
+                asked.at_s,
+                segmented_boundaries(answer.segmentation, scale),
+            )
             shown = ShownFrame(lateral_m=wall.lateral_m, depth_bc=wall.depth_m)
             self._waiting.append((asked.at_s, tip_m, shown))
 
@@ -105,7 +124,9 @@ def learning(fitting: "Fitting", channel: Channel) -> Iterator[EyeLearner]:
     """Start the process that fits; it does not hold the channel open, which is of this process."""
     context = get_context("fork")
     link, theirs = context.Pipe()
-    process = context.Process(target=_fit, args=(theirs, (link, channel), fitting), daemon=True)
+    process = context.Process(
+        target=_fit, args=(theirs, (link, channel), fitting), daemon=True
+    )
     process.start()
     theirs.close()
     try:
@@ -134,14 +155,22 @@ class Fitting:
         if isinstance(asked, str):
             self._posterior = self._kept
         else:
-            with suppress(np.linalg.LinAlgError):  # frames that contradict each other teach nothing
+            with suppress(
+                np.linalg.LinAlgError
+            ):  # frames that contradict each other teach nothing
                 self._posterior = self._posterior.with_frames(asked)
         posterior = self._posterior
-        return EyeLearned(known=posterior.known_eye, frames=len(posterior.frames), fault=self._save())
+        return EyeLearned(
+            known=posterior.known_eye, frames=len(posterior.frames), fault=self._save()
+        )
 
     def _save(self) -> str:
         """Write the posterior beside the session's recording; return why that failed, or ""."""
-        if self._record is None or not self._record.is_dir() or self._posterior.fit is None:
+        if (
+            self._record is None
+            or not self._record.is_dir()
+            or self._posterior.fit is None
+        ):
             return ""
         calibration = as_calibration(self._posterior, self._eye, str(self._record))
         try:
@@ -151,7 +180,9 @@ class Fitting:
         return ""
 
 
-def _fit(link: Connection, others: tuple[Connection, Channel], fitting: Fitting) -> None:
+def _fit(
+    link: Connection, others: tuple[Connection, Channel], fitting: Fitting
+) -> None:
     """Fit the frames that come, until the other process ends."""
     for other in others:
         other.close()
@@ -167,14 +198,33 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
     known, modulus = posterior.known, posterior.modulus
     assert posterior.fit is not None
     assert known.iop_pa is not None
-    at = partial(FrameRecord, recording=path, sha256="", force_n=0.0, mean_pa=modulus.mean_pa, sd_pa=modulus.sd_pa)
-    frames = tuple(at(file=f"dent of {from_si(tip_m, 'mm'):.3f} mm") for tip_m in posterior.fit.own[:, 0].tolist())
+    at = partial(
+        FrameRecord,
+        recording=path,
+        sha256="",
+        force_n=0.0,
+        mean_pa=modulus.mean_pa,
+        sd_pa=modulus.sd_pa,
+    )
+    frames = tuple(
+        at(file=f"dent of {from_si(tip_m, 'mm'):.3f} mm")
+        for tip_m in posterior.fit.own[:, 0].tolist()
+    )
     said = "no force was measured: E was learned by a monitor, from the shape of dents beside the IOP"
-    recording = UsedRecording(path=path, sha256="", zero_n=0.0, drift_n_per_s=0.0, doubts=(said,))
+    recording = UsedRecording(
+        path=path, sha256="", zero_n=0.0, drift_n_per_s=0.0, doubts=(said,)
+    )
     own = posterior.calibration(eye, [recording], frames)
-    own = replace(own, names=(*own.names, PARAMETERS["iop"]), means=(*own.means, known.iop_pa), sds=(*own.sds, 0.0))
+    own = replace(
+        own,
+        names=(*own.names, PARAMETERS["iop"]),
+        means=(*own.means, known.iop_pa),
+        sds=(*own.sds, 0.0),
+    )
     bounds_n = posterior.study.classes.bounds_n
-    return Calibration({eye: own}, study_hash(posterior.study), bounds_n, "finite-strain")
+    return Calibration(
+        {eye: own}, study_hash(posterior.study), bounds_n, "finite-strain"
+    )
 
 
 def resumed(known: Known, path: Path, eye: str) -> Known:
@@ -186,14 +236,31 @@ def resumed(known: Known, path: Path, eye: str) -> Known:
     eyes, place = summary_of(file).eyes, f"--resume {path}: eyes"
     if eye not in eyes:
         raise InputError(f"{place}: {', '.join(eyes)}; not of {eye}, the eye of --eye")
-    own, stated = eyes[eye], file.content["eyes"][eye].get("parameters", {}).get("iop_pa")
-    if not own.without_force or not own.usable or not isinstance(stated, dict) or known.iop_pa is None:
-        raise InputError(f"{place}.{eye}: no monitor has learned it; give a {LEARNED_FILE}")
-    iop_mmhg, given_mmhg = from_si(float(stated["mean"]), "mmhg"), from_si(known.iop_pa, "mmhg")
+    own, stated = (
+        eyes[eye],
+        file.content["eyes"][eye].get("parameters", {}).get("iop_pa"),
+    )
+    if (
+        not own.without_force
+        or not own.usable
+        or not isinstance(stated, dict)
+        or known.iop_pa is None
+    ):
+        raise InputError(
+            f"{place}.{eye}: no monitor has learned it; give a {LEARNED_FILE}"
+        )
+    iop_mmhg, given_mmhg = (
+        from_si(float(stated["mean"]), "mmhg"),
+        from_si(known.iop_pa, "mmhg"),
+    )
     if abs(iop_mmhg - given_mmhg) > SAME_PRESSURE * given_mmhg:
-        raise InputError(f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is {given_mmhg:.1f}")
+        raise InputError(
+            f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is {given_mmhg:.1f}"
+        )
     stiffening = known.stiffening or 0.0
     if abs(own.stiffening - stiffening) > 1e-6:
-        raise InputError(f"{place}.{eye}: stiffening: {own.stiffening:g}; that of this eye is {stiffening:g}")
+        raise InputError(
+            f"{place}.{eye}: stiffening: {own.stiffening:g}; that of this eye is {stiffening:g}"
+        )
     modulus = Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="population")
     return replace(known, modulus=modulus, thickness_m=own.thickness_m)

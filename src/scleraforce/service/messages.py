@@ -24,8 +24,14 @@ from scleraforce.service.frame_ring import RingPlace
 from scleraforce.units import from_si, to_si
 
 # Of the OpenIGTLink messages.
-STATUS_DEVICE, READING_DEVICE, NEEDLE_DEVICE = "ForceMonitor", "ForceReading", "NeedlePose"
-OF_PLANES = dict.fromkeys(("plane", "planes_force_mn", "planes_interval_mn", "contact_xyz_mm"))  # left out if None
+STATUS_DEVICE, READING_DEVICE, NEEDLE_DEVICE = (
+    "ForceMonitor",
+    "ForceReading",
+    "NeedlePose",
+)
+OF_PLANES = dict.fromkeys(
+    ("plane", "planes_force_mn", "planes_interval_mn", "contact_xyz_mm")
+)  # left out if None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +77,9 @@ class Entry:
 
     def __post_init__(self) -> None:
         if self.state not in State.__members__:
-            raise MessageError(f"state: {self.state[:20]!r}; must be one of {', '.join(State.__members__)}")
+            raise MessageError(
+                f"state: {self.state[:20]!r}; must be one of {', '.join(State.__members__)}"
+            )
 
     @property
     def force_mn(self) -> float | None:
@@ -82,7 +90,10 @@ class Entry:
     def interval_mn(self) -> tuple[float, float] | None:
         """The 90 % interval of the force."""
         interval_n = self.verdict.interval_n if self.verdict else None
-        return interval_n and (from_si(interval_n[0], "mn"), from_si(interval_n[1], "mn"))
+        return interval_n and (
+            from_si(interval_n[0], "mn"),
+            from_si(interval_n[1], "mn"),
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON object: flat, forces in mN, `class` for `predicted`; NaN and infinity become null.
@@ -91,17 +102,25 @@ class Entry:
         """
         verdict = self.verdict
         reading = {
-            "probabilities": finite(verdict.probabilities) if verdict else None, "force_mn": finite(self.force_mn),
+            "probabilities": finite(verdict.probabilities) if verdict else None,
+            "force_mn": finite(self.force_mn),
             "interval_mn": finite(self.interval_mn),
-            "usable": verdict.usable if verdict else None if self.frame is None else False,
+            "usable": verdict.usable
+            if verdict
+            else None
+            if self.frame is None
+            else False,
             "reason": verdict.reason if verdict else None,
-        }  # fmt: skip
+        }
         record: dict[str, Any] = {}
         for name, value in vars(self).items():
             if value is not None or name not in OF_PLANES:
                 record |= reading if name == "verdict" else {name: finite(value)}
         elastic_mn = from_si(verdict.elastic_force_n, "mn") if verdict else None
-        return record | {"class": verdict.predicted if verdict else None, "elastic_force_mn": finite(elastic_mn)}
+        return record | {
+            "class": verdict.predicted if verdict else None,
+            "elastic_force_mn": finite(elastic_mn),
+        }
 
     @classmethod
     def from_json(cls, value: Any) -> "Entry":
@@ -116,7 +135,15 @@ class Entry:
 
 # Shown before the first decision.
 START = Entry(
-    number=0, time_s=0.0, at_s=0.0, event="start", state="NOT_READY", code=13, sub_code=0, cause=None, message=""
+    number=0,
+    time_s=0.0,
+    at_s=0.0,
+    event="start",
+    state="NOT_READY",
+    code=13,
+    sub_code=0,
+    cause=None,
+    message="",
 )
 KEYS = START.as_json().keys() | OF_PLANES.keys()
 
@@ -125,20 +152,37 @@ def _verdict_of(value: dict[str, Any]) -> Verdict | None:
     if value["class"] is None:
         return None
     names = {
-        "class": "predicted", "force_mn": "force_n", "interval_mn": "interval_n", "elastic_force_mn": "elastic_force_n",
-        "probabilities": "probabilities", "usable": "usable", "reason": "reason",
-    }  # fmt: skip
+        "class": "predicted",
+        "force_mn": "force_n",
+        "interval_mn": "interval_n",
+        "elastic_force_mn": "elastic_force_n",
+        "probabilities": "probabilities",
+        "usable": "usable",
+        "reason": "reason",
+    }
     found = {own: value[name] for name, own in names.items()}
     for name, listed in found.items():
         if isinstance(listed, list):
             found[name] = [nan if number is None else number for number in listed]
     read = convert(found, Verdict)
     force_n, elastic_n = to_si(read.force_n, "mn"), to_si(read.elastic_force_n, "mn")
-    interval_n = read.interval_n and (to_si(read.interval_n[0], "mn"), to_si(read.interval_n[1], "mn"))
-    return replace(read, force_n=force_n, elastic_force_n=elastic_n, interval_n=interval_n)
+    interval_n = read.interval_n and (
+        to_si(read.interval_n[0], "mn"),
+        to_si(read.interval_n[1], "mn"),
+    )
+    return replace(
+        read, force_n=force_n, elastic_force_n=elastic_n, interval_n=interval_n
+    )
 
 
-class _Message(Struct, frozen=True, kw_only=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+class _Message(
+    Struct,
+    frozen=True,
+    kw_only=True,
+    tag=True,
+    forbid_unknown_fields=True,
+    omit_defaults=True,
+):
     """A message; the name of its class goes with it."""
 
 
@@ -285,8 +329,13 @@ class BlackBoxSettings(_Message, frozen=True, kw_only=True):
     keep_s: float
 
     def __post_init__(self) -> None:
-        if (self.info.oct.rows, self.info.oct.columns) != (self.ring.rows, self.ring.columns):
-            raise ValueError(f"info.oct: {self.info.oct.rows} x {self.info.oct.columns} pixels; the ring: {self.ring}")
+        if (self.info.oct.rows, self.info.oct.columns) != (
+            self.ring.rows,
+            self.ring.columns,
+        ):
+            raise ValueError(
+                f"info.oct: {self.info.oct.rows} x {self.info.oct.columns} pixels; the ring: {self.ring}"
+            )
         if self.info.force is None:
             raise ValueError("info.force: missing; a robot may send its force")
 
@@ -329,15 +378,45 @@ class ConsoleSettings(_Message, frozen=True, kw_only=True):
     def for_page(self) -> dict[str, Any]:
         """Return the settings for the page, as a JSON object."""
         return {
-            "pixel_mm": (from_si(self.scale.lateral_m, "mm"), from_si(self.scale.depth_m, "mm")),
-            "class_bounds_mn": [from_si(bound_n, "mn") for bound_n in self.class_bounds_n],
-            "bound_mn": from_si(self.limits.bound_n, "mn"), "withdraw_class": self.limits.withdraw_class,
-            "silence_s": self.limits.silence_s, "reads_force": self.limits.reads_force, "model": self.model,
-            "eye": self.eye, "version": __version__, "rows": self.ring.rows, "columns": self.ring.columns,
-        }  # fmt: skip
+            "pixel_mm": (
+                from_si(self.scale.lateral_m, "mm"),
+                from_si(self.scale.depth_m, "mm"),
+            ),
+            "class_bounds_mn": [
+                from_si(bound_n, "mn") for bound_n in self.class_bounds_n
+            ],
+            "bound_mn": from_si(self.limits.bound_n, "mn"),
+            "withdraw_class": self.limits.withdraw_class,
+            "silence_s": self.limits.silence_s,
+            "reads_force": self.limits.reads_force,
+            "model": self.model,
+            "eye": self.eye,
+            "version": __version__,
+            "rows": self.ring.rows,
+            "columns": self.ring.columns,
+        }
 
 
 Settings = BlackBoxSettings | OpinionSettings | ConsoleSettings
-ToCompanion = Decided | ForceHeard | Note | MonitorEnds | Outline | Rates | ResetAnswered | OpinionAsked | Settings
-ToMonitor = ResetAsked | ListensAt | WrongTokens | OpinionGiven | EyeLearned | Alive | SelfReport | WithdrawalKept
+ToCompanion = (
+    Decided
+    | ForceHeard
+    | Note
+    | MonitorEnds
+    | Outline
+    | Rates
+    | ResetAnswered
+    | OpinionAsked
+    | Settings
+)
+ToMonitor = (
+    ResetAsked
+    | ListensAt
+    | WrongTokens
+    | OpinionGiven
+    | EyeLearned
+    | Alive
+    | SelfReport
+    | WithdrawalKept
+)
 CompanionMessage = ToCompanion | ToMonitor

@@ -24,14 +24,31 @@ from scleraforce.known import Known, one_lean, stated_eye
 from scleraforce.reader.felt import History
 from scleraforce.reader.kinds import Reader
 from scleraforce.reader.model import LiveReader
-from scleraforce.recording.folder import ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.recording.folder import (
+    ForceInfo,
+    NeedleInfo,
+    OctInfo,
+    RecordingInfo,
+    nearest_gauge,
+)
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.channel import Child
 from scleraforce.service.clients import ServerSettings
-from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
+from scleraforce.service.companions import (
+    BLACK_BOX,
+    CONSOLE,
+    OPINION,
+    Companions,
+    Guard,
+)
 from scleraforce.service.decision_log import DecisionLog
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import BlackBoxSettings, ConsoleSettings, OpinionSettings, Settings
+from scleraforce.service.messages import (
+    BlackBoxSettings,
+    ConsoleSettings,
+    OpinionSettings,
+    Settings,
+)
 from scleraforce.service.reset import token_digest
 from scleraforce.service.server import Server
 from scleraforce.service.session import Session
@@ -43,7 +60,9 @@ READY_S = 180.0  # for the second opinion: some 15 s where its loops are compile
 NOTED_S, LOOK_S = 3.0, 0.1
 OWN_FILES = 128  # beside the clients' sockets: other processes' sockets, logs, and what the system's libraries open
 RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, which leaves time to copy them
-FORCE = ForceInfo("fz", 1, 0.2)  # of a robot; the needle moves, so labels average over a short time
+FORCE = ForceInfo(
+    "fz", 1, 0.2
+)  # of a robot; the needle moves, so labels average over a short time
 WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
 WAITING_LINES = 1000  # for the operator; while this many wait, new ones are dropped
 
@@ -92,26 +111,49 @@ def monitor_service(
     cv2.setNumThreads(1)
     allow_files(ServerSettings.clients + OWN_FILES)
     with ExitStack() as stack:
-        listener = stack.enter_context(listen(settings.address.host, settings.address.port))
-        pages = settings.console and stack.enter_context(_listen_for_pages(settings.console))
+        listener = stack.enter_context(
+            listen(settings.address.host, settings.address.port)
+        )
+        pages = settings.console and stack.enter_context(
+            _listen_for_pages(settings.console)
+        )
         live = live_readers(reader, known, scan)
-        ring = FrameRing.create(RING_FRAMES * max(len(scan.plane), 1), scan.rows, scan.columns)
+        ring = FrameRing.create(
+            RING_FRAMES * max(len(scan.plane), 1), scan.rows, scan.columns
+        )
         info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
-        folder, record = settings.black_box.absolute(), settings.record and settings.record.absolute()
-        kept = BlackBoxSettings(folder=folder, ring=ring.place, info=info, record=record, keep_s=KEPT_S)
+        folder, record = (
+            settings.black_box.absolute(),
+            settings.record and settings.record.absolute(),
+        )
+        kept = BlackBoxSettings(
+            folder=folder, ring=ring.place, info=info, record=record, keep_s=KEPT_S
+        )
         children = {BLACK_BOX: _child("black_box", kept, ring)}
         if limits.expects_opinion:
-            opinion = OpinionSettings(model=model, known=known, scale=scale, ring=ring.place,
-                                      learns=settings.eye if settings.learns else None, record=record,
-                                      planes=scan.plane)  # fmt: skip
+            opinion = OpinionSettings(
+                model=model,
+                known=known,
+                scale=scale,
+                ring=ring.place,
+                learns=settings.eye if settings.learns else None,
+                record=record,
+                planes=scan.plane,
+            )
             children[OPINION] = _child("second_opinion", opinion, ring)
         if settings.console and pages:
             console = ConsoleSettings(
-                host=settings.console.host, listener=pages.fileno(), token_digest=token_digest(settings.token),
-                ring=ring.place, scale=scale, limits=limits, class_bounds_n=reader.study.classes.bounds_n,
-                model=reader.path.name, eye=settings.eye,
-            )  # fmt: skip
+                host=settings.console.host,
+                listener=pages.fileno(),
+                token_digest=token_digest(settings.token),
+                ring=ring.place,
+                scale=scale,
+                limits=limits,
+                class_bounds_n=reader.study.classes.bounds_n,
+                model=reader.path.name,
+                eye=settings.eye,
+            )
             children[CONSOLE] = _child("console.server", console, ring, pages.fileno())
             pages.close()  # so that nothing listens there once the console has ended
         companions = Companions(children)
@@ -119,34 +161,60 @@ def monitor_service(
         history = History.monitored(known, reader.study.needle.max_force_n)
         bounds_n = reader.study.classes.bounds_n
         read = {name: one.read for name, one in live.items()}
-        session = Session(read if scan.plane else read[""], limits, history=history, class_bounds_n=bounds_n,
-                          adopt=next(iter(live.values())).adopt)  # fmt: skip
+        session = Session(
+            read if scan.plane else read[""],
+            limits,
+            history=history,
+            class_bounds_n=bounds_n,
+            adopt=next(iter(live.values())).adopt,
+        )
         _wait_for_opinion(companions, note)
         gc.collect()
         gc.freeze()  # the model stays, so the collector need not scan it again and again
         guard = Guard()
         stack.callback(guard.end)
         if not run_in_real_time(MONITOR_PRIORITY):
-            note("no real-time priority: other programs can delay the answers (docs/monitor.md)")
-        server = Server(session, listener, ServerSettings(settings.token), ring, guard, companions, note)
+            note(
+                "no real-time priority: other programs can delay the answers (docs/monitor.md)"
+            )
+        server = Server(
+            session,
+            listener,
+            ServerSettings(settings.token),
+            ring,
+            guard,
+            companions,
+            note,
+        )
         stack.callback(server.close)
         yield server, Address(*listener.getsockname()[:2])
 
 
 def live_readers(reader: Reader, known: Known, scan: OctInfo) -> dict[str, LiveReader]:
     """Return the reader of each plane by name, of the eye as that plane sees it; that of a single plane is named ""."""
-    eyes = {plane.name: known.turned(plane.direction_rad) for plane in scan.plane} or {"": known}
-    return {name: LiveReader(reader, eye, scan.refractive_index) for name, eye in eyes.items()}
+    eyes = {plane.name: known.turned(plane.direction_rad) for plane in scan.plane} or {
+        "": known
+    }
+    return {
+        name: LiveReader(reader, eye, scan.refractive_index)
+        for name, eye in eyes.items()
+    }
 
 
-def _child(module: str, settings: Settings, ring: FrameRing, *descriptors: int) -> Child:
-    return Child(f"scleraforce.service.{module}", settings, [ring.place.descriptor, *descriptors])
+def _child(
+    module: str, settings: Settings, ring: FrameRing, *descriptors: int
+) -> Child:
+    return Child(
+        f"scleraforce.service.{module}", settings, [ring.place.descriptor, *descriptors]
+    )
 
 
 def _listen_for_pages(address: Address) -> socket.socket:
     missing = [name for name in WEB_NEEDS if find_spec(name) is None]
     if missing:
-        raise InputError(f"--web-port: {missing[0]} is not installed; run pip install 'scleraforce[web]'")
+        raise InputError(
+            f"--web-port: {missing[0]} is not installed; run pip install 'scleraforce[web]'"
+        )
     return listen(address.host, address.port, "web-")
 
 
@@ -164,9 +232,13 @@ def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> No
             pass  # it has been asked nothing
         if not is_noted and now_s - begun_s > NOTED_S:
             is_noted = True
-            note("the second opinion gets ready: some seconds, once after an installation half a minute or more")
+            note(
+                "the second opinion gets ready: some seconds, once after an installation half a minute or more"
+            )
     if companions.starts(OPINION):
-        note(f"the second opinion was not ready within {READY_S:g} s: nothing is OK before its first one")
+        note(
+            f"the second opinion was not ready within {READY_S:g} s: nothing is OK before its first one"
+        )
 
 
 def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
@@ -174,26 +246,38 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     stated_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     lean_rad = one_lean(known.lean_rad)
     gap_m = None if settings.scan.plane else stated_m
-    needle = NeedleInfo(gauge=gauge, slice_gap_m=gap_m, polar_angle_rad=known.polar_rad, lean_rad=lean_rad)
+    needle = NeedleInfo(
+        gauge=gauge,
+        slice_gap_m=gap_m,
+        polar_angle_rad=known.polar_rad,
+        lean_rad=lean_rad,
+    )
     return RecordingInfo(stated_eye(settings.eye, known), settings.scan, needle, FORCE)
 
 
 def listen(host: str, port: int, prefix: str = "") -> socket.socket:
     """Return a socket that listens, or raise InputError; `prefix` is that of the options' names ("web-")."""
     if not host.strip():
-        raise InputError(f"--{prefix}host: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for all its networks")
+        raise InputError(
+            f"--{prefix}host: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for all its networks"
+        )
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         (*_, address), *_ = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)
         return socket.create_server(address[:2], family=family, backlog=256)
-    except (socket.gaierror, UnicodeError) as fault:  # Python raises a UnicodeError for a name of over 63 letters
+    except (
+        socket.gaierror,
+        UnicodeError,
+    ) as fault:  # Python raises a UnicodeError for a name of over 63 letters
         reason = getattr(fault, "strerror", None) or str(fault)
     except OSError as fault:
         reason = str(fault.strerror).partition(" (while")[0]
         if fault.errno != EADDRNOTAVAIL:
             what_to_do = f"give another --{prefix}port, or end what listens there"
             raise InputError(f"{host}:{port}: {reason}; {what_to_do}") from fault
-    raise InputError(f"--{prefix}host {host!r}: {reason}; give an address of this machine")
+    raise InputError(
+        f"--{prefix}host {host!r}: {reason}; give an address of this machine"
+    )
 
 
 def try_folders(black_box: Path, record: Path | None) -> None:
@@ -208,20 +292,28 @@ def try_folders(black_box: Path, record: Path | None) -> None:
         withdrawals = black_box / "withdrawals"
         _try_write(withdrawals if withdrawals.exists() else black_box)
     except OSError as fault:
-        raise InputError(f"--black-box {black_box}: {fault.strerror}; give another folder") from fault
+        raise InputError(
+            f"--black-box {black_box}: {fault.strerror}; give another folder"
+        ) from fault
 
 
 def _try_record(record: Path, black_box: Path) -> None:
     try:
         if os.path.lexists(record):
-            raise InputError(f"--record {record}: exists already; remove it or choose another name")
+            raise InputError(
+                f"--record {record}: exists already; remove it or choose another name"
+            )
         if record == black_box or record in black_box.parents:
-            raise InputError(f"--record {record}: the folder of the black box is there; choose another name")
+            raise InputError(
+                f"--record {record}: the folder of the black box is there; choose another name"
+            )
         with suppress(FileNotFoundError):
             os.stat(record)  # a name may be too long
         _try_write(next(folder for folder in record.parents if os.path.lexists(folder)))
     except OSError as fault:
-        raise InputError(f"--record {record}: {fault.strerror}; give another folder") from fault
+        raise InputError(
+            f"--record {record}: {fault.strerror}; give another folder"
+        ) from fault
 
 
 def _try_write(folder: Path) -> None:
@@ -236,9 +328,11 @@ def allow_files(needed: int) -> None:
     if soft == resource.RLIM_INFINITY or soft >= needed:
         return
     if hard != resource.RLIM_INFINITY and hard < needed:
-        raise InputError(f"open files: at most {hard} are allowed (ulimit -Hn), the monitor needs {needed} so that "
-                         "neither the scanner nor the operator is locked out; raise the limit `nofile` in "
-                         "/etc/security/limits.conf")  # fmt: skip
+        raise InputError(
+            f"open files: at most {hard} are allowed (ulimit -Hn), the monitor needs {needed} so that "
+            "neither the scanner nor the operator is locked out; raise the limit `nofile` in "
+            "/etc/security/limits.conf"
+        )
     resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 

@@ -86,22 +86,30 @@ class ResetCode:
         return now_s < self._locked_until_s
 
 
-def ask_reset(host: str, port: int, token: str, within_s: float = ANSWER_S) -> tuple[bool, str]:
+def ask_reset(
+    host: str, port: int, token: str, within_s: float = ANSWER_S
+) -> tuple[bool, str]:
     """Ask a monitor to end a withdrawal; return whether it did, and its message, which must come within `within_s`.
 
     It raises InputError if no monitor answers at this address, or the token cannot be sent.
     """
     if not host.strip():
-        raise InputError("--host: empty; give the address of the monitor, 127.0.0.1 for this machine")
+        raise InputError(
+            "--host: empty; give the address of the monitor, 127.0.0.1 for this machine"
+        )
     if not token.isprintable():  # which covers what is not valid text
-        raise InputError("--token: has characters that no token has; copy the token that the monitor printed")
+        raise InputError(
+            "--token: has characters that no token has; copy the token that the monitor printed"
+        )
     try:
         with socket.create_connection((host, port), timeout=within_s) as link:
             link.sendall(encode(Text(token), RESET_DEVICE, time_s=time()))
             return _answer(link, monotonic() + within_s)
     except (OSError, UnicodeError, ProtocolError) as fault:
         reason = getattr(fault, "strerror", None) or str(fault)
-        raise InputError(f"{host}:{port}: {reason}; is a monitor running there?") from fault
+        raise InputError(
+            f"{host}:{port}: {reason}; is a monitor running there?"
+        ) from fault
 
 
 def _answer(link: socket.socket, end_s: float) -> tuple[bool, str]:
@@ -109,7 +117,11 @@ def _answer(link: socket.socket, end_s: float) -> tuple[bool, str]:
     decoder = Decoder()
     while monotonic() < end_s and (data := link.recv(PIECE)):
         for event in decoder.feed(data):
-            if isinstance(event, Received) and event.header.device == RESET_DEVICE and isinstance(event.message, Text):
+            if (
+                isinstance(event, Received)
+                and event.header.device == RESET_DEVICE
+                and isinstance(event.message, Text)
+            ):
                 answer = json.loads(event.message.text)
                 return bool(answer["granted"]), str(answer["message"])
     raise OSError("no answer to the reset")

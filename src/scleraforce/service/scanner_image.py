@@ -38,7 +38,9 @@ class FrameAssembler:
 
     def __init__(self, max_frame_bytes: int = MAX_BODY_BYTES) -> None:
         self.max_frame_bytes = max_frame_bytes
-        self._stated: tuple[object, ...] = ()  # by all parts of the frame that has begun; empty if none has
+        self._stated: tuple[
+            object, ...
+        ] = ()  # by all parts of the frame that has begun; empty if none has
         self._pixels: Pixels = np.empty((0, 0), np.uint16)
         self._missing: Flags = np.empty((0, 0), np.bool_)
 
@@ -63,13 +65,22 @@ class FrameAssembler:
             reason = "states another size, type or matrix than those before it"
         elif begun and not self._missing[place].all():
             reason = "overlaps those before it"
-        begins = not begun or (bool(reason) and (row, column) == (0, 0) and (rows, columns) != size)
+        begins = not begun or (
+            bool(reason) and (row, column) == (0, 0) and (rows, columns) != size
+        )
         if begins:
             if (row, column) != (0, 0):
-                raise ProtocolError(f"{part} arrived without the one with the first pixel")
+                raise ProtocolError(
+                    f"{part} arrived without the one with the first pixel"
+                )
             if (needed := prod(size) * frame.pixels.itemsize) > self.max_frame_bytes:
-                raise ProtocolError(f"IMAGE: parts of an image of {needed} bytes: at most {self.max_frame_bytes}")
-            self._pixels, self._missing = np.empty(size, frame.pixels.dtype), np.ones(size, np.bool_)
+                raise ProtocolError(
+                    f"IMAGE: parts of an image of {needed} bytes: at most {self.max_frame_bytes}"
+                )
+            self._pixels, self._missing = (
+                np.empty(size, frame.pixels.dtype),
+                np.ones(size, np.bool_),
+            )
         if begins or not reason:
             self._pixels[place], self._missing[place] = frame.pixels, False
             self._stated = stated if self._missing.any() else ()
@@ -84,16 +95,26 @@ class FrameAssembler:
 def _frame(image: Image) -> ScannerFrame:
     pixels = image.pixels
     if pixels.dtype not in SENT:
-        raise ProtocolError(f"IMAGE: {pixels.dtype} pixels: must be 8 or 16 bit in this machine's byte order")
+        raise ProtocolError(
+            f"IMAGE: {pixels.dtype} pixels: must be 8 or 16 bit in this machine's byte order"
+        )
     slices = (image.size or (0, 0, pixels.shape[0]))[2]
     if pixels.ndim != 3 or slices != 1:
         components = pixels.shape[3] if pixels.ndim == 4 else 1
-        raise ProtocolError(f"IMAGE: {slices} slices, {components} components: a B-scan has one of each")
+        raise ProtocolError(
+            f"IMAGE: {slices} slices, {components} components: a B-scan has one of each"
+        )
     if pixels.dtype.kind == "i" and pixels.min() < 0:
-        raise ProtocolError(f"IMAGE: {pixels.dtype} pixels down to {pixels.min()}: none may be negative")
+        raise ProtocolError(
+            f"IMAGE: {pixels.dtype} pixels down to {pixels.min()}: none may be negative"
+        )
     lateral_m, depth_m = (to_si(hypot(*image.matrix[n : n + 3]), "mm") for n in (0, 3))
     if not (lateral_m > 0.0 and depth_m > 0.0):
-        raise ProtocolError(f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must have a length")
+        raise ProtocolError(
+            f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must have a length"
+        )
     counts = pixels[0].view(f"u{pixels.itemsize}")
     counts.flags.writeable = False
-    return ScannerFrame(counts, lateral_m=lateral_m, depth_m=depth_m, sent_type=pixels.dtype.name)
+    return ScannerFrame(
+        counts, lateral_m=lateral_m, depth_m=depth_m, sent_type=pixels.dtype.name
+    )

@@ -25,7 +25,12 @@ from scleraforce.reader.model import load_model, warming_frame
 from scleraforce.recording.folder import Plane
 from scleraforce.service.channel import Channel, run_companion
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import Alive, OpinionAsked, OpinionGiven, OpinionSettings
+from scleraforce.service.messages import (
+    Alive,
+    OpinionAsked,
+    OpinionGiven,
+    OpinionSettings,
+)
 from scleraforce.service.watchdog import OPINION_PRIORITY, run_in_real_time
 
 if TYPE_CHECKING:
@@ -41,29 +46,54 @@ def serve(channel: Channel, settings: OpinionSettings) -> None:
         _serve(channel, settings, reader, learner)
 
 
-def _serve(channel: Channel, settings: OpinionSettings, reader: Reader, learner: "EyeLearner | None") -> None:
+def _serve(
+    channel: Channel,
+    settings: OpinionSettings,
+    reader: Reader,
+    learner: "EyeLearner | None",
+) -> None:
     ring, known = FrameRing(settings.ring), settings.known
-    frame = warming_frame(ring.shape, settings.scale, reader.study.eye.radius_m, settings.known.thickness_m)
+    frame = warming_frame(
+        ring.shape,
+        settings.scale,
+        reader.study.eye.radius_m,
+        settings.known.thickness_m,
+    )
     planes = settings.planes
     reader.read_together([frame] * max(len(planes), 1), settings.scale, known, planes)
-    history, study = History.monitored(settings.known, reader.study.needle.max_force_n), reader.study
-    run_in_real_time(OPINION_PRIORITY)  # not before: Linux pauses what leaves a core nothing for a second
+    history, study = (
+        History.monitored(settings.known, reader.study.needle.max_force_n),
+        reader.study,
+    )
+    run_in_real_time(
+        OPINION_PRIORITY
+    )  # not before: Linux pauses what leaves a core nothing for a second
     channel.send(Alive(faults=()))
     while True:
         select([channel], [], [])
         begun_s = monotonic()
         for asked in channel.receive():
             if not isinstance(asked, OpinionAsked):
-                raise MessageError(f"a {type(asked).__name__} came; the second opinion is asked about frames only")
+                raise MessageError(
+                    f"a {type(asked).__name__} came; the second opinion is asked about frames only"
+                )
             if learner:
                 learner.hear(asked)
         assert isinstance(asked, OpinionAsked)
         of_plane = {name: (number, order) for name, number, order in asked.planes}
-        asked_for = [of_plane[plane.name] for plane in planes] or [(asked.number, asked.order)]
-        frames = [pixels for number, _ in asked_for if (pixels := ring.get(number)) is not None]
+        asked_for = [of_plane[plane.name] for plane in planes] or [
+            (asked.number, asked.order)
+        ]
+        frames = [
+            pixels
+            for number, _ in asked_for
+            if (pixels := ring.get(number)) is not None
+        ]
         if len(frames) == len(asked_for):
             elastic = reader.read_together(frames, settings.scale, known, planes)
-            felt = [history.read(one, study.classes.bounds_n, asked.at_s) for one in elastic]
+            felt = [
+                history.read(one, study.classes.bounds_n, asked.at_s) for one in elastic
+            ]
             history = felt[0][1]
             for (_, order), (answer, _), plane in zip_longest(asked_for, felt, planes):
                 channel.send(_opinion(answer, order, plane, reader.classes))
@@ -76,15 +106,21 @@ def _serve(channel: Channel, settings: OpinionSettings, reader: Reader, learner:
         sleep(max(LEAST_S - took_s, took_s))
 
 
-def _opinion(answer: Answer, order: int, plane: Plane | None, classes: int) -> OpinionGiven:
+def _opinion(
+    answer: Answer, order: int, plane: Plane | None, classes: int
+) -> OpinionGiven:
     """Return the opinion on a frame; one of several planes that the fit left out cannot be judged."""
     if plane is None:
         return OpinionGiven(order=order, verdict=answer.verdict)
     if answer.usable and answer.fit is None:
         words = f"{LEFT_OUT}plane {plane.name}:"
-        answer = unusable(classes, next(said for said in answer.warnings if said.startswith(words)))
+        answer = unusable(
+            classes, next(said for said in answer.warnings if said.startswith(words))
+        )
     contact_m = None if answer.place is None else answer.place.contact_m
-    return OpinionGiven(order=order, verdict=answer.verdict, plane=plane.name, contact_m=contact_m)
+    return OpinionGiven(
+        order=order, verdict=answer.verdict, plane=plane.name, contact_m=contact_m
+    )
 
 
 def _learner(
@@ -98,7 +134,11 @@ def _learner(
     from scleraforce.service.learning import Fitting, learning
 
     assert isinstance(reader, ForceReader)
-    begun = EyePosterior(known=settings.known, study=reader.study, library=reader.library_for(settings.known))
+    begun = EyePosterior(
+        known=settings.known,
+        study=reader.study,
+        library=reader.library_for(settings.known),
+    )
     return learning(Fitting(begun, settings.learns, settings.record), channel)
 
 

@@ -9,14 +9,40 @@ from itertools import count
 from select import select
 
 import scleraforce.openigtlink as igtl
-from scleraforce.decision.events import Cause, Fault, MonitorEvent, Reset, SecondOpinion, Tick
+from scleraforce.decision.events import (
+    Cause,
+    Fault,
+    MonitorEvent,
+    Reset,
+    SecondOpinion,
+    Tick,
+)
 from scleraforce.errors import ProtocolError
 from scleraforce.service import clients as peers, messages
-from scleraforce.service.clients import Clients, Connection, Outgoing, RateLimiter, ServerSettings
-from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions, Guard
+from scleraforce.service.clients import (
+    Clients,
+    Connection,
+    Outgoing,
+    RateLimiter,
+    ServerSettings,
+)
+from scleraforce.service.companions import (
+    BLACK_BOX,
+    CONSOLE,
+    OPINION,
+    Companions,
+    Guard,
+)
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import NEEDLE_DEVICE, READING_DEVICE, STATUS_DEVICE
-from scleraforce.service.reset import LOCKED_S, RESET_DEVICE, WRONG_CODES, ResetCode, ResetToken, token_digest
+from scleraforce.service.reset import (
+    LOCKED_S,
+    RESET_DEVICE,
+    WRONG_CODES,
+    ResetCode,
+    ResetToken,
+    token_digest,
+)
 from scleraforce.service.scanner_image import FrameAssembler
 from scleraforce.service.session import Frame, Session
 from scleraforce.units import from_si, to_si
@@ -28,7 +54,10 @@ OTHERS_S = 0.002  # for other clients, before the scanner has its turn again
 SMALL_BODY_BYTES = 64 * 1024  # all that a client other than the scanner needs
 LARGER_FRAMES = 4  # images up to this many times too large are received, so that the refusal can name their size
 WRONG_TOKENS = 3
-NOTES_PER_S, NOTES_AT_ONCE = 10.0, 100  # of all clients, in the log: a fiftieth of the decisions
+NOTES_PER_S, NOTES_AT_ONCE = (
+    10.0,
+    100,
+)  # of all clients, in the log: a fiftieth of the decisions
 FORCES_PER_S, FORCES_AT_ONCE = 2400.0, 240
 
 
@@ -43,21 +72,39 @@ class Server:
     """
 
     def __init__(
-        self, session: Session, listener: socket.socket, settings: ServerSettings, ring: FrameRing, guard: Guard,
-        companions: Companions, note: Callable[[str], None],
-    ) -> None:  # fmt: skip
+        self,
+        session: Session,
+        listener: socket.socket,
+        settings: ServerSettings,
+        ring: FrameRing,
+        guard: Guard,
+        companions: Companions,
+        note: Callable[[str], None],
+    ) -> None:
         self.session = session
-        self._ring, self._guard, self._companions, self._note = ring, guard, companions, note
+        self._ring, self._guard, self._companions, self._note = (
+            ring,
+            guard,
+            companions,
+            note,
+        )
         self._clients = Clients(listener, settings, guard, self._note_client)
         for name in companions:
-            self._clients.selector.register(companions.channel(name), selectors.EVENT_READ, name)
-        self._most_bytes = LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
+            self._clients.selector.register(
+                companions.channel(name), selectors.EVENT_READ, name
+            )
+        self._most_bytes = (
+            LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
+        )
         self._scanner: Connection | None = None
         self._scanned_s = 0.0
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
         self._noted = session.decision.state
-        self._notes, self._forces = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE), RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
+        self._notes, self._forces = (
+            RateLimiter(NOTES_PER_S, NOTES_AT_ONCE),
+            RateLimiter(FORCES_PER_S, FORCES_AT_ONCE),
+        )
         self._left_out = 0
         self._token, self.code = ResetToken(token_digest(settings.token)), ResetCode()
         self._stopping = False
@@ -84,18 +131,25 @@ class Server:
                     self._send_rates(now_s)
             except Exception as fault:  # any exception is a cause of a withdrawal
                 now_s = self.session.clock()
-                self._decide("exception", Fault(now_s, Cause.EXCEPTION, f"{type(fault).__name__}: {fault}"))
+                self._decide(
+                    "exception",
+                    Fault(now_s, Cause.EXCEPTION, f"{type(fault).__name__}: {fault}"),
+                )
             if silent := self._guard.beat(now_s):
                 self._decide("watchdog", Fault(now_s, Cause.EXCEPTION, silent))
 
     def close(self) -> None:
         """Send the clients that the monitor ends, and disconnect them."""
-        self._decide("end", Fault(self.session.clock(), Cause.EXCEPTION, "the monitor ends"))
+        self._decide(
+            "end", Fault(self.session.clock(), Cause.EXCEPTION, "the monitor ends")
+        )
         self._clients.close()
 
     def _turn(self, within_s: float) -> None:
         """Read from clients with data: the scanner first, then, for a short while, the longest waiting."""
-        ready = self._clients.wait(0.0 if self.session.behind else within_s, self.session.clock)
+        ready = self._clients.wait(
+            0.0 if self.session.behind else within_s, self.session.clock
+        )
         clients = [who for who in ready if isinstance(who, Connection)]
         clients.sort(key=lambda who: (who is not self._scanner, who.heard_s))
         for name in ready:
@@ -105,8 +159,15 @@ class Server:
         for client in clients:
             if client in self._clients:
                 self._hear(client)
-            if self.session.clock() > end_s:  # pause for a moment, or until the scanner sends
-                select([who for who in self._clients if who is self._scanner], [], [], peers.REST_S)
+            if (
+                self.session.clock() > end_s
+            ):  # pause for a moment, or until the scanner sends
+                select(
+                    [who for who in self._clients if who is self._scanner],
+                    [],
+                    [],
+                    peers.REST_S,
+                )
                 break
         self._lose(self.session.clock())
         if self.session.behind and self._scanner not in ready:
@@ -125,17 +186,29 @@ class Server:
     def _hear(self, client: Connection) -> None:
         now_s = self.session.clock()
         vacant = self._scanner is None or self._scanner not in self._clients
-        may_scan = vacant or client is self._scanner or now_s - self._scanned_s > self.session.limits.silence_s
-        events, alive = client.receive(self._most_bytes if may_scan else SMALL_BODY_BYTES, now_s)
+        may_scan = (
+            vacant
+            or client is self._scanner
+            or now_s - self._scanned_s > self.session.limits.silence_s
+        )
+        events, alive = client.receive(
+            self._most_bytes if may_scan else SMALL_BODY_BYTES, now_s
+        )
         at_s = self.session.clock()
         frames: list[Frame] = []
         for event in events:
             if (frame := self._hear_event(client, event, at_s, may_scan)) is not None:
                 frames.append(frame)
-            if client.wrong_tokens >= WRONG_TOKENS:  # it was disconnected; later messages do not count
+            if (
+                client.wrong_tokens >= WRONG_TOKENS
+            ):  # it was disconnected; later messages do not count
                 break
         newest = {frame.plane: frame for frame in frames}
-        overtaken = [frame for frame in frames if not frame.misfit and frame is not newest[frame.plane]]
+        overtaken = [
+            frame
+            for frame in frames
+            if not frame.misfit and frame is not newest[frame.plane]
+        ]
         for frame in overtaken:
             self.session.defer(frame, newest[frame.plane])
         self._lose(at_s)
@@ -143,10 +216,17 @@ class Server:
             if frame not in overtaken:
                 self._take_frame(frame)
         if not alive:
-            broken = next((event.reason for event in events if isinstance(event, igtl.Broken)), None)
-            self._clients.leave(client, f"was disconnected: {broken}" if broken else "left")
+            broken = next(
+                (event.reason for event in events if isinstance(event, igtl.Broken)),
+                None,
+            )
+            self._clients.leave(
+                client, f"was disconnected: {broken}" if broken else "left"
+            )
 
-    def _hear_event(self, client: Connection, event: igtl.PeerEvent, at_s: float, may_scan: bool) -> Frame | None:
+    def _hear_event(
+        self, client: Connection, event: igtl.PeerEvent, at_s: float, may_scan: bool
+    ) -> Frame | None:
         """Handle a client's message; return the frame that it completes, if any."""
         if not isinstance(event, igtl.Broken):
             self._clients.speaks(client, event.header.version)
@@ -155,38 +235,65 @@ class Server:
                 return self._assemble(client, event, image, at_s)
             case igtl.Received(message=igtl.Query(type="STATUS")):
                 self._clients.send(client, self._status(), at_s)
-            case igtl.Received(message=igtl.Text(text)) if event.header.device == RESET_DEVICE:
+            case igtl.Received(message=igtl.Text(text)) if (
+                event.header.device == RESET_DEVICE
+            ):
                 self._reset_by_client(client, text, at_s)
-            case igtl.Received(message=igtl.Transform() as pose) if event.header.device == NEEDLE_DEVICE:
+            case igtl.Received(message=igtl.Transform() as pose) if (
+                event.header.device == NEEDLE_DEVICE
+            ):
                 self.session.travelled(to_si(pose.travel_mm, "mm"), at_s)
-            case igtl.Received(message=igtl.Sensor(values)) if client.forces.take(at_s) and self._forces.take(at_s):
+            case igtl.Received(message=igtl.Sensor(values)) if client.forces.take(
+                at_s
+            ) and self._forces.take(at_s):
                 time_s, device = self.session.wall_clock(), event.header.device
-                force = messages.ForceHeard(at_s=at_s, time_s=time_s, values=values, device=device)
+                force = messages.ForceHeard(
+                    at_s=at_s, time_s=time_s, values=values, device=device
+                )
                 self._companions.send(BLACK_BOX, force, at_s)
-            case igtl.Received(message=igtl.Sensor()):  # beyond a robot's rate: it must not delay a decision
+            case igtl.Received(
+                message=igtl.Sensor()
+            ):  # beyond a robot's rate: it must not delay a decision
                 self._left_out += 1
             case igtl.BadChecksum() | igtl.Malformed() | igtl.Broken():
                 self._take_faulty(client, event, at_s, may_scan)
         return None
 
-    def _assemble(self, client: Connection, event: igtl.Received, image: igtl.Image, at_s: float) -> Frame | None:
+    def _assemble(
+        self, client: Connection, event: igtl.Received, image: igtl.Image, at_s: float
+    ) -> Frame | None:
         """Return the frame that an image completes; its sender is the scanner from now on."""
         self._scanner, self._scanned_s = client, at_s
-        plane, planes = event.header.device if self.session.planes else None, self.session.planes
+        plane, planes = (
+            event.header.device if self.session.planes else None,
+            self.session.planes,
+        )
         try:
             if planes and plane not in planes:
-                raise ProtocolError(f"IMAGE of device {plane!r}: must be a plane's name: {', '.join(planes)}")
+                raise ProtocolError(
+                    f"IMAGE of device {plane!r}: must be a plane's name: {', '.join(planes)}"
+                )
             whole = client.frames.setdefault(plane, FrameAssembler()).add(image)
         except ProtocolError as fault:
             self._decide("bad image", Fault(at_s, Cause.BAD_IMAGE, str(fault)))
             return None
         if whole is None:
             return None
-        sender_id = event.message_id or int(from_si(event.header.time_s, "us")) or next(self._arrivals)
-        return self.session.frame(whole, sender_id, client.number, at_s, event.header.time_s or None, plane)
+        sender_id = (
+            event.message_id
+            or int(from_si(event.header.time_s, "us"))
+            or next(self._arrivals)
+        )
+        return self.session.frame(
+            whole, sender_id, client.number, at_s, event.header.time_s or None, plane
+        )
 
     def _take_faulty(
-        self, client: Connection, event: igtl.BadChecksum | igtl.Malformed | igtl.Broken, at_s: float, may_scan: bool
+        self,
+        client: Connection,
+        event: igtl.BadChecksum | igtl.Malformed | igtl.Broken,
+        at_s: float,
+        may_scan: bool,
     ) -> None:
         """Handle a faulty message: from the scanner it is a cause of a withdrawal."""
         of_image = not isinstance(event, igtl.Broken) and event.header.type == "IMAGE"
@@ -195,7 +302,11 @@ class Server:
             return
         client.frames.clear()  # no frame may mix parts from before and after the error
         is_checksum = isinstance(event, igtl.BadChecksum)
-        name, cause = ("checksum", Cause.CHECKSUM) if is_checksum else ("bad image", Cause.BAD_IMAGE)
+        name, cause = (
+            ("checksum", Cause.CHECKSUM)
+            if is_checksum
+            else ("bad image", Cause.BAD_IMAGE)
+        )
         self._decide(name, Fault(at_s, cause, event.reason))
 
     # Decisions, and messages to clients.
@@ -207,34 +318,56 @@ class Server:
         self._clients.broadcast(self._status(), frame.unread.at_s)
         now_s = session.clock()
         entry = session.entry("frame", now_s, frame, now_s - frame.unread.at_s)
-        self._clients.broadcast(Outgoing(READING_DEVICE, peers.reading_messages(entry), session.wall_clock), now_s)
+        self._clients.broadcast(
+            Outgoing(READING_DEVICE, peers.reading_messages(entry), session.wall_clock),
+            now_s,
+        )
         self._note_state()
         if frame.image.pixels.shape == self._ring.shape:
             self._ring.put(frame.number, frame.image.pixels)
         moment = session.moment(frame) if frame.plane else (frame,)
         decided = messages.Decided(
-            entry=entry, travel_m=frame.unread.travel_m, pierced=session.pierced,
+            entry=entry,
+            travel_m=frame.unread.travel_m,
+            pierced=session.pierced,
             moment=moment[0].number if frame.plane else None,
-        )  # fmt: skip
+        )
         self._companions.decided(decided)
         if session.answer is not None and len(moment) >= len(session.planes):
             asked = messages.OpinionAsked(
-                number=frame.number, order=frame.unread.frame_id, at_s=frame.unread.at_s,
-                teaches=session.teaches and not frame.misfit and frame.unread.shown_back == 0, pierced=session.pierced,
-                planes=tuple((one.plane, one.number, one.unread.frame_id) for one in moment if one.plane),
-            )  # fmt: skip
+                number=frame.number,
+                order=frame.unread.frame_id,
+                at_s=frame.unread.at_s,
+                teaches=session.teaches
+                and not frame.misfit
+                and frame.unread.shown_back == 0,
+                pierced=session.pierced,
+                planes=tuple(
+                    (one.plane, one.number, one.unread.frame_id)
+                    for one in moment
+                    if one.plane
+                ),
+            )
             self._companions.send(OPINION, asked, now_s)
         if session.answer is not None and session.answer.segmentation is not None:
-            self._companions.outline(frame.number, session.answer.segmentation, now_s, frame.plane)
+            self._companions.outline(
+                frame.number, session.answer.segmentation, now_s, frame.plane
+            )
 
     def _status(self) -> Outgoing:
-        return Outgoing(STATUS_DEVICE, (peers.status_message(self.session.decision),), self.session.wall_clock)
+        return Outgoing(
+            STATUS_DEVICE,
+            (peers.status_message(self.session.decision),),
+            self.session.wall_clock,
+        )
 
     def _decide(self, name: str, event: MonitorEvent) -> None:
         """Decide on an event other than a frame; send the decision to the clients if it changes."""
         if self.session.take(event):
             self._clients.broadcast(self._status(), event.at_s)
-            self._companions.decided(messages.Decided(entry=self.session.entry(name, event.at_s)))
+            self._companions.decided(
+                messages.Decided(entry=self.session.entry(name, event.at_s))
+            )
             self._note_state()
 
     def _note_state(self) -> None:
@@ -253,7 +386,9 @@ class Server:
             self._left_out += 1
 
     def _log_note(self, text: str, now_s: float) -> bool:
-        return self._companions.send(BLACK_BOX, messages.Note(time_s=self.session.wall_clock(), text=text), now_s)
+        return self._companions.send(
+            BLACK_BOX, messages.Note(time_s=self.session.wall_clock(), text=text), now_s
+        )
 
     # Periodic work.
 
@@ -263,7 +398,9 @@ class Server:
             self._decide("companion", Fault(now_s, Cause.EXCEPTION, fault))
         for address in self._clients.sweep(now_s, self._scanner):
             if self._notes.take(now_s):
-                self._note(f"client {address} was disconnected: it read too slowly, so that answers to it were old")
+                self._note(
+                    f"client {address} was disconnected: it read too slowly, so that answers to it were old"
+                )
 
     def _send_rates(self, now_s: float) -> None:
         dropped = f"{self._left_out} notes and forces of clients were dropped: there were too many"
@@ -272,12 +409,23 @@ class Server:
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
         roles = {True: "scanner", False: "listener"}
-        clients = tuple({"address": who.address, "role": roles[who is self._scanner]} for who in self._clients)
+        clients = tuple(
+            {"address": who.address, "role": roles[who is self._scanner]}
+            for who in self._clients
+        )
         rate = (self.session.frames - frames) / (now_s - since_s)
-        rates = messages.Rates(frames_per_second=rate, lost=self.session.lost, clients=clients)
+        rates = messages.Rates(
+            frames_per_second=rate, lost=self.session.lost, clients=clients
+        )
         self._companions.send(CONSOLE, rates, now_s)
-        if not rate:  # a console that has lost a message must not show an old state for long
-            self._companions.send(CONSOLE, messages.Decided(entry=self.session.entry("again", now_s)), now_s)
+        if (
+            not rate
+        ):  # a console that has lost a message must not show an old state for long
+            self._companions.send(
+                CONSOLE,
+                messages.Decided(entry=self.session.entry("again", now_s)),
+                now_s,
+            )
 
     def _hear_companion(self, name: str) -> None:
         now_s = self.session.clock()
@@ -292,14 +440,21 @@ class Server:
             case messages.OpinionGiven(order=order, verdict=verdict, plane=plane):
                 if plane:
                     self.session.read_together(verdict, message.contact_m)
-                self._decide("opinion", SecondOpinion(at_s=now_s, frame_id=order, verdict=verdict, plane=plane))
+                self._decide(
+                    "opinion",
+                    SecondOpinion(
+                        at_s=now_s, frame_id=order, verdict=verdict, plane=plane
+                    ),
+                )
             case messages.EyeLearned(known=known, frames=frames, fault=fault):
                 self.session.learned(known, frames)
                 if fault:
                     self._note(fault)
             case messages.ResetAsked(request=request, token=token):
                 granted, text = self._reset(self._knows(token, now_s), now_s)
-                answer = messages.ResetAnswered(request=request, granted=granted, message=text)
+                answer = messages.ResetAnswered(
+                    request=request, granted=granted, message=text
+                )
                 self._companions.send(CONSOLE, answer, now_s)
             case messages.ListensAt(url=url):
                 self._note(f"console    {url}")
@@ -316,8 +471,14 @@ class Server:
         if not known:
             self._note_client("a reset with a wrong token")
             if self.code.locked(now_s):
-                return False, f"{WRONG_CODES} wrong codes: none is accepted for {LOCKED_S:.0f} s; the token is"
-            return False, "the token or code is wrong; the monitor printed the right ones"
+                return (
+                    False,
+                    f"{WRONG_CODES} wrong codes: none is accepted for {LOCKED_S:.0f} s; the token is",
+                )
+            return (
+                False,
+                "the token or code is wrong; the monitor printed the right ones",
+            )
         self._decide("reset", Reset(now_s))
         if granted := self.session.decision.code == 1:
             self.code.renew()
@@ -332,6 +493,10 @@ class Server:
             client.wrong_tokens += not known
             granted, text = self._reset(known, now_s)
             answer = igtl.Text(json.dumps({"granted": granted, "message": text}))
-            self._clients.send(client, Outgoing(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
+            self._clients.send(
+                client,
+                Outgoing(RESET_DEVICE, (answer,), self.session.wall_clock),
+                now_s,
+            )
         if client.wrong_tokens >= WRONG_TOKENS:
             self._clients.leave(client, "was disconnected: wrong tokens")

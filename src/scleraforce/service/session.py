@@ -22,12 +22,16 @@ from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
 
-MOST_FRAMES = 100  # that wait: the frames of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
+MOST_FRAMES = (
+    100  # that wait: the frames of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
+)
 FIRST_INTERVAL_S = 0.01  # until frames show another
 LEAST_SENT_S = 0.001  # between two headers: they may count in anything
 KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # a flood hardly counts in their mean
 SETTLED_FRAMES = 100  # a pause at the start hardly counts in their mean
-OTHER_PLANE = 2  # pictures ago: a picture that another plane has shown is never the one before
+OTHER_PLANE = (
+    2  # pictures ago: a picture that another plane has shown is never the one before
+)
 Read = Callable[[Pixels, PixelScale], Answer]
 
 
@@ -48,11 +52,23 @@ class FramePace:
     def arrived(self, at_s: float, sent_s: float | None = None) -> float:
         """Take the times of a frame, its completion's and its header's; return the interval."""
         if len(self._gaps_s) < SETTLED_FRAMES:
-            if sent_s is not None and self._last_sent_s is not None and sent_s > self._last_sent_s:
-                self._sent_gaps_s.append(min(max(sent_s - self._last_sent_s, LEAST_SENT_S), self._most_s))
+            if (
+                sent_s is not None
+                and self._last_sent_s is not None
+                and sent_s > self._last_sent_s
+            ):
+                self._sent_gaps_s.append(
+                    min(max(sent_s - self._last_sent_s, LEAST_SENT_S), self._most_s)
+                )
             self._last_sent_s = sent_s
-        enough = len(self._gaps_s) >= (ENOUGH_FRAMES if len(self._sent_gaps_s) == 1 else SETTLED_FRAMES)
-        interval_s = sum(self._gaps_s) / len(self._gaps_s) if enough else median_low(self._sent_gaps_s)
+        enough = len(self._gaps_s) >= (
+            ENOUGH_FRAMES if len(self._sent_gaps_s) == 1 else SETTLED_FRAMES
+        )
+        interval_s = (
+            sum(self._gaps_s) / len(self._gaps_s)
+            if enough
+            else median_low(self._sent_gaps_s)
+        )
         if self._last_s is not None:
             self._gaps_s.append(min(max(at_s - self._last_s, 0.0), self._most_s))
         self._last_s = at_s
@@ -101,7 +117,10 @@ class DeferredFrames:
     def add(self, frame: Frame, row: int) -> None:
         """Enqueue a frame; the frame of number `row` overtook it."""
         self._waiting.append((frame, row))
-        self._bunch_s = max(0.0, self._bunch_s - (frame.unread.at_s - self._last_s)) + frame.interval_s
+        self._bunch_s = (
+            max(0.0, self._bunch_s - (frame.unread.at_s - self._last_s))
+            + frame.interval_s
+        )
         self._last_s = frame.unread.at_s
 
     @property
@@ -122,22 +141,34 @@ class DeferredFrames:
             rows[row] = lost + 1, unread_s + frame.interval_s
             self._bunch_s = max(0.0, self._bunch_s - frame.interval_s)
         each = rows.items()
-        return [events.QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row) for row, (lost, unread_s) in each]
+        return [
+            events.QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row)
+            for row, (lost, unread_s) in each
+        ]
 
     def _too_much(self, now_s: float) -> bool:
         late = now_s - self._waiting[0][0].unread.at_s > self._most_s
-        return late or self._bunch_s > self._most_s + events.SLACK_S or len(self._waiting) > self._most
+        return (
+            late
+            or self._bunch_s > self._most_s + events.SLACK_S
+            or len(self._waiting) > self._most
+        )
 
 
 class _Stream:
     """The frames of one plane: all that compares a frame with those before it; `read` reads one."""
 
-    def __init__(self, read: Read, limits: MonitorLimits, history: History, planes: int) -> None:
+    def __init__(
+        self, read: Read, limits: MonitorLimits, history: History, planes: int
+    ) -> None:
         self.read, self.history = read, history
         self.sender = self.offset = self.order = 0
         self.sent_type: str | None = None
         self.shown = ShownPictures(limits.shown_frames)
-        self.pace, self.deferred = FramePace(limits.silence_s), DeferredFrames(limits.catch_up_s, MOST_FRAMES // planes)
+        self.pace, self.deferred = (
+            FramePace(limits.silence_s),
+            DeferredFrames(limits.catch_up_s, MOST_FRAMES // planes),
+        )
 
 
 class Session:
@@ -152,18 +183,36 @@ class Session:
     """
 
     def __init__(
-        self, read: Read | Mapping[str, Read], limits: MonitorLimits, clock: Callable[[], float] = monotonic,
-        wall_clock: Callable[[], float] = time, history: History = ELASTIC, class_bounds_n: tuple[float, ...] = (),
+        self,
+        read: Read | Mapping[str, Read],
+        limits: MonitorLimits,
+        clock: Callable[[], float] = monotonic,
+        wall_clock: Callable[[], float] = time,
+        history: History = ELASTIC,
+        class_bounds_n: tuple[float, ...] = (),
         adopt: Callable[[Known], float | None] = lambda _: None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.limits, self.clock, self.wall_clock = limits, clock, wall_clock
         self.withdrawals: list[dict[str, Any]] = []
-        self._class_bounds_n, self._adopt, self._beside = class_bounds_n, adopt, dict[str, Any]()
-        reads: dict[str | None, Read] = dict(read.items()) if isinstance(read, Mapping) else {None: read}
+        self._class_bounds_n, self._adopt, self._beside = (
+            class_bounds_n,
+            adopt,
+            dict[str, Any](),
+        )
+        reads: dict[str | None, Read] = (
+            dict(read.items()) if isinstance(read, Mapping) else {None: read}
+        )
         self.planes = tuple(read) if isinstance(read, Mapping) else ()
-        self._streams = {name: _Stream(one, limits, history, len(reads)) for name, one in reads.items()}
-        self._of_all = ShownPictures(len(reads) * limits.shown_frames) if self.planes else None
-        self._state: MonitorState | PlanesState = PlanesState.of(self.planes) if self.planes else MonitorState()
+        self._streams = {
+            name: _Stream(one, limits, history, len(reads))
+            for name, one in reads.items()
+        }
+        self._of_all = (
+            ShownPictures(len(reads) * limits.shown_frames) if self.planes else None
+        )
+        self._state: MonitorState | PlanesState = (
+            PlanesState.of(self.planes) if self.planes else MonitorState()
+        )
         self._moment = dict[str | None, Frame]()
         self.frames = self._entries = 0  # since the start
         self._decide(events.Tick(clock()))
@@ -188,7 +237,12 @@ class Session:
         self._decide(event)
         now = self.decision
         if now.cause and State.WITHDRAW is now.state is not before.state:
-            begun = {"frame": self.frames, "time_s": self.wall_clock(), "cause": now.cause.name, "message": now.message}
+            begun = {
+                "frame": self.frames,
+                "time_s": self.wall_clock(),
+                "cause": now.cause.name,
+                "message": now.message,
+            }
             self.withdrawals.append(begun)
         return now != before
 
@@ -202,7 +256,11 @@ class Session:
     @property
     def teaches(self) -> bool:
         """True if the eye may be learned from the last frame: it is usable and harmless, and so was all before it."""
-        return self.decision.state is State.WATCHING and self.answer is not None and self.answer.usable
+        return (
+            self.decision.state is State.WATCHING
+            and self.answer is not None
+            and self.answer.usable
+        )
 
     @property
     def pierced(self) -> bool:
@@ -215,16 +273,27 @@ class Session:
         if stiffness_n_m is not None:
             self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
         if known.modulus is not None:
-            mean_mpa, sd_mpa = from_si(known.modulus.mean_pa, "mpa"), from_si(known.modulus.sd_pa, "mpa")
-            self._beside |= {"modulus_mpa": mean_mpa, "modulus_sd_mpa": sd_mpa, "modulus_frames": frames}
+            mean_mpa, sd_mpa = (
+                from_si(known.modulus.mean_pa, "mpa"),
+                from_si(known.modulus.sd_pa, "mpa"),
+            )
+            self._beside |= {
+                "modulus_mpa": mean_mpa,
+                "modulus_sd_mpa": sd_mpa,
+                "modulus_frames": frames,
+            }
 
-    def read_together(self, verdict: events.Verdict, contact_m: tuple[float, ...] | None) -> None:
+    def read_together(
+        self, verdict: events.Verdict, contact_m: tuple[float, ...] | None
+    ) -> None:
         """Take what all planes of a moment show together: the force, and the contact in three dimensions."""
         interval_n = verdict.interval_n
         self._beside |= {
             "planes_force_mn": from_si(verdict.force_n, "mn"),
-            "planes_interval_mn": interval_n and tuple(from_si(end_n, "mn") for end_n in interval_n),
-            "contact_xyz_mm": contact_m and tuple(from_si(place_m, "mm") for place_m in contact_m),
+            "planes_interval_mn": interval_n
+            and tuple(from_si(end_n, "mn") for end_n in interval_n),
+            "contact_xyz_mm": contact_m
+            and tuple(from_si(place_m, "mm") for place_m in contact_m),
         }
 
     def travelled(self, travel_m: float, at_s: float) -> None:
@@ -232,29 +301,49 @@ class Session:
         self._travel = travel_m, at_s
 
     def frame(
-        self, image: ScannerFrame, sender_id: int, sender: int, at_s: float, sent_s: float | None = None,
+        self,
+        image: ScannerFrame,
+        sender_id: int,
+        sender: int,
+        at_s: float,
+        sent_s: float | None = None,
         plane: str | None = None,
-    ) -> Frame:  # fmt: skip
+    ) -> Frame:
         """Number a frame that was complete at `at_s`, from connection number `sender`; its header states `sent_s`."""
         self.frames += 1
         stream = self._streams[plane]
         if sender != stream.sender:
-            stream.sender, stream.offset = sender, stream.order + 1 - sender_id if stream.sender else 0
+            stream.sender, stream.offset = (
+                sender,
+                stream.order + 1 - sender_id if stream.sender else 0,
+            )
         order = stream.offset + sender_id
         misfit = order <= stream.order or not self._fits(image, stream.sent_type)
         stream.order, stream.sent_type = order, image.sent_type
         age_s = at_s - self._travel[1]
         is_fresh = 0.0 <= age_s < self.limits.silence_s
         unread = FrameRead(
-            at_s=at_s, frame_id=order, verdict=self._other_size, shown_back=self._back(stream, image.pixels),
-            size=(image.pixels.shape[0], image.pixels.shape[1]), scale_m=(image.lateral_m, image.depth_m),
-            sent_s=sent_s, pixel_type=image.sent_type,
-            travel_m=self._travel[0] if is_fresh else None, travel_age_s=age_s if is_fresh else 0.0, plane=plane,
-        )  # fmt: skip
+            at_s=at_s,
+            frame_id=order,
+            verdict=self._other_size,
+            shown_back=self._back(stream, image.pixels),
+            size=(image.pixels.shape[0], image.pixels.shape[1]),
+            scale_m=(image.lateral_m, image.depth_m),
+            sent_s=sent_s,
+            pixel_type=image.sent_type,
+            travel_m=self._travel[0] if is_fresh else None,
+            travel_age_s=age_s if is_fresh else 0.0,
+            plane=plane,
+        )
         return Frame(
-            number=self.frames, sender_id=sender_id, interval_s=stream.pace.arrived(at_s, sent_s), image=image,
-            misfit=misfit, unread=unread, history=stream.history,
-        )  # fmt: skip
+            number=self.frames,
+            sender_id=sender_id,
+            interval_s=stream.pace.arrived(at_s, sent_s),
+            image=image,
+            misfit=misfit,
+            unread=unread,
+            history=stream.history,
+        )
 
     def _back(self, stream: _Stream, pixels: Pixels) -> int:
         """Return how many pictures ago a plane has shown a picture, 0 if it is new; another plane's is not new."""
@@ -268,18 +357,39 @@ class Session:
         Planes that a scanner takes in turns are less than an interval apart, frames of two moments a whole one.
         """
         within_s = (1.0 - 0.5 / len(self._streams)) * frame.interval_s
-        others = {plane: other for plane, other in self._moment.items() if plane != frame.plane}
-        stamped = {plane: other for plane, other in others.items() if other.unread.sent_s == frame.unread.sent_s}
+        others = {
+            plane: other
+            for plane, other in self._moment.items()
+            if plane != frame.plane
+        }
+        stamped = {
+            plane: other
+            for plane, other in others.items()
+            if other.unread.sent_s == frame.unread.sent_s
+        }
         first = next(iter(others.values()), frame)
-        close = len(others) == len(self._moment) and frame.unread.at_s - first.unread.at_s < within_s
-        self._moment = stamped if stamped and frame.unread.sent_s is not None else others if close else {}
+        close = (
+            len(others) == len(self._moment)
+            and frame.unread.at_s - first.unread.at_s < within_s
+        )
+        self._moment = (
+            stamped
+            if stamped and frame.unread.sent_s is not None
+            else others
+            if close
+            else {}
+        )
         self._moment[frame.plane] = frame
         return tuple(self._moment.values())
 
     def _fits(self, image: ScannerFrame, sent_type: str | None) -> bool:
         limits, scale_m = self.limits, (image.lateral_m, image.depth_m)
         same_type = sent_type in (None, image.sent_type)
-        return same_type and image.pixels.shape == limits.size and of_scale(scale_m, limits.scale_m or scale_m, limits)
+        return (
+            same_type
+            and image.pixels.shape == limits.size
+            and of_scale(scale_m, limits.scale_m or scale_m, limits)
+        )
 
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""
@@ -301,11 +411,17 @@ class Session:
     def losses(self, now_s: float) -> list[events.QueueLoss]:
         """Return the events of the deferred frames that are lost by now."""
         each = self._streams.items()
-        return [replace(loss, plane=plane) for plane, stream in each for loss in stream.deferred.lose(now_s)]
+        return [
+            replace(loss, plane=plane)
+            for plane, stream in each
+            for loss in stream.deferred.lose(now_s)
+        ]
 
     def catch_up(self) -> MonitorEvent:
         """Read the deferred frame that has waited longest; return the event to decide on."""
-        waiting = [stream.deferred for stream in self._streams.values() if stream.deferred]
+        waiting = [
+            stream.deferred for stream in self._streams.values() if stream.deferred
+        ]
         frame = min(waiting, key=lambda deferred: deferred.oldest).take()
         try:
             _, read, _ = self._read_frame(frame)
@@ -324,34 +440,70 @@ class Session:
         scale = PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m)
         elastic = self._streams[frame.plane].read(image.pixels, scale)
         answer, history = frame.history.read(elastic, self._class_bounds_n, unread.at_s)
-        read = FrameRead(**vars(unread) | {"verdict": answer.verdict})  # 3 µs; `replace` takes 8
+        read = FrameRead(
+            **vars(unread) | {"verdict": answer.verdict}
+        )  # 3 µs; `replace` takes 8
         return answer, read, history
 
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""
-        withdrawals = [*self.withdrawals]  # the end of the monitor adds one, which is not the session's
-        return {"frames": self.frames, "overtaken": self._overtaken, "lost": self.lost, "withdrawals": withdrawals}
+        withdrawals = [
+            *self.withdrawals
+        ]  # the end of the monitor adds one, which is not the session's
+        return {
+            "frames": self.frames,
+            "overtaken": self._overtaken,
+            "lost": self.lost,
+            "withdrawals": withdrawals,
+        }
 
-    def entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
+    def entry(
+        self,
+        event: str,
+        at_s: float,
+        frame: Frame | None = None,
+        latency_s: float | None = None,
+    ) -> Entry:
         """Return the last decision as a new entry, with the reading if it was made on a frame.
 
         The event "again" repeats the decision with its number, for a receiver that may have missed it.
         """
         self._entries += event != "again"
         answer, decision = self.answer if frame else None, self.decision
-        to_bound = decision.to_bound.as_ms() if frame and decision.to_bound else (None, None)
+        to_bound = (
+            decision.to_bound.as_ms() if frame and decision.to_bound else (None, None)
+        )
         return Entry(
-            number=self._entries, time_s=self.wall_clock(), at_s=at_s, event=event, state=decision.state.name,
-            code=decision.code, sub_code=decision.sub_code, cause=decision.cause.name if decision.cause else None,
+            number=self._entries,
+            time_s=self.wall_clock(),
+            at_s=at_s,
+            event=event,
+            state=decision.state.name,
+            code=decision.code,
+            sub_code=decision.sub_code,
+            cause=decision.cause.name if decision.cause else None,
             message=decision.message,
-            withdrawn_s=self.withdrawals[-1]["time_s"] if decision.state is State.WITHDRAW else None,
-            present_cause=decision.present_cause.name if decision.present_cause else None, present=decision.present,
-            frame=frame.number if frame else None, frame_id=frame.sender_id if frame else None,
-            plane=frame.plane if frame else None, verdict=answer.verdict if answer else None,
-            latency_ms=from_si(latency_s, "ms"), time_to_bound_ms=to_bound[0], time_to_bound_ms_interval=to_bound[1],
-            overtaken=self._overtaken, lost=self.lost, **self._beside,
-        )  # fmt: skip
+            withdrawn_s=self.withdrawals[-1]["time_s"]
+            if decision.state is State.WITHDRAW
+            else None,
+            present_cause=decision.present_cause.name
+            if decision.present_cause
+            else None,
+            present=decision.present,
+            frame=frame.number if frame else None,
+            frame_id=frame.sender_id if frame else None,
+            plane=frame.plane if frame else None,
+            verdict=answer.verdict if answer else None,
+            latency_ms=from_si(latency_s, "ms"),
+            time_to_bound_ms=to_bound[0],
+            time_to_bound_ms_interval=to_bound[1],
+            overtaken=self._overtaken,
+            lost=self.lost,
+            **self._beside,
+        )
 
 
 def _failure(frame: Frame, fault: Exception, at_s: float) -> MonitorEvent:
-    return events.Fault(at_s, Cause.EXCEPTION, f"frame {frame.number}: {type(fault).__name__}: {fault}")
+    return events.Fault(
+        at_s, Cause.EXCEPTION, f"frame {frame.number}: {type(fault).__name__}: {fault}"
+    )

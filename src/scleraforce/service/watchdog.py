@@ -25,7 +25,9 @@ from scleraforce.errors import MessageError
 
 ALIVE = b"A"
 MOST_BYTES = 4096
-FORM = re.compile(rb"M[123] .{58,}|C\d{1,18}|V\d{1,18} [123]|D\d{1,18}|B|Q", re.DOTALL)  # 58 bytes: a whole header
+FORM = re.compile(
+    rb"M[123] .{58,}|C\d{1,18}|V\d{1,18} [123]|D\d{1,18}|B|Q", re.DOTALL
+)  # 58 bytes: a whole header
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
@@ -41,7 +43,9 @@ def parts_of(data: bytes) -> tuple[bytes, int, bytes]:
     (b'V', 7, b'2')
     """
     if len(data) > MOST_BYTES or not FORM.fullmatch(data):
-        raise MessageError(f"{data[:20]!r}, {len(data)} bytes: not a message to the watchdog")
+        raise MessageError(
+            f"{data[:20]!r}, {len(data)} bytes: not a message to the watchdog"
+        )
     number, _, rest = data[1:].partition(b" ")
     return data[:1], int(number or b"0"), rest
 
@@ -58,7 +62,9 @@ def run_in_real_time(priority: int) -> bool:
     that niceness below 0, which makes delays rarer.
     """
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+        os.sched_setscheduler(
+            0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority)
+        )
     except OSError:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, -priority)
@@ -69,7 +75,9 @@ def run_in_real_time(priority: int) -> bool:
 class Watchdog:
     """The watchdog's clients, and the messages to send them; it kills process `monitor_pid` if that hangs."""
 
-    def __init__(self, monitor: socket.socket, monitor_pid: int, look_s: float = LOOK_S) -> None:
+    def __init__(
+        self, monitor: socket.socket, monitor_pid: int, look_s: float = LOOK_S
+    ) -> None:
         self._monitor, self._pid, self._look_s = monitor, monitor_pid, look_s
         self._messages: dict[int, bytearray] = {}
         self._clients: dict[int, socket.socket] = {}
@@ -96,10 +104,14 @@ class Watchdog:
             self._take(letter, number, rest, sockets)
         return False
 
-    def _take(self, letter: bytes, number: int, rest: bytes, sockets: list[int]) -> None:
+    def _take(
+        self, letter: bytes, number: int, rest: bytes, sockets: list[int]
+    ) -> None:
         match letter:
             case b"B":
-                with suppress(BlockingIOError, BrokenPipeError):  # it may have died since; the next look will show it
+                with suppress(
+                    BlockingIOError, BrokenPipeError
+                ):  # it may have died since; the next look will show it
                     self._monitor.send(ALIVE)
             case b"M":
                 self._messages[number] = bytearray(rest)

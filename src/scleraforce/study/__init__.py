@@ -87,7 +87,9 @@ class ClassesStudy(Section):
 class CalibrationStudy(Section):
     """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2); `docs/calibration.md` explains each value."""
 
-    prior_mean_pa: float = quantity(0.49, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high)
+    prior_mean_pa: float = quantity(
+        0.49, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high
+    )
     prior_sd_pa: float = quantity(0.34, "mpa", 0.0001, 100.0)
     points: int = quantity(10, None, 2, 200)
     span_m: float = quantity(4.0, "mm", 0.5, 20.0)
@@ -137,14 +139,23 @@ class LibraryStudy(Section):
         return low, high if self.stiffenings > 1 else low
 
     def _check(self) -> None:
-        for key, bounds in (("thickness_um", self.thickness_m.bounds), ("tension", self.tension.bounds)):
+        for key, bounds in (
+            ("thickness_um", self.thickness_m.bounds),
+            ("tension", self.tension.bounds),
+        ):
             if bounds[0] == bounds[1]:
-                raise StudyError(f"{key}: a range has to be given, like {{ min = ..., max = ... }}")
+                raise StudyError(
+                    f"{key}: a range has to be given, like {{ min = ..., max = ... }}"
+                )
         low, high = self.stiffening.bounds
         if self.stiffenings > 1 and low == high:
-            raise StudyError("stiffening: a range has to be given, like { min = ..., max = ... }; or stiffenings = 1")
+            raise StudyError(
+                "stiffening: a range has to be given, like { min = ..., max = ... }; or stiffenings = 1"
+            )
         if 1 < self.stiffenings < LEAST_STIFFENINGS:
-            raise StudyError(f"stiffenings: {self.stiffenings}; give 1, or at least {LEAST_STIFFENINGS}")
+            raise StudyError(
+                f"stiffenings: {self.stiffenings}; give 1, or at least {LEAST_STIFFENINGS}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +169,10 @@ class DatasetGroup(Section):
 
 PAPER_GROUPS = (
     DatasetGroup(thickness_m=400e-6, images=3200, max_force_n=45e-3),
-    *(DatasetGroup(thickness_m=to_si(t, "um"), images=4000, max_force_n=60e-3) for t in (500.0, 600.0, 700.0, 800.0)),
+    *(
+        DatasetGroup(thickness_m=to_si(t, "um"), images=4000, max_force_n=60e-3)
+        for t in (500.0, 600.0, 700.0, 800.0)
+    ),
 )
 
 
@@ -235,8 +249,14 @@ def preset_toml(name: str) -> str:
     >>> parse_study(preset_toml("living")).eye.youngs_modulus_pa
     1800000.0
     """
-    text = files("scleraforce.study").joinpath(PRESET_FILES[name]).read_text(encoding="utf-8")
-    return text.replace(SCENES_TABLE, _format_section("scenes", ScenesStudy(), noted=True))
+    text = (
+        files("scleraforce.study")
+        .joinpath(PRESET_FILES[name])
+        .read_text(encoding="utf-8")
+    )
+    return text.replace(
+        SCENES_TABLE, _format_section("scenes", ScenesStudy(), noted=True)
+    )
 
 
 def read_study(path: str | PathLike[str]) -> Study:
@@ -285,8 +305,17 @@ def format_study(study: Study) -> str:
 
 def format_record(record: Any) -> str:
     """Write a record of sections as TOML that `parse_record` reads back to an equal one; None is left out."""
-    sections = [(item.name, getattr(record, item.name)) for item in dataclasses.fields(record)]
-    return "\n\n".join(_format_section(name, section) for name, section in sections if section is not None) + "\n"
+    sections = [
+        (item.name, getattr(record, item.name)) for item in dataclasses.fields(record)
+    ]
+    return (
+        "\n\n".join(
+            _format_section(name, section)
+            for name, section in sections
+            if section is not None
+        )
+        + "\n"
+    )
 
 
 def study_hash(study: Study) -> str:
@@ -294,7 +323,14 @@ def study_hash(study: Study) -> str:
     return hashlib.sha256(format_study(study).encode()).hexdigest()
 
 
-def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lines, name: str, nth: int = 1) -> object:
+def _record(
+    kind: type,
+    table: dict[str, Any],
+    path: tuple[str, ...],
+    lines: Lines,
+    name: str,
+    nth: int = 1,
+) -> object:
     hints = get_type_hints(kind)
     known = {field_key(item): item for item in dataclasses.fields(kind)}
     values: dict[str, Any] = {}
@@ -304,60 +340,97 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lin
             raise StudyError(f"{place}: unknown key; known here: {', '.join(known)}")
         item = known[key]
         hint = hints[item.name]
-        if isinstance(hint, UnionType) and len(kinds := [kind for kind in get_args(hint) if kind is not NoneType]) == 1:
+        if (
+            isinstance(hint, UnionType)
+            and len(kinds := [kind for kind in get_args(hint) if kind is not NoneType])
+            == 1
+        ):
             hint = kinds[0]
         if is_dataclass(hint):
             if not isinstance(value, dict):
                 raise StudyError(f"{place}: expected a table [{key}]")
             values[item.name] = _record(hint, value, (*path, key), lines, name)  # type: ignore[arg-type]  # a class
         elif get_origin(hint) is tuple and is_dataclass(get_args(hint)[0]):
-            tables = _entries(value, place, f"a list of tables [[{'.'.join((*path, key))}]]", dict)
+            tables = _entries(
+                value, place, f"a list of tables [[{'.'.join((*path, key))}]]", dict
+            )
             values[item.name] = tuple(
                 _record(get_args(hint)[0], entry, (*path, key), lines, name, number)
                 for number, entry in enumerate(tables, start=1)
             )
         else:
-            values[item.name] = map_numbers(_value(hint, value, place), field_unit(item).to_si)
+            values[item.name] = map_numbers(
+                _value(hint, value, place), field_unit(item).to_si
+            )
     for key, item in known.items():
-        if item.name not in values and item.default is MISSING and item.default_factory is MISSING:
+        if (
+            item.name not in values
+            and item.default is MISSING
+            and item.default_factory is MISSING
+        ):
             place = f"{name}:{_line(lines, path, nth)}" if path else name
             raise StudyError(f"{place}: {'.'.join((*path, key))}: missing")
     try:
         return kind(**values)
     except StudyError as fault:
         key = str(fault).partition(":")[0]
-        raise StudyError(f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, ''))}{fault}") from None
+        raise StudyError(
+            f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, ''))}{fault}"
+        ) from None
 
 
 def _value(hint: Any, value: Any, place: str) -> Any:
     if get_origin(hint) is tuple:
-        return tuple(_value(get_args(hint)[0], entry, place) for entry in _entries(value, place))
+        return tuple(
+            _value(get_args(hint)[0], entry, place) for entry in _entries(value, place)
+        )
     if not (isinstance(hint, UnionType) and Range in get_args(hint)):
         return _scalar(hint, value, place)
     if not isinstance(value, dict):
-        return Choice(_value(tuple[float, ...], value if isinstance(value, list) else [value], place))
+        return Choice(
+            _value(
+                tuple[float, ...], value if isinstance(value, list) else [value], place
+            )
+        )
     if set(value) != {"min", "max"}:
         raise StudyError(f"{place}: a range is {{ min = a, max = b }}")
-    return Range(**{end: _scalar(float, number, place) for end, number in value.items()})
+    return Range(
+        **{end: _scalar(float, number, place) for end, number in value.items()}
+    )
 
 
-def _entries(value: Any, place: str, wanted: str = "a list", kind: type = object) -> list[Any]:
+def _entries(
+    value: Any, place: str, wanted: str = "a list", kind: type = object
+) -> list[Any]:
     """Return the entries of a list, each of a kind."""
-    if not isinstance(value, list) or not all(isinstance(entry, kind) for entry in value):
+    if not isinstance(value, list) or not all(
+        isinstance(entry, kind) for entry in value
+    ):
         raise StudyError(f"{place}: expected {wanted}")
     if len(value) > MAX_ENTRIES:
-        raise StudyError(f"{place}: {len(value)} entries; at most {MAX_ENTRIES} are allowed")
+        raise StudyError(
+            f"{place}: {len(value)} entries; at most {MAX_ENTRIES} are allowed"
+        )
     return value
 
 
 def _scalar(kind: type, value: Any, place: str) -> Any:
     if isinstance(value, int) and abs(value) > MAX_WHOLE:
-        raise StudyError(f"{place}: a number of more than {len(str(MAX_WHOLE)) - 1} digits")
+        raise StudyError(
+            f"{place}: a number of more than {len(str(MAX_WHOLE)) - 1} digits"
+        )
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        names = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
-        raise StudyError(f"{place}: expected {names.get(kind, kind.__name__)}, found {reprlib.repr(value)}")
+        names = {
+            float: "a number",
+            int: "a whole number",
+            str: "a text",
+            bool: "true or false",
+        }
+        raise StudyError(
+            f"{place}: expected {names.get(kind, kind.__name__)}, found {reprlib.repr(value)}"
+        )
     return value
 
 
@@ -378,7 +451,9 @@ def _lines(text: str) -> Lines:
 
 def _line(lines: Lines, path: tuple[str, ...], nth: int) -> int:
     """Return the line of a key or table, in the nth table of its name (1 if it is not known)."""
-    return min((lines[path, table] for table in (0, nth) if (path, table) in lines), default=1)
+    return min(
+        (lines[path, table] for table in (0, nth) if (path, table) in lines), default=1
+    )
 
 
 def _format_section(name: str, record: Any, noted: bool = False) -> str:
@@ -386,12 +461,16 @@ def _format_section(name: str, record: Any, noted: bool = False) -> str:
     for item in dataclasses.fields(record):
         value = getattr(record, item.name)
         if isinstance(value, tuple) and value and is_dataclass(value[0]):
-            groups += [_format_section(f"[{name}.{item.name}]", entry) for entry in value]
+            groups += [
+                _format_section(f"[{name}.{item.name}]", entry) for entry in value
+            ]
         elif is_dataclass(value) and not isinstance(value, Choice | Range):
             groups.append(_format_section(f"{name}.{item.name}", value, noted))
         elif value is not None:
             unit = field_unit(item)
-            line = f"{field_key(item)} = {_format_value(map_numbers(value, unit.from_si))}"
+            line = (
+                f"{field_key(item)} = {_format_value(map_numbers(value, unit.from_si))}"
+            )
             lines.append(f"{line:<51} # {unit.note}" if noted and unit.note else line)
     return "\n".join(["\n".join(lines), *groups])
 
@@ -415,27 +494,56 @@ def _format_value(value: Any) -> str:
 # Keys that would change the eye of a command if its mechanics knew them: it refuses them.
 LEAK = ("globe.leak_time_s",)  # of a globe in time
 FINITE_STRAIN_ONLY = (
-    "form.semi_axes", "form.wave", "form.region", "form.cornea", "needle.tilt_deg", "needle.tilt_direction_deg",
-    "mechanics.follower", "tissue.stiffening", "tissue.softer_through", "tissue.stiffer_around", "globe.kind",
-    "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law", *LEAK,
-)  # fmt: skip
-SUPPORTS = tuple(f"supports.{field_key(item)}" for item in dataclasses.fields(SupportsStudy))
+    "form.semi_axes",
+    "form.wave",
+    "form.region",
+    "form.cornea",
+    "needle.tilt_deg",
+    "needle.tilt_direction_deg",
+    "mechanics.follower",
+    "tissue.stiffening",
+    "tissue.softer_through",
+    "tissue.stiffer_around",
+    "globe.kind",
+    "globe.rigidity_mmhg13_per_ul",
+    "globe.rigidity_law",
+    *LEAK,
+)
+SUPPORTS = tuple(
+    f"supports.{field_key(item)}" for item in dataclasses.fields(SupportsStudy)
+)
 EYE_MOVEMENT = ("phantom.eye_drift_deg", "phantom.eye_saccade_deg")
-SHARED_WALL = (*FINITE_STRAIN_ONLY, *SUPPORTS)  # walls that serve many contacts: even, clamped at the base
-LIBRARY = (*SHARED_WALL, "eye.density_kg_m3")  # walls of revolution about the needle, without weight
+SHARED_WALL = (
+    *FINITE_STRAIN_ONLY,
+    *SUPPORTS,
+)  # walls that serve many contacts: even, clamped at the base
+LIBRARY = (
+    *SHARED_WALL,
+    "eye.density_kg_m3",
+)  # walls of revolution about the needle, without weight
 
 # Command, and mechanics where it has a choice: the keys that it does not use. Relaxation is
 # `phantom`'s: elsewhere a force makes its dent at once, or the log shows how it falls; only `reproduce` refuses it.
 UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
-    ("simulate", "linear"): FINITE_STRAIN_ONLY, ("simulate", "finite-strain"): LEAK,
-    ("phantom", "linear"): FINITE_STRAIN_ONLY, ("phantom", "finite-strain"): (),
-    ("generate", "linear"): SHARED_WALL, ("generate", "finite-strain"): LIBRARY,
+    ("simulate", "linear"): FINITE_STRAIN_ONLY,
+    ("simulate", "finite-strain"): LEAK,
+    ("phantom", "linear"): FINITE_STRAIN_ONLY,
+    ("phantom", "finite-strain"): (),
+    ("generate", "linear"): SHARED_WALL,
+    ("generate", "finite-strain"): LIBRARY,
     ("calibrate", "linear"): SHARED_WALL,
-    ("calibrate", "finite-strain"): tuple(key for key in LIBRARY if key != "tissue.stiffening"),
-    ("library", None): LIBRARY, ("train --kind reader", None): LIBRARY,
-    ("train --kind raw-reader", None): (*LIBRARY, *EYE_MOVEMENT, "phantom.needle_count"),
+    ("calibrate", "finite-strain"): tuple(
+        key for key in LIBRARY if key != "tissue.stiffening"
+    ),
+    ("library", None): LIBRARY,
+    ("train --kind reader", None): LIBRARY,
+    ("train --kind raw-reader", None): (
+        *LIBRARY,
+        *EYE_MOVEMENT,
+        "phantom.needle_count",
+    ),
     ("reproduce", None): (*SHARED_WALL, "tissue.relaxation", *EYE_MOVEMENT),
-}  # fmt: skip
+}
 
 # Why a key is not used, where its name does not tell.
 REASONS = {
@@ -448,14 +556,24 @@ def refuse_unused(study: Study, command: str, mechanics: str | None = None) -> N
     changed = set(_changed(study))
     if found := [key for key in UNUSED[command, mechanics] if key in changed]:
         wall = f" with {mechanics} mechanics" if mechanics else ""
-        wall += "".join(f" ({reason})" for key, reason in REASONS.items() if key in found)
+        wall += "".join(
+            f" ({reason})" for key, reason in REASONS.items() if key in found
+        )
         remedy = f"leave {'it' if len(found) == 1 else 'them'} out"
-        others = [kind for name, kind in UNUSED if name == command and kind and not {*found} & {*UNUSED[name, kind]}]
+        others = [
+            kind
+            for name, kind in UNUSED
+            if name == command and kind and not {*found} & {*UNUSED[name, kind]}
+        ]
         remedy += f", or give --mechanics {others[0]}" if others else ""
-        raise StudyError(f"study: {', '.join(found)}: not used by `{command}`{wall}; {remedy}")
+        raise StudyError(
+            f"study: {', '.join(found)}: not used by `{command}`{wall}; {remedy}"
+        )
     for key, cause, remedy in _switched_off(study):
         if key in changed:
-            raise StudyError(f"study: {key}: has no effect with {cause}; leave it out, or give {remedy}")
+            raise StudyError(
+                f"study: {key}: has no effect with {cause}; leave it out, or give {remedy}"
+            )
 
 
 def _changed(study: Study) -> Iterator[str]:
@@ -470,10 +588,17 @@ def _changed(study: Study) -> Iterator[str]:
 
 def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
     supports, (_, *bed, strap, azimuth) = study.supports, SUPPORTS
-    parts = {"bed": (supports.has_bed, bed), "straps": (supports.has_straps, (strap, azimuth))}
+    parts = {
+        "bed": (supports.has_bed, bed),
+        "straps": (supports.has_straps, (strap, azimuth)),
+    }
     for part, (there, keys) in parts.items():
         for key in () if there else keys:
-            yield key, f'supports.kind = "{supports.kind}"', f'"{part}" or "bed-and-straps"'
+            yield (
+                key,
+                f'supports.kind = "{supports.kind}"',
+                f'"{part}" or "bed-and-straps"',
+            )
     if study.needle.tilt_rad == 0.0:
         yield "needle.tilt_direction_deg", "needle.tilt_deg = 0", "a tilt"
     if study.globe.kind == "open":

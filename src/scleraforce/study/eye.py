@@ -4,7 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from scleraforce.errors import StudyError
-from scleraforce.study.fields import Choice, Range, Sampled, Section, allowed, option, quantity
+from scleraforce.study.fields import (
+    Choice,
+    Range,
+    Sampled,
+    Section,
+    allowed,
+    option,
+    quantity,
+)
 from scleraforce.units import from_si
 
 
@@ -16,8 +24,12 @@ class EyeStudy(Section):
     poisson_ratio: float = quantity(0.45, None, 0.0, 0.499)
     density_kg_m3: float = quantity(1100.0, None, 0.0, 5000.0)
     iop_pa: float = quantity(2.0, "mmhg", 0.0, 80.0)
-    thickness_m: Sampled = quantity(Choice((400.0, 500.0, 600.0, 700.0, 800.0)), "um", 300.0, 1200.0)
-    youngs_modulus_pa: float = quantity(0.25, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high)
+    thickness_m: Sampled = quantity(
+        Choice((400.0, 500.0, 600.0, 700.0, 800.0)), "um", 300.0, 1200.0
+    )
+    youngs_modulus_pa: float = quantity(
+        0.25, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high
+    )
 
 
 @dataclass(frozen=True)
@@ -39,15 +51,21 @@ class MeshStudy(Section):
 
     def _check(self) -> None:
         if self.divisions % 2:
-            raise StudyError(f"divisions: {self.divisions} is odd; a half cube needs an even number per edge")
+            raise StudyError(
+                f"divisions: {self.divisions} is odd; a half cube needs an even number per edge"
+            )
         if self.core % 2:
-            raise StudyError(f"core: {self.core} is odd; the square under the needle needs an even number per side")
+            raise StudyError(
+                f"core: {self.core} is odd; the square under the needle needs an even number per side"
+            )
 
     @property
     def grades_alone(self) -> bool:
         """A wall that serves one contact alone is graded."""
         cube = self.divisions, self.level
-        return self.kind == "graded" or (self.kind == "automatic" and cube == (MeshStudy.divisions, MeshStudy.level))
+        return self.kind == "graded" or (
+            self.kind == "automatic" and cube == (MeshStudy.divisions, MeshStudy.level)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,17 +108,31 @@ class TissueStudy(Section):
     relaxation: tuple[tuple[Sampled, ...], ...] = quantity((), None, 0.0, 1e5)
 
     def _check(self) -> None:
-        check_relaxation([[value.bounds[1 - place] for place, value in enumerate(term)] for term in self.relaxation])
+        check_relaxation(
+            [
+                [value.bounds[1 - place] for place, value in enumerate(term)]
+                for term in self.relaxation
+            ]
+        )
 
 
 def check_relaxation(terms: Sequence[Sequence[float]]) -> None:
     """Check terms of relaxation: the largest shares and the shortest times."""
     if any(len(term) != 2 for term in terms):
-        raise StudyError("relaxation: a term is a share and a time constant in s: [[0.12, 1.2], [0.15, 12.0]]")
-    if not all(0.0 <= share < 1.0 for share, _ in terms) or not sum(share for share, _ in terms) < 1.0:
-        raise StudyError("relaxation: shares are 0 or more and add up to less than 1: a part of the force is left")
+        raise StudyError(
+            "relaxation: a term is a share and a time constant in s: [[0.12, 1.2], [0.15, 12.0]]"
+        )
+    if (
+        not all(0.0 <= share < 1.0 for share, _ in terms)
+        or not sum(share for share, _ in terms) < 1.0
+    ):
+        raise StudyError(
+            "relaxation: shares are 0 or more and add up to less than 1: a part of the force is left"
+        )
     if not all(time_s > 0.0 for _, time_s in terms):
-        raise StudyError("relaxation: a time constant is 0 s or may be; give a time above 0")
+        raise StudyError(
+            "relaxation: a time constant is 0 s or may be; give a time above 0"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,18 +175,26 @@ class GlobeStudy(Section):
     """
 
     kind: str = option("open", *GLOBES)
-    rigidity_pa13_per_m3: float = quantity(0.03, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high)
+    rigidity_pa13_per_m3: float = quantity(
+        0.03, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high
+    )
     rigidity_law: str = option("cube-root", *RIGIDITY_LAWS)
     leak_time_s: float = quantity(0.0, None, 0.0, 1e6)
 
     def _check(self) -> None:
         if 0.0 < self.leak_time_s < 1.0:
-            raise StudyError(f"leak_time_s: {self.leak_time_s:g}; must be 1 s or more, or 0: no leak")
+            raise StudyError(
+                f"leak_time_s: {self.leak_time_s:g}; must be 1 s or more, or 0: no leak"
+            )
 
-    def with_known(self, kind: str | None, rigidity_pa13_per_m3: float | None) -> "GlobeStudy":
+    def with_known(
+        self, kind: str | None, rigidity_pa13_per_m3: float | None
+    ) -> "GlobeStudy":
         """Return the globe with its known kind and rigidity; None: unknown."""
         known = {"kind": kind, "rigidity_pa13_per_m3": rigidity_pa13_per_m3}
-        return replace(self, **{name: value for name, value in known.items() if value is not None})  # type: ignore[arg-type]
+        return replace(
+            self, **{name: value for name, value in known.items() if value is not None}
+        )  # type: ignore[arg-type]
 
 
 MOST_UNEVEN = 0.5  # sum of the waves' amplitudes
@@ -203,8 +243,13 @@ class CorneaStudy(Section):
 
     def _check(self) -> None:
         if not self.limbus_radius_m < self.radius_m:
-            ring, cornea = (f"{from_si(value, 'mm'):g}" for value in (self.limbus_radius_m, self.radius_m))
-            raise StudyError(f"limbus_radius_mm: {ring}; must be below the cornea's radius_mm, {cornea}")
+            ring, cornea = (
+                f"{from_si(value, 'mm'):g}"
+                for value in (self.limbus_radius_m, self.radius_m)
+            )
+            raise StudyError(
+                f"limbus_radius_mm: {ring}; must be below the cornea's radius_mm, {cornea}"
+            )
 
 
 @dataclass(frozen=True)
@@ -220,4 +265,6 @@ class FormStudy(Section):
         if len(self.semi_axes) != 3:
             raise StudyError("semi_axes: give three ratios, like [1.0, 1.0, 1.0]")
         if sum(abs(wave.amplitude_fraction) for wave in self.wave) > MOST_UNEVEN:
-            raise StudyError(f"wave: the amplitudes add up to more than {MOST_UNEVEN:.0%}")
+            raise StudyError(
+                f"wave: the amplitudes add up to more than {MOST_UNEVEN:.0%}"
+            )

@@ -85,12 +85,18 @@ NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
 # Quantities of an eye, its needle and its pictures, with their possible values, ex vivo and in life.
 # Options, keys of files and arguments of these names, in any unit, are checked against them (`allowed`).
 QUANTITIES: Mapping[str, Unit] = {
-    "thickness": Unit("um", low=100.0, high=3000.0), "youngs_modulus": Unit("mpa", low=0.001, high=50.0),
-    "iop": Unit("mmhg", low=0.0, high=110.0), "gap": Unit("mm", low=0.0, high=10.0),
-    "rigidity": Unit("mmhg13_per_ul", low=1e-4, high=1.0), "polar_angle": Unit("deg", low=0.0, high=90.0),
-    "lean": Unit("deg", low=0.0, high=75.0), "width": Unit("mm", low=0.01, high=100.0),
-    "depth": Unit("mm", low=0.01, high=100.0), "force": NEEDLE_FORCE, "displacement": Unit("mm", low=0.0, high=10.0),
-}  # fmt: skip
+    "thickness": Unit("um", low=100.0, high=3000.0),
+    "youngs_modulus": Unit("mpa", low=0.001, high=50.0),
+    "iop": Unit("mmhg", low=0.0, high=110.0),
+    "gap": Unit("mm", low=0.0, high=10.0),
+    "rigidity": Unit("mmhg13_per_ul", low=1e-4, high=1.0),
+    "polar_angle": Unit("deg", low=0.0, high=90.0),
+    "lean": Unit("deg", low=0.0, high=75.0),
+    "width": Unit("mm", low=0.01, high=100.0),
+    "depth": Unit("mm", low=0.01, high=100.0),
+    "force": NEEDLE_FORCE,
+    "displacement": Unit("mm", low=0.0, high=10.0),
+}
 WIDEST = 1e-4  # of the largest value: the smallest plausible value where 0 is allowed
 # Units that are taken for one another, by the suffix of a key: each with its name and its size in SI.
 _METRES = {"um": ("µm", 1e-6), "mm": ("mm", 1e-3), "m": ("m", 1.0)}
@@ -101,11 +107,19 @@ _MERCURY = {"mmhg": ("mmHg", SI_PER_UNIT["mmhg"][1])}
 
 
 def quantity(
-    default: Any, unit: HumanUnit | None = None, low: float | None = None, high: float | None = None, note: str = ""
+    default: Any,
+    unit: HumanUnit | None = None,
+    low: float | None = None,
+    high: float | None = None,
+    note: str = "",
 ) -> Any:
     """Declare a field: `default` and bounds in the human `unit`; a Choice or tuple of integers is a list of such."""
     numbers = default.values if isinstance(default, Choice) else default
-    listed = isinstance(numbers, tuple) and numbers != () and all(isinstance(each, int) for each in numbers)
+    listed = (
+        isinstance(numbers, tuple)
+        and numbers != ()
+        and all(isinstance(each, int) for each in numbers)
+    )
     spec = Unit(unit, low=low, high=high, listed=listed, note=note)
     return field(default=map_numbers(default, spec.to_si), metadata={"unit": spec})
 
@@ -143,7 +157,9 @@ def map_numbers(value: Any, change: Callable[[float], float]) -> Any:
         return Range(min=float(change(value.min)), max=float(change(value.max)))
     if isinstance(value, tuple):
         return tuple(map_numbers(v, change) for v in value)
-    if isinstance(value, float) or (isinstance(value, int) and not isinstance(value, bool)):
+    if isinstance(value, float) or (
+        isinstance(value, int) and not isinstance(value, bool)
+    ):
         return change(value)
     return value
 
@@ -159,13 +175,24 @@ def check_fields(record: Any) -> None:
     for item in fields(record):
         unit, value = field_unit(item), getattr(record, item.name)
         if unit.words and value is not None and value not in unit.words:
-            raise StudyError(f"{field_key(item)}: {value!r} is not one of {', '.join(unit.words)}")
+            raise StudyError(
+                f"{field_key(item)}: {value!r} is not one of {', '.join(unit.words)}"
+            )
         if isinstance(value, Range) and value.min > value.max:
             raise StudyError(f"{field_key(item)}: min is larger than max")
-        if (isinstance(value, Choice) and not value.values) or (unit.listed and value == ()):
-            raise StudyError(f"{field_key(item)}: an empty list; give at least one value")
-        if unit.listed and (isinstance(value, Range) or any(number % 1.0 for number in _numbers_in(value))):
-            raise StudyError(f"{field_key(item)}: give a list of whole numbers, like [0, 1, 2]")
+        if (isinstance(value, Choice) and not value.values) or (
+            unit.listed and value == ()
+        ):
+            raise StudyError(
+                f"{field_key(item)}: an empty list; give at least one value"
+            )
+        if unit.listed and (
+            isinstance(value, Range)
+            or any(number % 1.0 for number in _numbers_in(value))
+        ):
+            raise StudyError(
+                f"{field_key(item)}: give a list of whole numbers, like [0, 1, 2]"
+            )
         for number in _numbers_in(value):
             check_number(field_key(item), unit.from_si(number), unit)
 
@@ -186,9 +213,14 @@ def check_number(key: str, number: float, unit: Unit) -> None:
     slack = 1e-9 * max(abs(number), 1.0)
     if not isfinite(number):
         raise StudyError(f"{key}: {number} is not a finite number")
-    for end, side, words in ((unit.low, -1.0, "below the smallest"), (unit.high, 1.0, "above the largest")):
+    for end, side, words in (
+        (unit.low, -1.0, "below the smallest"),
+        (unit.high, 1.0, "above the largest"),
+    ):
         if end is not None and side * (number - end) > slack:
-            raise StudyError(f"{key}: {number:g} is {words} allowed value {end:g}{meant(key, number, unit)}")
+            raise StudyError(
+                f"{key}: {number:g} is {words} allowed value {end:g}{meant(key, number, unit)}"
+            )
 
 
 def check_quantity(key: str, number: float) -> None:
@@ -208,7 +240,9 @@ def allowed(key: str) -> Unit:
     >>> allowed("thickness_m"), allowed("iop_mmhg").high
     (Unit(name=None, low=0.0001, high=0.003, words=(), listed=False), 110.0)
     """
-    name = next(name for name in QUANTITIES if key == name or key.startswith(f"{name}_"))
+    name = next(
+        name for name in QUANTITIES if key == name or key.startswith(f"{name}_")
+    )
     spec, suffix = QUANTITIES[name], key[len(name) + 1 :]
     assert spec.name is not None
     if suffix in ("", spec.name):
@@ -226,13 +260,22 @@ def meant(key: str, number: float, unit: Unit) -> str:
     """
     suffix = key.rpartition("_")[2]
     pressures = _MERCURY | _PASCALS if "iop" in key else _PASCALS
-    family = next((units for units in (_METRES, pressures, _NEWTONS, _ANGLES) if suffix in units), {})
+    family = next(
+        (units for units in (_METRES, pressures, _NEWTONS, _ANGLES) if suffix in units),
+        {},
+    )
     if unit.high is None:
         return ""
     low, high = max(unit.low or 0.0, WIDEST * unit.high), unit.high
-    values = {name: number * size / family[suffix][1] for other, (name, size) in family.items() if other != suffix}
+    values = {
+        name: number * size / family[suffix][1]
+        for other, (name, size) in family.items()
+        if other != suffix
+    }
     inside = {name: value for name, value in values.items() if low <= value <= high}
     if not inside:
         return ""
-    name = min(inside, key=lambda name: abs(log(inside[name] ** 2 / (low * high))))  # the middle is likeliest
+    name = min(
+        inside, key=lambda name: abs(log(inside[name] ** 2 / (low * high)))
+    )  # the middle is likeliest
     return f"; did you mean {inside[name]:.4g} {family[suffix][0]} ({number:g} {name})?"

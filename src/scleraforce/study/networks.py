@@ -13,7 +13,9 @@ class NetworkStudy(Section):
     A sample of `mirror` with left and right exchanged is the same B-scan plane, seen from behind.
     """
 
-    hidden: tuple[int, ...] = field(default=(600, 600), metadata={"unit": Unit(low=1, high=100_000)})  # may be empty
+    hidden: tuple[int, ...] = field(
+        default=(600, 600), metadata={"unit": Unit(low=1, high=100_000)}
+    )  # may be empty
     dropout: float = quantity(0.8, None, 0.0, 0.99)
     dropout_masks: int = quantity(4, None, 1, 64)
     mirror: bool = True
@@ -53,8 +55,10 @@ class WallFinderStudy(Section):
         least = 2 ** len(self.channels)
         for key in ("rows", "columns"):
             if getattr(self, key) % least:
-                raise StudyError(f"{key}: {getattr(self, key)} is not a multiple of {least}, as {len(self.channels)} "
-                                 "levels need")  # fmt: skip
+                raise StudyError(
+                    f"{key}: {getattr(self, key)} is not a multiple of {least}, as {len(self.channels)} "
+                    "levels need"
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +75,9 @@ class ReaderStudy(Section):
     the answer for an eye with all of them is sharp, and takes more samples to learn than that for an eye with few.
     """
 
-    youngs_modulus_pa: Sampled = quantity(Range(min=0.15, max=0.65), "mpa", 0.001, 100.0)
+    youngs_modulus_pa: Sampled = quantity(
+        Range(min=0.15, max=0.65), "mpa", 0.001, 100.0
+    )
     iop_pa: Sampled = quantity(Range(min=0.5, max=5.0), "mmhg", 0.01, 80.0)
     thickness_m: Sampled = quantity(Range(min=380.0, max=900.0), "um", 300.0, 1200.0)
     gap_m: Sampled = quantity(Range(min=0.3, max=1.0), "mm", 0.0, 5.0)
@@ -90,7 +96,9 @@ class ReaderStudy(Section):
     interval_eyes: int = quantity(210, None, 0, 1_000_000)
     boundary_errors: float = quantity(1.5, None, 0.0, 100.0)
     interval_boundary_errors: float = quantity(1.0, None, 0.0, 100.0)
-    modulus_sd_fraction: Sampled = quantity(Range(min=0.5, max=30.0), "percent", 0.01, 100.0)
+    modulus_sd_fraction: Sampled = quantity(
+        Range(min=0.5, max=30.0), "percent", 0.01, 100.0
+    )
     iop_noise_fraction: float = quantity(5.0, "percent", 0.0, 50.0)
     thickness_noise_fraction: float = quantity(3.0, "percent", 0.0, 50.0)
     gap_noise_fraction: float = quantity(3.0, "percent", 0.0, 50.0)
@@ -104,7 +112,9 @@ class ReaderStudy(Section):
     globe_open_fraction: float = quantity(30.0, "percent", 0.0, 100.0)
     globe_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
     rigidity_missing_fraction: float = quantity(30.0, "percent", 0.0, 100.0)
-    rigidity_sd_pa13_per_m3: Sampled = quantity(Range(min=2e-4, max=6e-3), "mmhg13_per_ul", 1e-6, 1.0)
+    rigidity_sd_pa13_per_m3: Sampled = quantity(
+        Range(min=2e-4, max=6e-3), "mmhg13_per_ul", 1e-6, 1.0
+    )
     bins: int = quantity(128, None, 8, 4096)
     channels: tuple[int, ...] = quantity((32, 48, 64), None, 1, 4096)
     hidden: tuple[int, ...] = quantity((256, 256), None, 1, 100_000)
@@ -122,7 +132,9 @@ class ReaderStudy(Section):
         if self.small_force_n > self.max_force_n:
             raise StudyError("small_force_mn: larger than max_force_mn")
         if self.globe_open_fraction + self.globe_missing_fraction > 1.0:
-            raise StudyError("globe_missing_percent: with globe_open_percent more than 100")
+            raise StudyError(
+                "globe_missing_percent: with globe_open_percent more than 100"
+            )
 
     @property
     def max_force_ratio(self) -> float:
@@ -143,10 +155,14 @@ class RawReaderStudy(Section):
     row_m: float = quantity(62.5, "um", 5.0, 1000.0)
     column_m: float = quantity(130.0, "um", 5.0, 1000.0)
     needle_share: float = quantity(0.12, None, 0.0, 1.0)
-    needle_diameter_m: Sampled = quantity(Range(min=180.0, max=720.0), "um", 100.0, 2000.0)
+    needle_diameter_m: Sampled = quantity(
+        Range(min=180.0, max=720.0), "um", 100.0, 2000.0
+    )
     needle_gap_fraction: float = quantity(45.0, "percent", 1.0, 50.0)
     conjunctiva_share: float = quantity(0.2, None, 0.0, 1.0)
-    conjunctiva_thickness_m: Sampled = quantity(Range(min=50.0, max=250.0), "um", 10.0, 1000.0)
+    conjunctiva_thickness_m: Sampled = quantity(
+        Range(min=50.0, max=250.0), "um", 10.0, 1000.0
+    )
     snr_loss_db: Sampled = quantity(Range(min=0.0, max=8.0), None, 0.0, 60.0)
     speckle_factor: Sampled = quantity(Range(min=1.0, max=4.0), None, 0.1, 20.0)
     slice_epochs: int = quantity(12, None, 1, 100_000)
@@ -165,11 +181,15 @@ class RawReaderStudy(Section):
 
     def _check(self) -> None:
         if self.rows % 2:
-            raise StudyError(f"rows: {self.rows} is odd; rows and columns are taken in pairs")
+            raise StudyError(
+                f"rows: {self.rows} is odd; rows and columns are taken in pairs"
+            )
         _ = self.wall  # which checks its sizes
 
     @property
     def wall(self) -> WallFinderStudy:
         """The part that sees the wall, and how all of it descends."""
-        shared = {item.name for item in fields(self)} & {item.name for item in fields(WallFinderStudy)}
+        shared = {item.name for item in fields(self)} & {
+            item.name for item in fields(WallFinderStudy)
+        }
         return WallFinderStudy(**{name: getattr(self, name) for name in shared})

@@ -108,12 +108,18 @@ def repeating(tell: Callable[[], object], every_s: float = 0.02) -> Iterator[Non
         thread.join(FUSE_S)
 
 
-def watching(monitor: ConsoleMonitor, force_mn: float = 12.3, **said: Any) -> Callable[[], None]:
+def watching(
+    monitor: ConsoleMonitor, force_mn: float = 12.3, **said: Any
+) -> Callable[[], None]:
     """Frames of one force, with their outline and the rates."""
 
     def tell() -> None:
-        frame = monitor.frame(BRIGHT, "WATCHING", f"class 1; {force_mn} mN", **reading(force_mn), **said)
-        monitor.tell(Outline(frame=frame, step=4, outer=(20.0,) * 24, inner=(40.0,) * 24))
+        frame = monitor.frame(
+            BRIGHT, "WATCHING", f"class 1; {force_mn} mN", **reading(force_mn), **said
+        )
+        monitor.tell(
+            Outline(frame=frame, step=4, outer=(20.0,) * 24, inner=(40.0,) * 24)
+        )
         monitor.rates()
 
     return tell
@@ -128,15 +134,28 @@ def colours_at(page: Page, *rows: float) -> list[list[int]]:
     return list(page.evaluate(script, rows))
 
 
-def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_gone(opened: Any) -> None:
+def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_gone(
+    opened: Any,
+) -> None:
     """State, class, force, interval, rates, the picture with its outline, the reason; then nothing that looks live."""
     monitor = ConsoleMonitor()
     with monitor:
         found = opened(monitor.address, viewport={"width": 1280, "height": 720})
         with repeating(watching(monitor)):
-            found.shows(word="WATCHING", force="12.3", interval="90 % interval 10.3 to 14.3 mN", rate="100", lost="0")
             found.shows(
-                class_bounds="5 to 30 mN", latency="1.1", worst="1.1", clients="2", scan_stamp="", graph_stamp=""
+                word="WATCHING",
+                force="12.3",
+                interval="90 % interval 10.3 to 14.3 mN",
+                rate="100",
+                lost="0",
+            )
+            found.shows(
+                class_bounds="5 to 30 mN",
+                latency="1.1",
+                worst="1.1",
+                clients="2",
+                scan_stamp="",
+                graph_stamp="",
             )
             expect(found.page.locator("#class")).to_have_text("1")
             assert found.view() == "WATCHING"
@@ -146,9 +165,15 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
             assert min(wall) > 240
             assert max(above) < 10
             assert surface == [0xE6, 0x9F, 0x00]
-        monitor.entry("WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 28.0 mN", "BOUND")
-        found.shows(word="WITHDRAW", sentence="Now: The force may have reached the bound.")
-        expect(found.page.locator("#held")).to_have_text(re.compile(r"Held since \d\d:\d\d:\d\d\."))
+        monitor.entry(
+            "WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 28.0 mN", "BOUND"
+        )
+        found.shows(
+            word="WITHDRAW", sentence="Now: The force may have reached the bound."
+        )
+        expect(found.page.locator("#held")).to_have_text(
+            re.compile(r"Held since \d\d:\d\d:\d\d\.")
+        )
         found.shows(detail="up to 31.0 mN, the bound is 30.0 mN")
         assert found.page.locator("#ask").is_enabled()
         scroll = "[document.documentElement.scrollHeight, document.documentElement.scrollWidth]"
@@ -157,7 +182,9 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
         found.page.keyboard.press("Tab")
         assert found.page.evaluate("document.activeElement.id") == "ask"
         assert found.complaints == []
-        assert {url.split("/")[2] for url in found.asked} == {f"127.0.0.1:{monitor.port}"}
+        assert {url.split("/")[2] for url in found.asked} == {
+            f"127.0.0.1:{monitor.port}"
+        }
     found.shows(word="NO ANSWER")
     assert found.view() == "LOST"
     assert not found.looks_live()
@@ -168,7 +195,9 @@ def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narr
     opened: Any, scheme: str
 ) -> None:
     with ConsoleMonitor() as monitor:
-        found = opened(monitor.address, viewport={"width": 400, "height": 800}, color_scheme=scheme)
+        found = opened(
+            monitor.address, viewport={"width": 400, "height": 800}, color_scheme=scheme
+        )
         bar = "getComputedStyle(document.querySelector('#until i'), '::before').width"
         widths = []
         for median_ms, ends_ms, words in (
@@ -183,51 +212,107 @@ def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narr
                 found.shows(until_text=words)
                 widths.append(float(found.page.evaluate(bar).removesuffix("px")))
         assert widths[0] == widths[1] > 300.0
-        assert widths[2:] == pytest.approx([0.6 * widths[0], 0.2 * widths[0], 0.0], abs=0.5)
+        assert widths[2:] == pytest.approx(
+            [0.6 * widths[0], 0.2 * widths[0], 0.0], abs=0.5
+        )
         assert found.page.evaluate("document.documentElement.scrollWidth") == 400
         assert found.complaints == []
 
 
-def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(opened: Any) -> None:
+def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(
+    opened: Any,
+) -> None:
     with ConsoleMonitor() as monitor:
-        found = opened(monitor.address, viewport={"width": 1280, "height": 720}, timezone_id="UTC")
+        found = opened(
+            monitor.address, viewport={"width": 1280, "height": 720}, timezone_id="UTC"
+        )
         held = {"cause": "SILENCE", "withdrawn_s": 1.8e9}
-        present = {"present_cause": "BOUND", "present": "up to 40.5 mN, the bound is 30.0 mN"}
+        present = {
+            "present_cause": "BOUND",
+            "present": "up to 40.5 mN, the bound is 30.0 mN",
+        }
         pixels = np.zeros((64, 96), np.uint16)
-        with repeating(lambda: monitor.frame(pixels, "WITHDRAW", "no frame", **held, **present, **reading(39.0))):
-            found.shows(sentence="Now: The force may have reached the bound.", force="39.0", detail=present["present"])
-            found.shows(held="Held since 08:00:00: No frame came from the scanner for too long.")
+        with repeating(
+            lambda: monitor.frame(
+                pixels, "WITHDRAW", "no frame", **held, **present, **reading(39.0)
+            )
+        ):
+            found.shows(
+                sentence="Now: The force may have reached the bound.",
+                force="39.0",
+                detail=present["present"],
+            )
+            found.shows(
+                held="Held since 08:00:00: No frame came from the scanner for too long."
+            )
             sizes = "id => parseFloat(getComputedStyle(document.getElementById(id)).fontSize)"
-            now, first = (found.page.evaluate(sizes, name) for name in ("sentence", "held"))
+            now, first = (
+                found.page.evaluate(sizes, name) for name in ("sentence", "held")
+            )
             assert now > first
         harmless = {"present_cause": None, "present": ""}
-        with repeating(lambda: monitor.frame(pixels, "WITHDRAW", "no frame", **held, **harmless, **reading(4.0))):
-            found.shows(sentence="Now: the frames are harmless. The withdrawal is held until a reset.", force="4.0")
-            found.shows(held="Held since 08:00:00: No frame came from the scanner for too long.", detail="")
-        pierced = {"cause": "PIERCED", "withdrawn_s": 1.8e9, "present_cause": "PIERCED", "present": "it fell"}
-        with repeating(lambda: monitor.frame(pixels, "WITHDRAW", "it fell", **pierced, **reading(4.0))):
-            found.shows(force=NOTHING, interval="not judged: the dent no longer tells the force", until_text=NOTHING)
+        with repeating(
+            lambda: monitor.frame(
+                pixels, "WITHDRAW", "no frame", **held, **harmless, **reading(4.0)
+            )
+        ):
+            found.shows(
+                sentence="Now: the frames are harmless. The withdrawal is held until a reset.",
+                force="4.0",
+            )
+            found.shows(
+                held="Held since 08:00:00: No frame came from the scanner for too long.",
+                detail="",
+            )
+        pierced = {
+            "cause": "PIERCED",
+            "withdrawn_s": 1.8e9,
+            "present_cause": "PIERCED",
+            "present": "it fell",
+        }
+        with repeating(
+            lambda: monitor.frame(
+                pixels, "WITHDRAW", "it fell", **pierced, **reading(4.0)
+            )
+        ):
+            found.shows(
+                force=NOTHING,
+                interval="not judged: the dent no longer tells the force",
+                until_text=NOTHING,
+            )
 
 
-def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(shown: Any) -> None:
+def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(
+    shown: Any,
+) -> None:
     monitor, found = shown
-    found.shows(sentence="The monitor has said nothing yet. Treat this as a withdrawal.")
+    found.shows(
+        sentence="The monitor has said nothing yet. Treat this as a withdrawal."
+    )
     for _ in range(2):
         with repeating(watching(monitor)):
             found.shows(word="WATCHING", force="12.3")
-        found.shows(word="NO ANSWER", sentence="The monitor does not answer. Treat this as a withdrawal.")
+        found.shows(
+            word="NO ANSWER",
+            sentence="The monitor does not answer. Treat this as a withdrawal.",
+        )
         assert not found.looks_live()
     assert found.complaints == []
 
 
-def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_itself(shown: Any) -> None:
+def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_itself(
+    shown: Any,
+) -> None:
     """Stopped, the server leaves its connections open: only silence tells."""
     monitor, found = shown
     with repeating(watching(monitor)):
         found.shows(word="WATCHING")
     os.kill(monitor.child.process.pid, signal.SIGSTOP)
     try:
-        found.shows(word="NO ANSWER", sentence="The console's server does not answer. Treat this as a withdrawal.")
+        found.shows(
+            word="NO ANSWER",
+            sentence="The console's server does not answer. Treat this as a withdrawal.",
+        )
         assert not found.looks_live()
         sleep(3.0)  # the page has tried another connection by now
     finally:
@@ -236,7 +321,9 @@ def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_its
         found.shows(word="WATCHING", force="12.3")
 
 
-def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(shown: Any) -> None:
+def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(
+    shown: Any,
+) -> None:
     monitor, found = shown
     page = found.page
 
@@ -245,7 +332,9 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(sh
 
     def answer(granted: bool, message: str) -> dict[str, Any]:
         asked = monitor.hear(ResetAsked)
-        monitor.tell(ResetAnswered(request=asked.request, granted=granted, message=message))
+        monitor.tell(
+            ResetAnswered(request=asked.request, granted=granted, message=message)
+        )
         return asked
 
     with repeating(withdrawn, 0.1):
@@ -260,7 +349,9 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(sh
         assert monitor.child.channel.receive() == []
         page.keyboard.type("wrong")
         page.keyboard.press("Enter")
-        found.shows(refusal="Refused: the token or code is wrong; the monitor printed the right ones")
+        found.shows(
+            refusal="Refused: the token or code is wrong; the monitor printed the right ones"
+        )
         assert monitor.hear(WrongTokens).count == 1
         assert page.locator("#token").input_value() == ""
         page.keyboard.type(TOKEN)
@@ -269,14 +360,23 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(sh
         expect(page.locator("#dialog")).to_be_hidden()
         expect(page.locator("#answer")).to_contain_text("Reset granted at")
     assert page.locator("#token").input_value() == ""
-    assert page.evaluate("localStorage.length + sessionStorage.length + document.cookie.length") == 0
+    assert (
+        page.evaluate(
+            "localStorage.length + sessionStorage.length + document.cookie.length"
+        )
+        == 0
+    )
     assert found.complaints == []
 
 
-def test_an_unanswered_reset_says_so_and_its_dialog_does_not_hide_that_the_connection_is_lost(opened: Any) -> None:
+def test_an_unanswered_reset_says_so_and_its_dialog_does_not_hide_that_the_connection_is_lost(
+    opened: Any,
+) -> None:
     with ConsoleMonitor() as monitor:
         found = opened(monitor.address)
-        with repeating(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
+        with repeating(
+            lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1
+        ):
             found.page.locator("#ask").click()
             found.page.keyboard.type(TOKEN)
             found.page.keyboard.press("Enter")
@@ -293,12 +393,16 @@ def test_an_unanswered_reset_says_so_and_its_dialog_does_not_hide_that_the_conne
         ("a promise", "void Promise.reject(new Error('x'))"),
     ],
 )
-def test_a_page_that_fails_shows_nothing_that_looks_live(shown: Any, event: str, script: str) -> None:
+def test_a_page_that_fails_shows_nothing_that_looks_live(
+    shown: Any, event: str, script: str
+) -> None:
     monitor, found = shown
     with repeating(watching(monitor)):
         found.shows(word="WATCHING")
         found.page.evaluate(script)
-        found.shows(sentence="This page has failed: load it again. Treat this as a withdrawal.")
+        found.shows(
+            sentence="This page has failed: load it again. Treat this as a withdrawal."
+        )
         sleep(0.3)
         assert found.view() == "LOST", event
         assert not found.looks_live()
@@ -308,8 +412,22 @@ def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(shown: Any) -
     monitor, found = shown
 
     def empty() -> None:
-        monitor.frame(BRIGHT, "NOT_READY", "no wall", usable=False, reason="no wall", predicted=2, force_mn=9.0)
+        monitor.frame(
+            BRIGHT,
+            "NOT_READY",
+            "no wall",
+            usable=False,
+            reason="no wall",
+            predicted=2,
+            force_mn=9.0,
+        )
 
     with repeating(empty):
-        found.shows(word="NOT READY", force=NOTHING, interval="not judged: no wall", detail="no wall", scan_stamp="")
+        found.shows(
+            word="NOT READY",
+            force=NOTHING,
+            interval="not judged: no wall",
+            detail="no wall",
+            scan_stamp="",
+        )
         assert found.page.locator("#class").inner_text() == NOTHING

@@ -38,19 +38,32 @@ def monitor() -> Iterator[ConsoleMonitor]:
 
 
 def ask(
-    monitor: ConsoleMonitor, path: str = "/", method: str = "GET", body: str = "", **headers: str
+    monitor: ConsoleMonitor,
+    path: str = "/",
+    method: str = "GET",
+    body: str = "",
+    **headers: str,
 ) -> tuple[http.client.HTTPResponse, str]:
-    with closing(http.client.HTTPConnection("127.0.0.1", monitor.port, timeout=FUSE_S)) as link:
+    with closing(
+        http.client.HTTPConnection("127.0.0.1", monitor.port, timeout=FUSE_S)
+    ) as link:
         link.request(method, path, body or None, headers)
         answer = link.getresponse()
         return answer, answer.read().decode()
 
 
 @contextmanager
-def page(monitor: ConsoleMonitor, origin: str | None = "") -> Iterator[ClientConnection]:
+def page(
+    monitor: ConsoleMonitor, origin: str | None = ""
+) -> Iterator[ClientConnection]:
     """Do as a browser's page does, without the browser; "" is the console's own origin."""
     own = monitor.address.rstrip("/") if origin == "" else origin
-    with connect(f"ws://127.0.0.1:{monitor.port}/live", origin=own, compression=None, open_timeout=FUSE_S) as link:
+    with connect(
+        f"ws://127.0.0.1:{monitor.port}/live",
+        origin=own,
+        compression=None,
+        open_timeout=FUSE_S,
+    ) as link:
         yield link
 
 
@@ -67,11 +80,17 @@ def received(link: ClientConnection) -> Iterator[dict[str, Any] | bytes]:
             yield message
 
 
-def state_of(link: ClientConnection, state: str | None = None, **awaited: Any) -> dict[str, Any]:
+def state_of(
+    link: ClientConnection, state: str | None = None, **awaited: Any
+) -> dict[str, Any]:
     """Return the next message, or the next in which everything awaited holds."""
     awaited |= {} if state is None else {"state": state}
     messages = (found for found in received(link) if isinstance(found, dict))
-    return next(found for found in messages if all(found[name] == value for name, value in awaited.items()))
+    return next(
+        found
+        for found in messages
+        if all(found[name] == value for name, value in awaited.items())
+    )
 
 
 def shown_picture(link: ClientConnection) -> bytes:
@@ -99,18 +118,24 @@ def header(picture: bytes) -> dict[str, Any]:
     return dict(json.loads(picture[4 : 4 + int.from_bytes(picture[:4], "little")]))
 
 
-def test_the_page_and_its_parts_come_with_a_strict_policy_and_nothing_from_elsewhere(monitor: ConsoleMonitor) -> None:
+def test_the_page_and_its_parts_come_with_a_strict_policy_and_nothing_from_elsewhere(
+    monitor: ConsoleMonitor,
+) -> None:
     answer, text = ask(monitor)
     parts = re.findall(r'(?:src|href)="([^"]+)"', text)
     scripts = [ask(monitor, f"/{name}")[1] for name in parts if name.endswith(".js")]
-    parts += [name for script in scripts for name in re.findall(r'from "\./([^"]+)"', script)]
+    parts += [
+        name for script in scripts for name in re.findall(r'from "\./([^"]+)"', script)
+    ]
     assert len(parts) == 8
     assert not re.search(r"<style|style=|<script>|\son\w+=|//[a-z]", text)
     policy = answer.headers["content-security-policy"]
     assert policy.startswith("default-src 'none';")
     assert "unsafe" not in policy
     assert "*" not in policy
-    assert {"base-uri 'none'", "form-action 'none'", "frame-ancestors 'none'"} <= set(policy.split("; "))
+    assert {"base-uri 'none'", "form-action 'none'", "frame-ancestors 'none'"} <= set(
+        policy.split("; ")
+    )
     for name in ["", *parts]:
         part, content = ask(monitor, f"/{name}")
         assert part.status == 200
@@ -124,56 +149,124 @@ def test_the_page_and_its_parts_come_with_a_strict_policy_and_nothing_from_elsew
         assert set(elsewhere) <= {"http://www.w3.org/2000/svg"}
 
 
-def test_what_is_not_there_is_not_found_and_still_carries_the_policy(monitor: ConsoleMonitor) -> None:
-    for path in ("/docs", "/openapi.json", "/../settings.py", "/%2e%2e/settings.py", "/page/index.html", "/a/b"):
+def test_what_is_not_there_is_not_found_and_still_carries_the_policy(
+    monitor: ConsoleMonitor,
+) -> None:
+    for path in (
+        "/docs",
+        "/openapi.json",
+        "/../settings.py",
+        "/%2e%2e/settings.py",
+        "/page/index.html",
+        "/a/b",
+    ):
         answer, _ = ask(monitor, path)
         assert answer.status == 404
         assert "content-security-policy" in answer.headers
 
 
-def test_another_host_name_or_a_socket_of_another_origin_is_refused(monitor: ConsoleMonitor) -> None:
+def test_another_host_name_or_a_socket_of_another_origin_is_refused(
+    monitor: ConsoleMonitor,
+) -> None:
     assert ask(monitor, Host=f"localhost:{monitor.port}")[0].status == 200
     assert ask(monitor, Host=f"evil.example:{monitor.port}")[0].status == 403
-    for origin in (None, "http://evil.example", "null", f"http://localhost:{monitor.port}"):
+    for origin in (
+        None,
+        "http://evil.example",
+        "null",
+        f"http://localhost:{monitor.port}",
+    ):
         with pytest.raises(InvalidStatus) as refused, page(monitor, origin):
             pass
         assert refused.value.response.status_code == 403
 
 
-def test_a_reset_from_another_origin_or_none_never_reaches_the_monitor(monitor: ConsoleMonitor) -> None:
-    for headers in ({}, {"Origin": "http://evil.example"}, {"Origin": f"http://localhost:{monitor.port}"}):
+def test_a_reset_from_another_origin_or_none_never_reaches_the_monitor(
+    monitor: ConsoleMonitor,
+) -> None:
+    for headers in (
+        {},
+        {"Origin": "http://evil.example"},
+        {"Origin": f"http://localhost:{monitor.port}"},
+    ):
         headers["Content-Type"] = "application/json"
-        assert ask(monitor, "/reset", "POST", '{"token": "t"}', **headers)[0].status == 403
+        assert (
+            ask(monitor, "/reset", "POST", '{"token": "t"}', **headers)[0].status == 403
+        )
     own = {"Origin": monitor.address.rstrip("/"), "Content-Type": "application/json"}
-    assert ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 5000}), **own)[0].status == 413
-    assert ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 300}), **own)[0].status == 422
+    assert (
+        ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 5000}), **own)[
+            0
+        ].status
+        == 413
+    )
+    assert (
+        ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 300}), **own)[
+            0
+        ].status
+        == 422
+    )
     assert ask(monitor, "/reset", "POST", "[]", **own)[0].status == 422
     assert monitor.child.channel.receive() == []
 
 
-def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(monitor: ConsoleMonitor) -> None:
+def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(
+    monitor: ConsoleMonitor,
+) -> None:
     with page(monitor) as link:
         hello = json.loads(link.recv(timeout=FUSE_S))
-        assert (hello["model"], hello["eye"], hello["bound_mn"]) == ("reader", "eye-a", 30.0)
+        assert (hello["model"], hello["eye"], hello["bound_mn"]) == (
+            "reader",
+            "eye-a",
+            30.0,
+        )
         assert hello["class_bounds_mn"] == [5.0, 30.0]
         assert hello["pixel_mm"] == pytest.approx([15 / 96, 4 / 64])
-        for _ in range(100):  # a picture that is sent before its outline goes without one; so does a late reading
-            frame = monitor.frame(FRAME, "WATCHING", "class 1; 12.0 mN", **reading(12.0))
-            monitor.tell(Outline(frame=frame, step=4, outer=(None, 3.5), inner=(7.0, 8.0), plane="across"))
+        for _ in range(
+            100
+        ):  # a picture that is sent before its outline goes without one; so does a late reading
+            frame = monitor.frame(
+                FRAME, "WATCHING", "class 1; 12.0 mN", **reading(12.0)
+            )
+            monitor.tell(
+                Outline(
+                    frame=frame,
+                    step=4,
+                    outer=(None, 3.5),
+                    inner=(7.0, 8.0),
+                    plane="across",
+                )
+            )
             monitor.rates(frames_per_second=99.0, lost=frame)
             picture = shown_picture(link)
             message = state_of(link, "WATCHING", lost=frame)
-            if header(picture)["outline"] is not None and message["reading"] is not None:
+            if (
+                header(picture)["outline"] is not None
+                and message["reading"] is not None
+            ):
                 break
         assert message["reading"]["force_mn"] == 12.0
         assert message["steps"][-1][1:] == [12.0, 10.0, 14.0, "WATCHING", 1]
         assert message["latency_ms"] == [1.1, 1.1]
-        assert [client["role"] for client in message["clients"]] == ["scanner", "listener"]
+        assert [client["role"] for client in message["clients"]] == [
+            "scanner",
+            "listener",
+        ]
         outline = {"step": 4, "outer": [None, 3.5], "inner": [7.0, 8.0]}
-        assert header(picture) == {"frame": frame, "plane": "across", "rows": 64, "columns": 96, "outline": outline}
+        assert header(picture) == {
+            "frame": frame,
+            "plane": "across",
+            "rows": 64,
+            "columns": 96,
+            "outline": outline,
+        }
         shown = np.frombuffer(picture[-64 * 96 :], np.uint8).reshape(64, 96)
-        np.testing.assert_allclose(shown[:, 0], np.minimum(FRAME[:, 0] / FRAME[60, 0] * 255, 255), atol=6)
-        monitor.entry("WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 29.0 mN", "BOUND")
+        np.testing.assert_allclose(
+            shown[:, 0], np.minimum(FRAME[:, 0] / FRAME[60, 0] * 255, 255), atol=6
+        )
+        monitor.entry(
+            "WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 29.0 mN", "BOUND"
+        )
         message = state_of(link, "WITHDRAW")
         assert message["sentence"] == "The force may have reached the bound."
         assert message["detail"] == "up to 31.0 mN, the bound is 30.0 mN"
@@ -185,13 +278,17 @@ def test_a_page_gets_less_while_answers_are_slow_and_a_withdrawal_at_once() -> N
     with ConsoleMonitor(rows=rows, columns=columns) as monitor, page(monitor) as link:
         for _ in range(3):
             slow = {**reading(12.0), "latency_ms": 50.0}
-            frame = monitor.frame(np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow)
+            frame = monitor.frame(
+                np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow
+            )
         while state_of(link)["thrift"] == 0:
             pass
         monitor.tell(Outline(frame=frame, step=4, outer=(), inner=()))
         picture = shown_picture(link)
         while header(picture)["rows"] == rows:  # sent before
-            frame = monitor.frame(np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow)
+            frame = monitor.frame(
+                np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow
+            )
             monitor.tell(Outline(frame=frame, step=4, outer=(), inner=()))
             picture = shown_picture(link)
         assert (header(picture)["rows"], header(picture)["columns"]) == (320, 320)
@@ -212,13 +309,23 @@ def operator_resets(monitor: ConsoleMonitor) -> None:
         with closing(post(monitor, TOKEN)) as operator:
             asked = monitor.hear(ResetAsked)
             assert asked.token == TOKEN
-            monitor.tell(ResetAnswered(request=asked.request, granted=granted, message=said))
-            assert json.loads(operator.getresponse().read()) == {"granted": granted, "message": said}
+            monitor.tell(
+                ResetAnswered(request=asked.request, granted=granted, message=said)
+            )
+            assert json.loads(operator.getresponse().read()) == {
+                "granted": granted,
+                "message": said,
+            }
 
 
-def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_does_not(monitor: ConsoleMonitor) -> None:
+def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_does_not(
+    monitor: ConsoleMonitor,
+) -> None:
     with ExitStack() as stack:
-        guessers = [stack.enter_context(closing(post(monitor, f"{number:06d}"))) for number in range(ANSWERED + 5)]
+        guessers = [
+            stack.enter_context(closing(post(monitor, f"{number:06d}")))
+            for number in range(ANSWERED + 5)
+        ]
         asked = wrong = 0
         while asked < ANSWERED or wrong < 5:
             match monitor.hear(ResetAsked | WrongTokens):
@@ -226,13 +333,22 @@ def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_do
                     wrong += count
                 case ResetAsked(request=request):
                     asked += 1
-                    monitor.tell(ResetAnswered(request=request, granted=False, message="asked"))
-        said = [json.loads(guesser.getresponse().read())["message"] for guesser in guessers]
-    assert (said.count("asked"), sum("wrong" in words for words in said)) == (ANSWERED, 5)
+                    monitor.tell(
+                        ResetAnswered(request=request, granted=False, message="asked")
+                    )
+        said = [
+            json.loads(guesser.getresponse().read())["message"] for guesser in guessers
+        ]
+    assert (said.count("asked"), sum("wrong" in words for words in said)) == (
+        ANSWERED,
+        5,
+    )
     operator_resets(monitor)
 
 
-def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(monitor: ConsoleMonitor) -> None:
+def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(
+    monitor: ConsoleMonitor,
+) -> None:
     """The stalled one never answers: it has a few messages and one picture, whatever happens meanwhile."""
     monitor.entry("WATCHING")
     with page(monitor) as stalled, page(monitor) as lively:
@@ -251,8 +367,12 @@ def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(monitor: Console
         assert state_of(stalled)["state"] == "WITHDRAW"
 
 
-@pytest.mark.parametrize("said", ["no JSON", "[1]", "{}", '{"seen": "1"}', b"bytes", "[" * 4000])
-def test_a_page_that_says_something_else_is_let_go(monitor: ConsoleMonitor, said: str | bytes) -> None:
+@pytest.mark.parametrize(
+    "said", ["no JSON", "[1]", "{}", '{"seen": "1"}', b"bytes", "[" * 4000]
+)
+def test_a_page_that_says_something_else_is_let_go(
+    monitor: ConsoleMonitor, said: str | bytes
+) -> None:
     with page(monitor) as link:
         link.send(said)
         close = close_of(link)
@@ -261,7 +381,9 @@ def test_a_page_that_says_something_else_is_let_go(monitor: ConsoleMonitor, said
 
 
 @pytest.mark.slow
-def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(monitor: ConsoleMonitor) -> None:
+def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(
+    monitor: ConsoleMonitor,
+) -> None:
     """Ten times what the channel holds, none of it lost."""
     with socket.create_connection(("127.0.0.1", monitor.port)) as hanging:
         hanging.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n")
@@ -277,18 +399,24 @@ def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(monito
 @pytest.mark.slow
 def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
     """The monitor here is a process of its own, which is killed."""
-    program = ("import time; from console_monitor import ConsoleMonitor; started = "
-               "ConsoleMonitor();started.entry('WATCHING'); print(started.port, started.child.process.pid, "
-               "flush=True); time.sleep(60)")  # fmt: skip
+    program = (
+        "import time; from console_monitor import ConsoleMonitor; started = "
+        "ConsoleMonitor();started.entry('WATCHING'); print(started.port, started.child.process.pid, "
+        "flush=True); time.sleep(60)"
+    )
     support = Path(__file__).parents[2] / "support"
     killed = subprocess.Popen(
-        [sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": str(support)}, stdout=subprocess.PIPE,
+        [sys.executable, "-c", program],
+        env=os.environ | {"PYTHONPATH": str(support)},
+        stdout=subprocess.PIPE,
         text=True,
-    )  # fmt: skip
+    )
     assert killed.stdout is not None
     with ends(killed.stdout, FUSE_S):
         port, pid = map(int, killed.stdout.readline().split())
-    with connect(f"ws://127.0.0.1:{port}/live", origin=f"http://127.0.0.1:{port}") as link:
+    with connect(
+        f"ws://127.0.0.1:{port}/live", origin=f"http://127.0.0.1:{port}"
+    ) as link:
         assert state_of(link)["state"] == "WATCHING"
         killed.send_signal(signal.SIGKILL)
         killed.wait(FUSE_S)
@@ -299,11 +427,18 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
 
 
 @pytest.mark.slow
-def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_hears_their_sum() -> None:
+def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_hears_their_sum() -> (
+    None
+):
     with ConsoleMonitor() as monitor, ExitStack() as stack:
-        guessers = [stack.enter_context(closing(post(monitor, f"wrong {number}"))) for number in range(60)]
+        guessers = [
+            stack.enter_context(closing(post(monitor, f"wrong {number}")))
+            for number in range(60)
+        ]
         said = [json.loads(guesser.getresponse().read()) for guesser in guessers]
-        refusals = {(answer["granted"], answer["message"].split(";")[0]) for answer in said}
+        refusals = {
+            (answer["granted"], answer["message"].split(";")[0]) for answer in said
+        }
         assert refusals == {(False, "the token or code is wrong")}
         counted = 0
         while counted < 60:
@@ -346,7 +481,10 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
 @pytest.mark.slow
 def test_connections_that_say_nothing_give_way_to_the_operators() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
-        links = (socket.create_connection(("127.0.0.1", monitor.port), timeout=FUSE_S) for _ in range(MOST + 10))
+        links = (
+            socket.create_connection(("127.0.0.1", monitor.port), timeout=FUSE_S)
+            for _ in range(MOST + 10)
+        )
         idle = [stack.enter_context(link) for link in links]
         operator_resets(monitor)
         assert idle[0].recv(1) == b""  # the oldest one was cut off

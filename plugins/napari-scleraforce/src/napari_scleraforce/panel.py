@@ -47,8 +47,14 @@ class Panel(Container[Widget]):
 
     def __init__(self, napari_viewer: ViewerModel) -> None:
         self.calibration = FileEdit(label="calibration", filter="*.json", nullable=True)
-        self.drawn_as = ComboBox(label="new paths are", choices=[UPPER, LOWER], value=UPPER)
-        actions = {"Save wall": self.save, "Restore wall": self.restore, "Read all frames": self.read_all}
+        self.drawn_as = ComboBox(
+            label="new paths are", choices=[UPPER, LOWER], value=UPPER
+        )
+        actions = {
+            "Save wall": self.save,
+            "Restore wall": self.restore,
+            "Read all frames": self.read_all,
+        }
         buttons = [PushButton(text=text) for text in actions]
         super().__init__(widgets=[self.calibration, self.drawn_as, *buttons])
         for button, action in zip(buttons, actions.values(), strict=True):
@@ -81,7 +87,9 @@ class Panel(Container[Widget]):
 
     @property
     def _modulus(self) -> Path | None:
-        return self.calibration.value if isinstance(self.calibration.value, Path) else None
+        return (
+            self.calibration.value if isinstance(self.calibration.value, Path) else None
+        )
 
     @property
     def frame(self) -> int:
@@ -113,17 +121,25 @@ class Panel(Container[Widget]):
         recording = self.recording
         if recording is None:
             return
-        mask = mask_of(self.paths(), (recording.info.oct.rows, recording.info.oct.columns))
+        mask = mask_of(
+            self.paths(), (recording.info.oct.rows, recording.info.oct.columns)
+        )
         file = recording.frames[self.frame].file
         sf.save_wall(recording, file, mask)
-        for each in next(moment for moment in recording.moments if file in {entry.file for entry in moment}):
+        for each in next(
+            moment
+            for moment in recording.moments
+            if file in {entry.file for entry in moment}
+        ):
             self._answers.pop(each.file, None)
         self.restore()
 
     def restore(self) -> None:
         """Show the wall that is read, without changes that were not saved."""
         walls = self._walls()
-        walls.selected_data = {number for number, data in enumerate(walls.data) if self._is_shown(data)}
+        walls.selected_data = {
+            number for number, data in enumerate(walls.data) if self._is_shown(data)
+        }
         walls.remove_selected()
         walls.metadata["drawn"].discard(self.frame)
         self.show_frame()
@@ -135,7 +151,9 @@ class Panel(Container[Widget]):
         if recording is None:
             return
         with progress(total=len(recording.frames), desc="reading") as bar:
-            found = sf.evaluate(self._model, recording.path, self._modulus, progress=bar.update)
+            found = sf.evaluate(
+                self._model, recording.path, self._modulus, progress=bar.update
+            )
         self._answers = {each.file: each.answer for each in found.frames}
         self._measured = {
             each.time_s: each.measured_force_n
@@ -148,10 +166,18 @@ class Panel(Container[Widget]):
         """Return the paths (point, 3) of the shown frame, with the names of their boundaries."""
         walls = self._walls()
         named = zip(walls.features[BOUNDARY], walls.data, strict=True)
-        return [(str(name), np.asarray(data)) for name, data in named if self._is_shown(data)]
+        return [
+            (str(name), np.asarray(data))
+            for name, data in named
+            if self._is_shown(data)
+        ]
 
     def _image(self) -> Image | None:
-        found = [layer for layer in self._viewer.layers if isinstance(layer, Image) and RECORDING in layer.metadata]
+        found = [
+            layer
+            for layer in self._viewer.layers
+            if isinstance(layer, Image) and RECORDING in layer.metadata
+        ]
         return found[-1] if found else None
 
     def _is_shown(self, data: Any) -> bool:
@@ -160,7 +186,10 @@ class Panel(Container[Widget]):
     def _read(self, recording: "Recording") -> "Answer":
         entry = recording.frames[self.frame]
         moment = next(moment for moment in recording.moments if entry in moment)
-        frames = [recording.frame_path(each) for each in (entry, *(each for each in moment if each is not entry))]
+        frames = [
+            recording.frame_path(each)
+            for each in (entry, *(each for each in moment if each is not entry))
+        ]
         return sf.read(self._model, list(frames), calibration=self._modulus)
 
     def _walls(self) -> Shapes:
@@ -168,12 +197,20 @@ class Panel(Container[Widget]):
         image = self._image()
         assert image is not None
         for layer in self._viewer.layers:
-            if isinstance(layer, Shapes) and layer.metadata.get(RECORDING) == image.metadata[RECORDING]:
+            if (
+                isinstance(layer, Shapes)
+                and layer.metadata.get(RECORDING) == image.metadata[RECORDING]
+            ):
                 return layer
         layer = Shapes(
-            ndim=3, name=WALLS, scale=image.scale, units=image.units, axis_labels=image.axis_labels,
-            metadata={RECORDING: image.metadata[RECORDING], "drawn": set()}, features={BOUNDARY: np.empty(0, object)},
-        )  # fmt: skip
+            ndim=3,
+            name=WALLS,
+            scale=image.scale,
+            units=image.units,
+            axis_labels=image.axis_labels,
+            metadata={RECORDING: image.metadata[RECORDING], "drawn": set()},
+            features={BOUNDARY: np.empty(0, object)},
+        )
         self._viewer.add_layer(layer)
         self._default(str(self.drawn_as.value))
         return layer
@@ -188,7 +225,9 @@ class Panel(Container[Widget]):
         if self.frame in walls.metadata["drawn"] or found is None:
             return
         walls.metadata["drawn"].add(self.frame)
-        for name, points in paths_of(self.frame, found.outer_row, found.inner_row if found.inner_found else None):
+        for name, points in paths_of(
+            self.frame, found.outer_row, found.inner_row if found.inner_found else None
+        ):
             self._default(name)
             walls.add_paths([points], edge_color=COLOURS[name], edge_width=WIDTH_ROWS)
         self._default(str(self.drawn_as.value))
@@ -199,15 +238,30 @@ class Panel(Container[Widget]):
         read = [
             (entry.time_s, answer.force_n, *answer.interval_n)
             for entry in recording.frames
-            if (answer := self._answers.get(entry.file)) and answer.force_n is not None and answer.interval_n
+            if (answer := self._answers.get(entry.file))
+            and answer.force_n is not None
+            and answer.interval_n
         ]
         if read:
             time_s, force_n, low_n, high_n = np.array(read).T
             errors = MN * np.array([force_n - low_n, high_n - force_n])
-            axes.errorbar(time_s, MN * force_n, errors, fmt="o", color=COLOURS[LOWER], label="read, 90 % interval")
+            axes.errorbar(
+                time_s,
+                MN * force_n,
+                errors,
+                fmt="o",
+                color=COLOURS[LOWER],
+                label="read, 90 % interval",
+            )
         if self._measured:
             measured_mn = MN * np.array(list(self._measured.values()))
-            axes.plot(list(self._measured), measured_mn, ".", color=COLOURS[UPPER], label="measured")
+            axes.plot(
+                list(self._measured),
+                measured_mn,
+                ".",
+                color=COLOURS[UPPER],
+                label="measured",
+            )
         axes.axvline(recording.frames[self.frame].time_s, color="grey", linewidth=1)
         if read or self._measured:
             axes.legend()
@@ -216,8 +270,12 @@ class Panel(Container[Widget]):
 
 def sentence(answer: "Answer") -> str:
     """Return force, interval, class and the source of the wall of an answer."""
-    source = "" if answer.segmentation is None else f", wall: {answer.segmentation.source}"
+    source = (
+        "" if answer.segmentation is None else f", wall: {answer.segmentation.source}"
+    )
     if answer.force_n is None or answer.interval_n is None:
         return f"not usable: {answer.reason}{source}"
-    force, low, high = (f"{MN * value:.1f}" for value in (answer.force_n, *answer.interval_n))
+    force, low, high = (
+        f"{MN * value:.1f}" for value in (answer.force_n, *answer.interval_n)
+    )
     return f"{force} mN ({low} to {high}), class {answer.predicted}{source}"

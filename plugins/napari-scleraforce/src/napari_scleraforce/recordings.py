@@ -14,10 +14,16 @@ RECORDING = "recording"  # key of the metadata of layers: the folder
 LayerData = tuple[Any, dict[str, Any], str]
 
 
-def reader_of(path: str | Sequence[str]) -> Callable[[str | Sequence[str]], list[LayerData]] | None:
+def reader_of(
+    path: str | Sequence[str],
+) -> Callable[[str | Sequence[str]], list[LayerData]] | None:
     """Return the reader of recording folders (npe2), None for other paths."""
     paths = [path] if isinstance(path, str) else path
-    return layers if all((Path(each) / "recording.toml").is_file() for each in paths) else None
+    return (
+        layers
+        if all((Path(each) / "recording.toml").is_file() for each in paths)
+        else None
+    )
 
 
 def layers(path: str | Sequence[str]) -> list[LayerData]:
@@ -34,11 +40,21 @@ def _stack(path: Path) -> LayerData:
     oct_info = recording.info.oct
     dtype = recording.frame(recording.frames[0]).dtype
     shape = oct_info.rows, oct_info.columns
-    frames = [da.from_delayed(delayed(recording.frame)(entry), shape, dtype) for entry in recording.frames]
-    scale = (1.0, oct_info.depth_m * MM / oct_info.rows, oct_info.width_m * MM / oct_info.columns)
+    frames = [
+        da.from_delayed(delayed(recording.frame)(entry), shape, dtype)
+        for entry in recording.frames
+    ]
+    scale = (
+        1.0,
+        oct_info.depth_m * MM / oct_info.rows,
+        oct_info.width_m * MM / oct_info.columns,
+    )
     described = {
-        "name": recording.info.eye.id, "scale": scale, "units": ("pixel", "mm", "mm"),
-        "axis_labels": ("frame", "depth", "lateral"), "contrast_limits": (0, 2**oct_info.bits - 1),
+        "name": recording.info.eye.id,
+        "scale": scale,
+        "units": ("pixel", "mm", "mm"),
+        "axis_labels": ("frame", "depth", "lateral"),
+        "contrast_limits": (0, 2**oct_info.bits - 1),
         "metadata": {RECORDING: str(path.absolute())},
-    }  # fmt: skip
+    }
     return da.stack(frames), described, "image"

@@ -21,7 +21,10 @@ def paths_of(frame: int, outer_row: Points, inner_row: Points | None) -> Paths:
     """Return the paths (point, 3) of a wall with boundaries in rows (column,), NaN where unseen; with their names."""
     boundaries = {UPPER: outer_row} | ({} if inner_row is None else {LOWER: inner_row})
     return [
-        (name, np.insert(approximate_polygon(stretch, TOLERANCE_ROWS), 0, frame, axis=1))
+        (
+            name,
+            np.insert(approximate_polygon(stretch, TOLERANCE_ROWS), 0, frame, axis=1),
+        )
         for name, row in boundaries.items()
         for stretch in _stretches(np.asarray(row, float))
     ]
@@ -35,7 +38,9 @@ def _stretches(row: Points) -> Iterator[Points]:
             yield np.column_stack([row[part], part])
 
 
-def mask_of(paths: Iterable[tuple[str, Points]], shape: tuple[int, int]) -> NDArray[np.uint8]:
+def mask_of(
+    paths: Iterable[tuple[str, Points]], shape: tuple[int, int]
+) -> NDArray[np.uint8]:
     """Return the mask (row, column) of a frame's paths: 255 from the upper boundary to the lower one, 0 elsewhere.
 
     Columns without the one or the other are not judged (128). Without any lower path, the wall ends below the frame.
@@ -44,7 +49,9 @@ def mask_of(paths: Iterable[tuple[str, Points]], shape: tuple[int, int]) -> NDAr
     upper, lower = np.full((2, columns), np.nan)
     bounded = False
     for name, points in paths:
-        (upper if name == UPPER else lower)[:] = _drawn(points, upper if name == UPPER else lower)
+        (upper if name == UPPER else lower)[:] = _drawn(
+            points, upper if name == UPPER else lower
+        )
         bounded |= name == LOWER
     lower = lower if bounded else np.full(columns, float(rows))
     row = np.arange(rows)[:, None]

@@ -11,9 +11,18 @@ from statistics import median
 from typing import Any
 
 from scleraforce.decision.events import BY_SEVERITY
-from scleraforce.service.messages import START, CompanionMessage, Decided, Entry, Outline, Rates
+from scleraforce.service.messages import (
+    START,
+    CompanionMessage,
+    Decided,
+    Entry,
+    Outline,
+    Rates,
+)
 
-SENTENCES: dict[str, str] = tomllib.loads(files(__package__).joinpath("causes.toml").read_text("utf-8"))
+SENTENCES: dict[str, str] = tomllib.loads(
+    files(__package__).joinpath("causes.toml").read_text("utf-8")
+)
 READ_WORDS = re.compile(r"; class \d+(; -?[\d.]+ mN)?(; .*)?$", re.DOTALL)
 STEP_S = 0.04
 HISTORY_S = 30.0
@@ -24,9 +33,20 @@ READING_S = 0.5  # an older reading is not shown
 LATENCY_S = 5.0
 OUTLINE_S = 0.2  # after this long, a frame is shown without its outline
 READING = (
-    "frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason", "time_to_bound_ms",
-    "time_to_bound_ms_interval", "modulus_mpa", "modulus_sd_mpa", "modulus_frames", "plane",
-)  # fmt: skip
+    "frame",
+    "class",
+    "probabilities",
+    "force_mn",
+    "interval_mn",
+    "usable",
+    "reason",
+    "time_to_bound_ms",
+    "time_to_bound_ms_interval",
+    "modulus_mpa",
+    "modulus_sd_mpa",
+    "modulus_frames",
+    "plane",
+)
 
 
 def sentence_of(cause: str) -> str:
@@ -69,7 +89,10 @@ class Step:
 
     def as_json(self) -> list[Any]:
         """Return the step for the page, rounded to tenths of a micronewton, which is finer than the page shows."""
-        forces = [None if value is None else round(value, 4) for value in (self.force_mn, self.low_mn, self.high_mn)]
+        forces = [
+            None if value is None else round(value, 4)
+            for value in (self.force_mn, self.low_mn, self.high_mn)
+        ]
         return [self.number, *forces, self.state, self.predicted]
 
 
@@ -90,12 +113,18 @@ class History:
 
     def since(self, number: int) -> list[Step]:
         """Return the steps from a number on, oldest first; the last one may still change."""
-        late = list(takewhile(lambda step: step.number >= number, reversed(self._steps)))
+        late = list(
+            takewhile(lambda step: step.number >= number, reversed(self._steps))
+        )
         return late[::-1]
 
 
 def _numbers(*forces_mn: float | None) -> list[float]:
-    return [force_mn for force_mn in forces_mn if force_mn is not None and isfinite(force_mn)]
+    return [
+        force_mn
+        for force_mn in forces_mn
+        if force_mn is not None and isfinite(force_mn)
+    ]
 
 
 class Board:
@@ -105,7 +134,9 @@ class Board:
         self._entry_s = self._outline_s = self._frame_s = now_s
         self._heard_s: float | None = None
         self._entry = START
-        self._reading: tuple[int, Entry] | None = None  # the last one on a frame, with its number
+        self._reading: tuple[int, Entry] | None = (
+            None  # the last one on a frame, with its number
+        )
         self._outline: Outline | None = None
         self._rates: Rates | None = None
         self._lost = 0
@@ -135,7 +166,10 @@ class Board:
                 self._latencies.append((now_s, entry.latency_ms))
             while self._latencies and now_s - self._latencies[0][0] > LATENCY_S:
                 self._latencies.popleft()
-        return before is START or (before.state, before.cause) != (entry.state, entry.cause)
+        return before is START or (before.state, before.cause) != (
+            entry.state,
+            entry.cause,
+        )
 
     def end(self) -> None:
         """Note that the monitor has ended or died."""
@@ -148,27 +182,46 @@ class Board:
         if self._heard_s is None:
             return "starting"
         watching = self._entry.state == "WATCHING"
-        silent = now_s - self._heard_s > SILENT_S or (watching and now_s - self._entry_s > WATCHING_SILENT_S)
+        silent = now_s - self._heard_s > SILENT_S or (
+            watching and now_s - self._entry_s > WATCHING_SILENT_S
+        )
         return "silent" if silent else "answers"
 
     def as_json(self, now_s: float, since: int) -> dict[str, Any]:
         """Return all that a page shows, except the picture; the history begins with step number `since`."""
         entry = self._entry
-        read = self._reading[1].as_json() if self._reading and now_s - self._frame_s <= READING_S else None
-        latencies_ms = [latency_ms for at_s, latency_ms in self._latencies if now_s - at_s <= LATENCY_S]
+        read = (
+            self._reading[1].as_json()
+            if self._reading and now_s - self._frame_s <= READING_S
+            else None
+        )
+        latencies_ms = [
+            latency_ms
+            for at_s, latency_ms in self._latencies
+            if now_s - at_s <= LATENCY_S
+        ]
         return {
-            "kind": "state", "now": now_s / STEP_S, "monitor": self.monitor(now_s),
+            "kind": "state",
+            "now": now_s / STEP_S,
+            "monitor": self.monitor(now_s),
             "reading": read and {name: read.get(name) for name in READING},
-            "latency_ms": [round(median(latencies_ms), 2), round(max(latencies_ms), 2)] if latencies_ms else None,
-            "frames_per_second": self._rates.frames_per_second if self._rates else None, "lost": self._lost,
+            "latency_ms": [round(median(latencies_ms), 2), round(max(latencies_ms), 2)]
+            if latencies_ms
+            else None,
+            "frames_per_second": self._rates.frames_per_second if self._rates else None,
+            "lost": self._lost,
             "clients": self._rates.clients if self._rates else [],
-            "steps": [step.as_json() for step in self.history.since(since)], "state": entry.state, "cause": entry.cause,
-            "detail": entry.present if entry.cause else detail_of(entry.message, entry.state),
+            "steps": [step.as_json() for step in self.history.since(since)],
+            "state": entry.state,
+            "cause": entry.cause,
+            "detail": entry.present
+            if entry.cause
+            else detail_of(entry.message, entry.state),
             "sentence": sentence_of(entry.cause) if entry.cause else "",
             "present": sentence_of(entry.present_cause) if entry.present_cause else "",
             "withdrawn_s": entry.withdrawn_s,
             "pierced": "PIERCED" in (entry.cause, entry.present_cause),
-        }  # fmt: skip
+        }
 
     def picture(self) -> tuple[int, Outline | None] | None:
         """Return the number of the frame to show, and its outline; None before the first frame."""

@@ -49,7 +49,9 @@ class Share:
 SHARES = (
     Share(level=0, update_s=1 / 30, picture_s=1 / 30, pixels=640),
     Share(level=1, update_s=0.1, picture_s=0.2, pixels=320),
-    Share(level=2, update_s=0.2, picture_s=0.5, pixels=320),  # slower, and a page would call it not live
+    Share(
+        level=2, update_s=0.2, picture_s=0.5, pixels=320
+    ),  # slower, and a page would call it not live
 )
 
 
@@ -98,7 +100,9 @@ class Pictures:
         self._made: tuple[tuple[int, int], bytes] = ((0, 0), b"")
         self._white = 1.0
 
-    def of(self, frame: int, outline: messages.Outline | None, most_pixels: int) -> bytes | None:
+    def of(
+        self, frame: int, outline: messages.Outline | None, most_pixels: int
+    ) -> bytes | None:
         """Return the picture of a frame, of `most_pixels` along either side; None if the frame is gone."""
         if self._made[0] == (frame, most_pixels):
             return self._made[1]
@@ -109,14 +113,29 @@ class Pictures:
         self._white = max(white, FADING * self._white, 1.0)
         rows, columns = (min(length, most_pixels) for length in pixels.shape)
         if (rows, columns) != pixels.shape:
-            pixels = cv2.resize(pixels, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.uint16)
+            pixels = cv2.resize(
+                pixels, (columns, rows), interpolation=cv2.INTER_AREA
+            ).astype(np.uint16)
         shown = cv2.convertScaleAbs(pixels, alpha=255 / self._white)
-        lines = {"step": outline.step, "outer": outline.outer, "inner": outline.inner} if outline else None
+        lines = (
+            {"step": outline.step, "outer": outline.outer, "inner": outline.inner}
+            if outline
+            else None
+        )
         plane = outline.plane if outline else None
         header = json.dumps(
-            {"frame": frame, "plane": plane, "rows": rows, "columns": columns, "outline": lines}
+            {
+                "frame": frame,
+                "plane": plane,
+                "rows": rows,
+                "columns": columns,
+                "outline": lines,
+            }
         ).encode()
-        self._made = (frame, most_pixels), len(header).to_bytes(4, "little") + header + shown.tobytes()
+        self._made = (
+            (frame, most_pixels),
+            len(header).to_bytes(4, "little") + header + shown.tobytes(),
+        )
         return self._made[1]
 
 
@@ -126,7 +145,13 @@ class Hub:
     `when_ended` is called once, when the monitor has ended or died.
     """
 
-    def __init__(self, channel: Channel, pictures: Pictures, token: ResetToken, when_ended: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        channel: Channel,
+        pictures: Pictures,
+        token: ResetToken,
+        when_ended: Callable[[], None],
+    ) -> None:
         self.board, self.pictures, self.thrift = Board(monotonic()), pictures, Thrift()
         self.pages: set[Page] = set()
         self._channel, self._token, self._when_ended = channel, token, when_ended
@@ -153,7 +178,11 @@ class Hub:
             self._end()
             return
         except MessageError as fault:
-            self.send(messages.SelfReport(detail=f"the monitor does not keep to the protocol: {fault}"))
+            self.send(
+                messages.SelfReport(
+                    detail=f"the monitor does not keep to the protocol: {fault}"
+                )
+            )
             return
         now_s = monotonic()
         urgent = False
@@ -163,7 +192,9 @@ class Hub:
                 if future is not None and not future.done():
                     future.set_result((message.granted, message.message))
             if isinstance(message, messages.Decided):
-                self.thrift.answered(message.entry.latency_ms, message.entry.overtaken, now_s)
+                self.thrift.answered(
+                    message.entry.latency_ms, message.entry.overtaken, now_s
+                )
             urgent = self.board.take(message, now_s) or urgent
         if urgent:
             self._wake()
@@ -198,10 +229,15 @@ class Hub:
         is_code = CODE.fullmatch(token) and self._token.answers_wrong(monotonic())
         if not is_code and not self._token.knows(token):
             self._wrong_tokens += 1
-            if self._wrong_tokens == 1:  # the monitor gets one message on all that come within `WRONG_S`
+            if (
+                self._wrong_tokens == 1
+            ):  # the monitor gets one message on all that come within `WRONG_S`
                 asyncio.get_running_loop().call_later(WRONG_S, self._send_wrong)
             await asyncio.sleep(WRONG_S)
-            return False, "the token or code is wrong; the monitor printed the right ones"
+            return (
+                False,
+                "the token or code is wrong; the monitor printed the right ones",
+            )
         number = next(self._numbers)
         future = self._waiting[number] = asyncio.get_running_loop().create_future()
         self.send(messages.ResetAsked(request=number, token=token))
@@ -245,7 +281,10 @@ class Page:
         tasks: list[asyncio.Task[Any]] = []
         try:
             await self.socket.send_text(json.dumps({"kind": "hello", **settings}))
-            tasks = [asyncio.create_task(work) for work in (self._send(), self._hear(), self.gone.wait())]
+            tasks = [
+                asyncio.create_task(work)
+                for work in (self._send(), self._hear(), self.gone.wait())
+            ]
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         except WebSocketDisconnect:
             return
@@ -277,7 +316,9 @@ class Page:
                 if state["steps"]:
                     self.step = state["steps"][-1][0]  # which may still change
                 self.sent += 1
-                await self.socket.send_text(json.dumps({**state, "thrift": share.level, "number": self.sent}))
+                await self.socket.send_text(
+                    json.dumps({**state, "thrift": share.level, "number": self.sent})
+                )
                 await self._send_picture(share)
             due_s = monotonic() + share.update_s
             try:
@@ -305,7 +346,10 @@ class Page:
             except (ValueError, KeyError, RecursionError):  # no JSON, or no text
                 return
             self.heard_s = monotonic()
-            seen, drawn = (answer.get(name) if isinstance(answer, dict) else None for name in ("seen", "drawn"))
+            seen, drawn = (
+                answer.get(name) if isinstance(answer, dict) else None
+                for name in ("seen", "drawn")
+            )
             stalled = not self._keeps_up
             if isinstance(seen, int):
                 self.seen = max(self.seen, min(seen, self.sent))

@@ -22,24 +22,37 @@ from scleraforce.service.messages import ConsoleSettings, ListensAt
 from scleraforce.service.reset import ResetToken
 
 MOST_BODY_BYTES = 4096
-POLICY = ("default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri "
-          "'none'; form-action 'none'; frame-ancestors 'none'")  # fmt: skip
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri "
+    "'none'; form-action 'none'; frame-ancestors 'none'"
+)
 HEADERS = {
-    "content-security-policy": POLICY, "x-frame-options": "DENY", "x-content-type-options": "nosniff",
-    "referrer-policy": "no-referrer", "cross-origin-opener-policy": "same-origin",
-    "cross-origin-resource-policy": "same-origin", "permissions-policy": "camera=(), geolocation=(), microphone=()",
+    "content-security-policy": POLICY,
+    "x-frame-options": "DENY",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), geolocation=(), microphone=()",
     "cache-control": "no-store",
-}  # fmt: skip
+}
 MOST = 128  # of each kind; more WebSockets than there are places for pages, because some are being closed
 
-_requests, _sockets = deque[asyncio.Transport](), deque[asyncio.Transport]()  # oldest first; of the console's process
+_requests, _sockets = (
+    deque[asyncio.Transport](),
+    deque[asyncio.Transport](),
+)  # oldest first; of the console's process
 LAST_WORDS_S = 1.0  # in which pages learn that the monitor has ended
 NICENESS = 5  # the monitor comes first
 MOST_MESSAGE_BYTES = 4096
 
 
 def refusal(
-    kind: str, method: str, headers: list[tuple[bytes, bytes]], name: str, most_bytes: int = MOST_BODY_BYTES
+    kind: str,
+    method: str,
+    headers: list[tuple[bytes, bytes]],
+    name: str,
+    most_bytes: int = MOST_BODY_BYTES,
 ) -> tuple[int, str] | None:
     """Return status and reason of the refusal of a request; None if it is accepted.
 
@@ -54,17 +67,27 @@ def refusal(
     if len(hosts) != 1 or not _own(hosts[0], name):
         return 403, "this host name is not the console's"
     writes = kind == "websocket" or method not in ("GET", "HEAD")
-    if (origins or writes) and origins not in ([f"http://{hosts[0]}"], [f"https://{hosts[0]}"]):
+    if (origins or writes) and origins not in (
+        [f"http://{hosts[0]}"],
+        [f"https://{hosts[0]}"],
+    ):
         return 403, "only the console's own page may ask"
     if kind == "http" and writes:
         length = "".join(found.get(b"content-length", []))
-        if not (length.isascii() and length.isdigit() and int(length[:15]) <= most_bytes):
-            return 413, f"a request needs a Content-Length of at most {most_bytes} bytes"
+        if not (
+            length.isascii() and length.isdigit() and int(length[:15]) <= most_bytes
+        ):
+            return (
+                413,
+                f"a request needs a Content-Length of at most {most_bytes} bytes",
+            )
     return None
 
 
 def _own(host: str, name: str) -> bool:
-    bare = host[1:].partition("]")[0] if host.startswith("[") else host.partition(":")[0]
+    bare = (
+        host[1:].partition("]")[0] if host.startswith("[") else host.partition(":")[0]
+    )
     try:
         ip_address(bare)
     except ValueError:
@@ -75,7 +98,9 @@ def _own(host: str, name: str) -> bool:
 class OwnPagesOnly:
     """Wraps an ASGI application: refuses what `refusal` refuses, adds `HEADERS` to every answer."""
 
-    def __init__(self, app: ASGIApp, name: str, most_bytes: int = MOST_BODY_BYTES) -> None:
+    def __init__(
+        self, app: ASGIApp, name: str, most_bytes: int = MOST_BODY_BYTES
+    ) -> None:
         self._app, self._name, self._most_bytes = app, name, most_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: D102
@@ -89,16 +114,29 @@ class OwnPagesOnly:
                 message["headers"] = [*message.get("headers", []), *own]
             await send(message)
 
-        refused = refusal(scope["type"], scope.get("method", "GET"), scope["headers"], self._name, self._most_bytes)
+        refused = refusal(
+            scope["type"],
+            scope.get("method", "GET"),
+            scope["headers"],
+            self._name,
+            self._most_bytes,
+        )
         if refused is None:
             await self._app(scope, receive, send_with_headers)
         elif scope["type"] == "websocket":
             await receive()
-            await send({"type": "websocket.close", "code": 1008})  # before it is accepted: an answer 403
+            await send(
+                {"type": "websocket.close", "code": 1008}
+            )  # before it is accepted: an answer 403
         else:
             status, reason = refused
-            plain = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
-            await send_with_headers({"type": "http.response.start", "status": status, "headers": plain})
+            plain = [
+                (b"content-type", b"text/plain; charset=utf-8"),
+                (b"connection", b"close"),
+            ]
+            await send_with_headers(
+                {"type": "http.response.start", "status": status, "headers": plain}
+            )
             await send({"type": "http.response.body", "body": reason.encode()})
 
 
@@ -148,7 +186,9 @@ def console_app(hub: Hub, settings: ConsoleSettings) -> OwnPagesOnly:
         await socket.accept()
         await Page(socket, hub).show(settings.for_page())
 
-    app.mount("/", StaticFiles(packages=[("scleraforce.service.console", "page")], html=True))
+    app.mount(
+        "/", StaticFiles(packages=[("scleraforce.service.console", "page")], html=True)
+    )
     return OwnPagesOnly(app, settings.host)
 
 
@@ -158,19 +198,34 @@ def serve(channel: Channel, settings: ConsoleSettings) -> None:
     asyncio.run(_serve(channel, settings, socket.socket(fileno=settings.listener)))
 
 
-async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.socket) -> None:
+async def _serve(
+    channel: Channel, settings: ConsoleSettings, listener: socket.socket
+) -> None:
     loop = asyncio.get_running_loop()
 
     def end() -> None:
-        loop.call_later(LAST_WORDS_S if hub.pages else 0.0, setattr, server, "should_exit", True)
+        loop.call_later(
+            LAST_WORDS_S if hub.pages else 0.0, setattr, server, "should_exit", True
+        )
 
-    hub = Hub(channel, Pictures(FrameRing(settings.ring)), ResetToken(settings.token_digest), end)
+    hub = Hub(
+        channel,
+        Pictures(FrameRing(settings.ring)),
+        ResetToken(settings.token_digest),
+        end,
+    )
     config = uvicorn.Config(
-        console_app(hub, settings), http=NewestConnections, lifespan="off", timeout_graceful_shutdown=1,
+        console_app(hub, settings),
+        http=NewestConnections,
+        lifespan="off",
+        timeout_graceful_shutdown=1,
         log_level="critical",  # what strangers send is not to fill the terminal
-        access_log=False, server_header=False, proxy_headers=False, ws_max_size=MOST_MESSAGE_BYTES,
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        ws_max_size=MOST_MESSAGE_BYTES,
         ws_per_message_deflate=False,
-    )  # fmt: skip
+    )
     server = uvicorn.Server(config)
     hub.listen()
     host = f"[{settings.host}]" if ":" in settings.host else settings.host
