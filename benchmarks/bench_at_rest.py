@@ -26,7 +26,9 @@ from scleraforce.segmentation.found import draw_overlay
 from scleraforce.study import draw
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real-oct"
-WIDTH_M, DEPTH_RATIO, INDICES = (6e-3, 20e-3), (0.3, 1.0), (1.0, 1.385)
+WIDTH_M = (6e-3, 20e-3)
+DEPTH_RATIO = (0.3, 1.0)
+INDICES = (1.0, 1.385)
 CELL = (300, 420)  # rows and columns of a picture in the sheet
 
 
@@ -34,15 +36,14 @@ def read_at_random(
     model: Reader, frame: Pixels, rng: np.random.Generator
 ) -> tuple[Answer, PixelScale]:
     """Read a scan at a drawn scale, as an eye of which nothing, modulus and IOP, or the thickness is known."""
-    width_m, ratio, trained = (
-        rng.uniform(*WIDTH_M),
-        rng.uniform(*DEPTH_RATIO),
-        model.study.reader,
-    )
+    width_m = rng.uniform(*WIDTH_M)
+    ratio = rng.uniform(*DEPTH_RATIO)
+    trained = model.study.reader
     modulus = Modulus(
         mean_pa=draw(trained.youngs_modulus_pa, rng), sd_pa=0.0, source="own"
     )
-    iop_pa, thickness_m = draw(trained.iop_pa, rng), draw(trained.thickness_m, rng)
+    iop_pa = draw(trained.iop_pa, rng)
+    thickness_m = draw(trained.thickness_m, rng)
     eyes = (
         Known(),
         Known(modulus=modulus, iop_pa=iop_pa),
@@ -98,8 +99,11 @@ def main() -> None:
     cv2.setNumThreads(1)
     cells = []
     for path in given.models:
-        model, rng = load_model(path), np.random.default_rng(given.seed)
-        bound_n, reasons, wrong = model.study.classes.bounds_n[0], Counter[str](), 0
+        model = load_model(path)
+        rng = np.random.default_rng(given.seed)
+        bound_n = model.study.classes.bounds_n[0]
+        reasons = Counter[str]()
+        wrong = 0
         for file in files:
             frame = read_frame(file)
             for _ in range(given.readings):

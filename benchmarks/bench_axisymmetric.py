@@ -39,7 +39,10 @@ from scleraforce.study import GlobeStudy
 
 Floats = NDArray[np.float64]
 
-RADIUS_M, NU, NEEDLE_RADIUS_M, GAP_M = 12e-3, 0.45, 0.35e-3, 0.5e-3
+RADIUS_M = 12e-3
+NU = 0.45
+NEEDLE_RADIUS_M = 0.35e-3
+GAP_M = 0.5e-3
 WINDOW_M = (7e-3, 4e-3)  # half the width, and the depth, in which sections are compared
 EYES = (
     (0.5, 0.25, 266.0),
@@ -134,7 +137,8 @@ def print_sealed(rows: int | None) -> None:
             NEEDLE_RADIUS_M,
             1e-6 * iop_pa / modulus_mpa,
         )
-        support_rad, size = np.radians(support_deg), MeridianSize(80)
+        support_rad = np.radians(support_deg)
+        size = MeridianSize(80)
         globes = OPEN_GLOBE, study_globe(GlobeStudy("sealed")).over(1e6 * modulus_mpa)
         opened, sealed = (
             axisymmetric_path(
@@ -173,7 +177,8 @@ class Reduced:
             CubicSpline(path.tip_m, values)
             for values in (path.force_ratio_m2, path.curves_sbnc)
         )
-        self._shift, self._iop_ratio = shift, float(path.iop_ratio[0])
+        self._shift = shift
+        self._iop_ratio = float(path.iop_ratio[0])
 
     def tip_m(self, force_ratio: float) -> float:
         """Return the first tip that carries a force ratio."""
@@ -233,7 +238,8 @@ def print_solid(rows: int | None) -> None:
         for moved, angle in product((None, shift), (0.0, contact.polar_rad)):
             ratio = 1e-6 * iop_pa / modulus_mpa
             reduced = Reduced(polar_path((*sizes, ratio), angle, FINE_TIPS_M), moved)
-            tips, sections = [], []
+            tips = []
+            sections = []
             for dent_m, force_n in zip(
                 DENTS_M, CubicSpline(solid.tips_m, solid.forces_n)(DENTS_M), strict=True
             ):

@@ -64,10 +64,8 @@ def frames(
     made = []
     for force_n, section in zip(forces, sections_at(forces), strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        pose, smoothing_m = (
-            Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m),
-            study.calibration.surface_smoothing_m,
-        )
+        pose = Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m)
+        smoothing_m = study.calibration.surface_smoothing_m
         boundaries = ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m)
         made.append((boundaries, force_n))
     return made
@@ -87,7 +85,8 @@ def calibrated(
     study: Study, model: EyeModel, inputs: list[Frame]
 ) -> tuple[float, float, list[float]]:
     """Return mean and standard deviation of E, and the time of each step in s."""
-    session, seconds = begun(study, model), []
+    session = begun(study, model)
+    seconds = []
     for frame in inputs:
         start = time.perf_counter()
         step = assimilate(session, *frame)
@@ -145,7 +144,10 @@ def print_wrong_statements(
 
 def print_honesty(study: Study, count: int, frame_count: int) -> None:
     """Print how far E is off over many eyes, and how often it lies within what the posterior says."""
-    rng, errors, scores, sds = np.random.default_rng(0), [], [], []
+    rng = np.random.default_rng(0)
+    errors = []
+    scores = []
+    sds = []
     for number in range(count):
         eye = drawn_eye(number, rng)
         mean, sd, _ = calibrated(
@@ -159,7 +161,8 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
     print(
         f"\n{count} eyes, {frame_count} frames each, contact angle unknown (25 to 45 degrees):"
     )
-    rms, largest = np.sqrt(np.mean(np.square(errors))), np.abs(errors).max()
+    rms = np.sqrt(np.mean(np.square(errors)))
+    largest = np.abs(errors).max()
     print(
         f"error of E: mean {100 * np.mean(errors):+.2f} %, rms {100 * rms:.2f} %, largest {100 * largest:.2f} %"
     )
@@ -184,7 +187,8 @@ def draw_bent_eye(number: int, rng: np.random.Generator) -> PhantomEye:
 
 def print_bent(study: Study, count: int, frame_count: int) -> None:
     """Print how far E of bent eyes is off after 3, 5 and all frames, and what low and high forces say on their own."""
-    library, rng = cached_library(study), np.random.default_rng(0)
+    library = cached_library(study)
+    rng = np.random.default_rng(0)
     print(
         f"\n{count} eyes of three-dimensional finite strain, contact angle unknown; error of E in % (sd):"
     )
@@ -220,7 +224,8 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
         (3, 5, frame_count), np.moveaxis(errors, 0, 2), strict=True
     ):
         honest = 100 * np.mean(np.abs(error) < 2 * sd)
-        rms, largest = np.sqrt(np.mean(error**2)), np.abs(error).max()
+        rms = np.sqrt(np.mean(error**2))
+        largest = np.abs(error).max()
         print(
             f"after {used} frames: mean {100 * error.mean():+.2f} %, rms {100 * rms:.2f} %, largest "
             f"{100 * largest:.2f} %; within two sd: {honest:.0f} %"
@@ -231,7 +236,8 @@ def own_moduli(
     study: Study, model: EyeModel, inputs: list[Frame], eye: PhantomEye
 ) -> tuple[list[float], list[float]]:
     """Return the errors of E from single frames, below 20 mN and above 35 mN."""
-    session, alone = begun(study, model), []
+    session = begun(study, model)
+    alone = []
     for boundaries, force_n in inputs:
         step = assimilate(session, boundaries, force_n)
         if isinstance(step, FrameStep):

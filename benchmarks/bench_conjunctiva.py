@@ -84,7 +84,9 @@ def main() -> None:
 
 
 def _row(layer_um: int, frames: int) -> str:
-    before, after, seconds = [], [], []
+    before = []
+    after = []
+    seconds = []
     for number in range(frames):
         bscan, told_m = drawn(layer_um, number)
         first = find_wall(bscan.frame, SCALE)

@@ -39,7 +39,8 @@ from scleraforce.service.messages import (
 )
 from scleraforce.service.monitor_service import listen
 
-SIZE, FRAME_S = 512, 0.01
+SIZE = 512
+FRAME_S = 0.01
 VERDICT = Verdict(
     predicted=1,
     probabilities=(0.02, 0.96, 0.02),

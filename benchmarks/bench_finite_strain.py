@@ -63,10 +63,8 @@ def reference_problem(sizes: Sizes) -> None:
         TIPS_MM.items(), sizes.rows
     ):
         expected_mm = all_mm[: sizes.loads]
-        mesh, contact = (
-            build_mesh(RADIUS_M, thickness_m, sizes.quads, level=0),
-            Contact(polar_rad=np.radians(polar_deg)),
-        )
+        mesh = build_mesh(RADIUS_M, thickness_m, sizes.quads, level=0)
+        contact = Contact(polar_rad=np.radians(polar_deg))
         forces_n = np.array(FORCES_MN[: len(expected_mm)]) * 1e-3
         start = process_time()
         path = reference_path(mesh, modulus_pa, contact, forces_n[-1])
@@ -141,10 +139,8 @@ def product_paths(sizes: Sizes) -> None:
             "density_kg_m3": 1100.0,
         }
         for name, mesh in meshes(contact, thickness_m, sizes).items():
-            wall, needle = (
-                FiniteWall(mesh, NU),
-                needle_at(mesh, contact, NEEDLE_RADIUS_M),
-            )
+            wall = FiniteWall(mesh, NU)
+            needle = needle_at(mesh, contact, NEEDLE_RADIUS_M)
             start = process_time()
             path = wall.load_path(needle, **loads, max_force_n=1e-3 * forces_mn[-1])
             seconds = process_time() - start
@@ -161,10 +157,8 @@ def product_paths(sizes: Sizes) -> None:
 
 def sealed_globes(sizes: Sizes) -> None:
     """Print how the pressure rises in a sealed eye of the default rigidity, and its forces beside an open one's."""
-    contact, dents_mm = (
-        Contact(polar_rad=np.radians(35.0)),
-        np.array([0.5, 1.0, 1.5])[: sizes.loads],
-    )
+    contact = Contact(polar_rad=np.radians(35.0))
+    dents_mm = np.array([0.5, 1.0, 1.5])[: sizes.loads]
     supports = SupportsStudy(kind="bed")
     print(
         "\nSealed and open eyes, 2 mmHg at rest: by dent [mm]" + row(list(dents_mm), 1)

@@ -31,7 +31,9 @@ from scleraforce.study import (
 )
 from scleraforce.study.eye import RegionStudy, WaveStudy
 
-RADIUS_M, NEEDLE_RADIUS_M, IOP_PA = 12e-3, 0.35e-3, 266.0
+RADIUS_M = 12e-3
+NEEDLE_RADIUS_M = 0.35e-3
+IOP_PA = 266.0
 CONTACT = Contact(polar_rad=radians(35))
 GRIDS = ((6, 10), (6, 14), (6, 20), (8, 18))
 EFFECT_FORCES_MN = (10.0, 30.0, 50.0)
@@ -133,10 +135,8 @@ def print_paths(fine: bool, rows: int | None, forces_mn: tuple[float, ...]) -> N
                 modulus_pa,
                 forces_mn[-1],
             )
-            seconds, memory_gb = (
-                process_time() - start,
-                getrusage(RUSAGE_SELF).ru_maxrss / 1e6,
-            )
+            seconds = process_time() - start
+            memory_gb = getrusage(RUSAGE_SELF).ru_maxrss / 1e6
             print(
                 f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6} MPa, {core} x {rings}:",
                 f"{eye.mesh.points_nc.size} unknowns,",

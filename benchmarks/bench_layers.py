@@ -104,9 +104,12 @@ class Plain:
 
     def calibrated(self, seen_sn: Floats) -> tuple[ElasticSections, float]:
         """Return the sections with the E that reads the calibrated force right, and that E over the true one."""
-        over, slope, read_n = 1.0, 1.0, self._calibrating_n(self.true, seen_sn)
+        over = 1.0
+        slope = 1.0
+        read_n = self._calibrating_n(self.true, seen_sn)
         for _ in range(STEPS):
-            before, before_n = over, read_n
+            before = over
+            before_n = read_n
             over *= float((FORCES_N[CALIBRATED] / read_n) ** (1.0 / slope))
             sections = self._with(over)
             read_n = self._calibrating_n(sections, seen_sn)

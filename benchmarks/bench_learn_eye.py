@@ -55,11 +55,21 @@ from scleraforce.service.messages import (
 )
 from scleraforce.units import from_si
 
-EVERY, OPINIONS, TOP_N, BOUND_N, TOUCHING_N, AN_EYE = 2, 6, 40e-3, 30e-3, 3e-3, 5
-MOVING_S, APART_S = 4.8, 0.8  # the first of it without contact, and left out
-HIGHEST_N, RISING_N_S, STEP_S = (8e-3, 20e-3), (10e-3, 50e-3), 1.0
+EVERY = 2
+OPINIONS = 6
+TOP_N = 40e-3
+BOUND_N = 30e-3
+TOUCHING_N = 3e-3
+AN_EYE = 5
+# the first of it without contact, and left out
+MOVING_S = 4.8
+APART_S = 0.8
+HIGHEST_N = (8e-3, 20e-3)
+RISING_N_S = (10e-3, 50e-3)
+STEP_S = 1.0
 POPULATION = Modulus(mean_pa=0.35e6, sd_pa=0.087e6, source="population")
-PRIORS, MONITORS = ("the study's", "a population's"), ("no", "yes")
+PRIORS = ("the study's", "a population's")
+MONITORS = ("no", "yes")
 
 
 @dataclass
@@ -104,8 +114,10 @@ class InProcess:
     """A link to a fit in this process; its answers come `STEP_S` after they were asked for."""
 
     def __init__(self, fitting: Fitting) -> None:
-        self.now_s, self.took_s = 0.0, list[float]()
-        self._fitting, self._due = fitting, deque[tuple[float, EyeLearned]]()
+        self.now_s = 0.0
+        self.took_s = list[float]()
+        self._fitting = fitting
+        self._due = deque[tuple[float, EyeLearned]]()
 
     def send(self, obj: Any, /) -> None:
         """Fit."""
@@ -131,8 +143,10 @@ class Bench:
 
     def __init__(self, seed: int) -> None:
         cv2.setNumThreads(1)
-        self.seed, self.reader = seed, load_force_reader(Path("default"))
-        scanner, scale = self.reader.study.oct, PixelScale.of(self.reader.study.oct)
+        self.seed = seed
+        self.reader = load_force_reader(Path("default"))
+        scanner = self.reader.study.oct
+        scale = PixelScale.of(self.reader.study.oct)
         self.limits = MonitorLimits(
             bound_n=BOUND_N,
             size=(scanner.rows, scanner.columns),
@@ -142,10 +156,8 @@ class Bench:
 
     def session(self, number: int) -> tuple[Played, Played, list[float]]:
         """Play a session; return both monitors, and the time that each step of learning took of a core, s."""
-        drawn, rng = (
-            draw_eye("open", number // AN_EYE, self.reader.study, self.seed),
-            self._rng(number),
-        )
+        drawn = draw_eye("open", number // AN_EYE, self.reader.study, self.seed)
+        rng = self._rng(number)
         known = self.known(drawn, number, rng)
         begun = EyePosterior(
             known=known, study=self.reader.study, library=self.reader.library_for(known)
@@ -156,19 +168,15 @@ class Bench:
             Watch(self.reader, known, self.limits, one, OPINIONS)
             for one in (None, learner)
         ]
-        played, readings = (
-            [Played(), Played()],
-            list[tuple[list[tuple[float, bool] | None], list[float]]](),
-        )
+        played = [Played(), Played()]
+        readings = list[tuple[list[tuple[float, bool] | None], list[float]]]()
         path, moving = forces(rng, drawn)
         for n, frame in enumerate(stream(drawn, path, rng, self.seed)):
             link.now_s = at_s = EVERY * FRAME_S * (n + 1) + float(
                 np.clip(rng.normal(0.0, 1e-3), -4e-3, 4e-3)
             )
-            force_n, at_frame = (
-                float(path.force_n[n]),
-                list[tuple[float, bool] | None](),
-            )
+            force_n = float(path.force_n[n])
+            at_frame = list[tuple[float, bool] | None]()
             if force_n >= BOUND_N:
                 break
             for watch, of in zip(watches, played, strict=True):
@@ -188,10 +196,8 @@ class Bench:
                 )
         truth_pa = drawn.eye.youngs_modulus_pa
         for place, (watch, of) in enumerate(zip(watches, played, strict=True)):
-            of.missed, of.broken = (
-                int(watch.code != WITHDRAW),
-                watch.released + (watch.limits.bound_n != BOUND_N),
-            )
+            of.missed = int(watch.code != WITHDRAW)
+            of.broken = watch.released + (watch.limits.bound_n != BOUND_N)
             quarter = max(len(readings) // 4, 1)
             for end, frames in zip(
                 of.ends, (readings[:quarter], readings[-quarter:]), strict=True
@@ -273,14 +279,13 @@ def opinions(
     reader: ForceReader, drawn: SessionEye, known: Known, seconds: float, learns: bool
 ) -> tuple[list[float], int]:
     """Return how late each opinion of the service's process was, s, and how many frames have taught at the end."""
-    scale, rng = PixelScale.of(reader.study.oct), np.random.default_rng(0)
+    scale = PixelScale.of(reader.study.oct)
+    rng = np.random.default_rng(0)
     frames = list(stream(drawn, forces(rng, drawn)[0], rng, 0))
-    ring, late_s, sent_s, taught = (
-        FrameRing.create(64, *frames[0].shape),
-        list[float](),
-        dict[int, float](),
-        0,
-    )
+    ring = FrameRing.create(64, *frames[0].shape)
+    late_s = list[float]()
+    sent_s = dict[int, float]()
+    taught = 0
     with TemporaryDirectory() as folder:
         settings = OpinionSettings(
             model=Path("default"),
@@ -338,7 +343,8 @@ def main() -> None:
             words = f"{len(late_s)} opinions after {half:.0f} ms, 99 % {most:.0f}; {frames} frames taught"
             print(f"learning {MONITORS[learns]}: {words}")
         return
-    found, took_s = [(Played(), Played()) for _ in PRIORS], list[float]()
+    found = [(Played(), Played()) for _ in PRIORS]
+    took_s = list[float]()
     with suppress(KeyboardInterrupt):  # the table is of the sessions that are done
         for number, (*both, steps_s) in work_units(
             partial(_bench, given.seed), range(given.count), given.workers

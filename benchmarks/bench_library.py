@@ -41,11 +41,11 @@ GRIDS = (
     (12, 24, 72),
 )  # thicknesses, tensions, tips
 VISIBLE_M = (0.3e-3, 9e-3)  # of the needle axis
-SLICES, ROUNDS = 2000, 5
-STORED, CONTACT_RAD = (
-    4000,
-    0.6,
-)  # states, and a contact beside the pole, at which a stored library is compared
+SLICES = 2000
+ROUNDS = 5
+# states, and a contact beside the pole, at which a stored library is compared
+STORED = 4000
+CONTACT_RAD = 0.6
 
 Floats = NDArray[np.float64]
 Grid = tuple[int, int, int]
@@ -85,7 +85,8 @@ def errors(
     library: Library, wall: tuple[float, float], path: AxisymmetricPath
 ) -> tuple[Floats, Floats, Floats]:
     """Relative error of the force at each tip; of the tip, and of the curves in m, at each force first reached."""
-    tips_m, forces = path.tip_m[1:], path.force_ratio_m2[1:]
+    tips_m = path.tip_m[1:]
+    forces = path.force_ratio_m2[1:]
     thickness, ratio = (np.full(len(tips_m), value) for value in wall)
     of_force = library.at_tip(thickness, ratio, tips_m).force_ratio / forces - 1.0
     first = np.maximum.accumulate(np.r_[0.0, forces[:-1]]) < forces
@@ -167,10 +168,12 @@ def grid_of(study: Study) -> Grid:
 
 def print_rates(study: Study, library: Library) -> None:
     """Print the time that each step from eyes to labelled slices takes of one core."""
-    near, rng = library.within(VISIBLE_M[1]), np.random.default_rng(1)
+    near = library.within(VISIBLE_M[1])
+    rng = np.random.default_rng(1)
     thickness, ratio = draw_walls(study, SLICES, rng)
     force = rng.uniform(0.0, 0.999, SLICES) * near.largest_force_ratio(thickness, ratio)
-    gap, tilt = rng.uniform(0.35e-3, 1e-3, SLICES), rng.uniform(-0.09, 0.09, SLICES)
+    gap = rng.uniform(0.35e-3, 1e-3, SLICES)
+    tilt = rng.uniform(-0.09, 0.09, SLICES)
     print(
         "\n         framing   curves  unloaded top  boundaries  filling  us of one core a slice"
     )
@@ -209,7 +212,8 @@ def print_stored(study: Study, library: Library) -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "library.npz"
         told = save_library(library, path)
-        size, found = path.stat().st_size, load_library(path)
+        size = path.stat().st_size
+        found = load_library(path)
     thickness, ratio = draw_walls(study, STORED, rng := np.random.default_rng(2))
     tips = rng.uniform(0.0, 1.0, STORED) ** 1.5 * library.tip_m[-1]
     off_m = np.abs(

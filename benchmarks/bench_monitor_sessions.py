@@ -88,7 +88,8 @@ def arguments() -> argparse.Namespace:
 
 def plans(given: argparse.Namespace) -> list[Plan]:
     """Return what to run with each model; say which kinds of eyes none can meet."""
-    left, made = list(given.kinds), []
+    left = list(given.kinds)
+    made = []
     for model in given.model:
         trained = load_force_reader(model).study.reader
         kinds = tuple(kind for kind in left if may_meet(kind, trained))

@@ -32,7 +32,10 @@ def alarm_after(
 ) -> tuple[int | None, int, float]:
     """Return after how many pictures from the `first` one on they are `FROZEN`, how many were old, and s for each."""
     shown = ShownPictures(LIMITS.shown_frames)
-    repeats, returns, old, alarm = 1, [False] * LIMITS.shown_frames, 0, None
+    repeats = 1
+    returns = [False] * LIMITS.shown_frames
+    old = 0
+    alarm = None
     taken_s = []
     for number, picture in enumerate(pictures):
         begun_s = perf_counter()
@@ -80,7 +83,8 @@ def _normal(rng: np.random.Generator) -> NDArray[np.complex64]:
 
 def recursive(live: Sequence[Counts], old: float) -> Sequence[Counts]:
     """Return what a filter shows that keeps a share of the last picture."""
-    shown, mean = [], live[0].astype(np.float64)
+    shown = []
+    mean = live[0].astype(np.float64)
     for picture in live:
         mean = old * mean + (1 - old) * picture
         shown.append(np.rint(mean).astype(np.uint16))
@@ -109,8 +113,10 @@ def faults(
     live: Sequence[Counts], rng: np.random.Generator
 ) -> Iterator[tuple[str, Sequence[Counts]]]:
     """Yield series of old pictures that are made from live ones, with their names."""
-    first, numbers = live[0], range(len(live))
-    whole, top = first.astype(np.float64), float(first.max())
+    first = live[0]
+    numbers = range(len(live))
+    whole = first.astype(np.float64)
+    top = float(first.max())
     yield "stuck", [first for _ in numbers]
     yield "offset moves by a count a frame", [_counts(whole + n) for n in numbers]
     yield (
@@ -207,7 +213,8 @@ def main() -> None:
             f"{name:44}{f'{old} of {len(pictures)}':>15}{from_si(taken_s, 'us'):12.0f}"
         )
     first = min(60, len(live) // 2)
-    before, during = live[:first], live[first : first + 30]
+    before = live[:first]
+    during = live[first : first + 30]
     print(f"\n{'old pictures':44}{'FROZEN at frame':>16}")
     for name, old_pictures in faults(during, rng):
         alarm, _, _ = alarm_after([*before, *old_pictures], len(before))

@@ -49,7 +49,8 @@ MESSAGES_A_CONNECTION = (1, 1, 1, 2, 3, 8)
 CAPS_BYTES = (4 * 1024, 64 * 1024, 64 * 1024, 16 * 1024 * 1024)
 SLOW_MS = 0.1  # feeds that take longer are remembered
 LARGE_SHARE = 0.002
-SIZE_PLACE, CRC_PLACE = 42, 50
+SIZE_PLACE = 42
+CRC_PLACE = 50
 NUMBERS = (
     0,
     1,
@@ -242,7 +243,8 @@ class Peer:
 
     def connection(self, sent: Sent, draw: Random) -> None:
         """Take a connection's messages until it breaks."""
-        decoder, lend = Decoder(draw.choice(CAPS_BYTES)), draw.random() < 0.5
+        decoder = Decoder(draw.choice(CAPS_BYTES))
+        lend = draw.random() < 0.5
         for piece in pieces(b"".join(sent), draw):
             steps = feed(decoder, piece, lend)
             while True:
@@ -293,7 +295,9 @@ def resident_bytes() -> int:
 
 def run(count: int, seed: int) -> Outcome:
     """Send that many mutated messages; report each unexpected exception and end its connection."""
-    draw, peer, (small, large) = Random(seed), Peer(), messages()
+    draw = Random(seed)
+    peer = Peer()
+    (small, large) = messages()
     done = 0
     while done < count:
         some = [
@@ -311,9 +315,12 @@ def run(count: int, seed: int) -> Outcome:
 
 def image_ms() -> float:
     """Return the least time of an image of 512 x 512 pixels of 16 bits, received in pieces of 64 KiB."""
-    data, taken = messages()[1][0], []
+    data = messages()[1][0]
+    taken = []
     for _ in range(300):
-        decoder, rest, start = Decoder(), memoryview(data), perf_counter()
+        decoder = Decoder()
+        rest = memoryview(data)
+        start = perf_counter()
         while rest:
             count = min(len(room := decoder.space()), len(rest), 64 * 1024)
             room[:count] = rest[:count]

@@ -28,8 +28,13 @@ from scleraforce.library.responses import Library
 from scleraforce.reader.model import load_force_reader
 from scleraforce.study import ReaderStudy
 
-STEP_S, FOUND_S, EYE_M, EYE_M_S = 2.5e-4, 0.05, 0.2e-3, 2e-3
-FORCES_N, WILD, LOST = (10e-3, 60e-3), 1 / 500, 1 / 1000
+STEP_S = 2.5e-4
+FOUND_S = 0.05
+EYE_M = 0.2e-3
+EYE_M_S = 2e-3
+FORCES_N = (10e-3, 60e-3)
+WILD = 1 / 500
+LOST = 1 / 1000
 Floats = NDArray[np.float64]
 
 
@@ -125,12 +130,11 @@ def wander(count: int, width: float, per_s: float, rng: np.random.Generator) -> 
 
 def frames(motion: Motion, tells: bool, rng: np.random.Generator) -> list[FrameRead]:
     """Return the frames of a session with readings; `at_s` is the time of their light, which the travel comes after."""
-    rate_hz, noise_n, late_s = (
-        rng.uniform(100.0, 400.0),
-        rng.uniform(0.1e-3, 0.4e-3),
-        rng.uniform(5e-3, 20e-3),
-    )
-    robot_s, scale = 1.0 / rng.uniform(100.0, 1000.0), 1.0 + rng.normal(0.0, 0.03)
+    rate_hz = rng.uniform(100.0, 400.0)
+    noise_n = rng.uniform(0.1e-3, 0.4e-3)
+    late_s = rng.uniform(5e-3, 20e-3)
+    robot_s = 1.0 / rng.uniform(100.0, 1000.0)
+    scale = 1.0 + rng.normal(0.0, 0.03)
     read_n = scale * motion.force_n + wander(len(motion.force_n), 0.6e-3, 5e-3, rng)
     shown = []
     for number in range(1, int(len(read_n) * STEP_S * rate_hz)):
@@ -182,7 +186,8 @@ def frame_read(
 
 def pierced_at(shown: list[FrameRead], limits: MonitorLimits) -> list[float]:
     """Return the times at which a monitor finds a puncture; other causes neither hide nor replace one."""
-    state, found = MonitorState(), []
+    state = MonitorState()
+    found = []
     for frame in shown:
         before = state.pierced
         state, _ = decide(state, frame, limits)
@@ -228,10 +233,8 @@ def main() -> None:
                 rng = np.random.default_rng((given.seed, number, pierces))
                 wall = wall_force(reader.library, reader.study.reader, rng)
                 motion = needle(wall, pierces, fastest_m_s, rng)
-                shown, wall_n_m = (
-                    frames(motion, tells, rng),
-                    1.2 * float((np.diff(wall[1]) / np.diff(wall[0])).max()),
-                )
+                shown = frames(motion, tells, rng)
+                wall_n_m = 1.2 * float((np.diff(wall[1]) / np.diff(wall[0])).max())
                 limits = MonitorLimits(
                     retraction_m_s=fastest_m_s, stiffness_n_m=wall_n_m
                 )

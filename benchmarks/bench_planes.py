@@ -36,12 +36,12 @@ from scleraforce.recording.folder import Plane, Recording, read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import MechanicsStudy, Range, Study, fixed
 
-SEED, EYES, MOMENTS = 20261201, 12, 8
-CALIBRATED_SEED, TAKEN, FORCES_N = (
-    77431,
-    3,
-    (2e-3, *(np.linspace(0.12, 1.0, 9) * 54e-3).tolist()),
-)
+SEED = 20261201
+EYES = 12
+MOMENTS = 8
+CALIBRATED_SEED = 77431
+TAKEN = 3
+FORCES_N = (2e-3, *(np.linspace(0.12, 1.0, 9) * 54e-3).tolist())
 PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, radians(90.0)))
 
 
@@ -74,7 +74,8 @@ def drawn_eye(number: int, rng: np.random.Generator) -> PhantomEye:
 
 def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
     """The errors of each moment of an eye."""
-    rng, study = np.random.default_rng([SEED, number]), drawn_study()
+    rng = np.random.default_rng([SEED, number])
+    study = drawn_study()
     eye = drawn_eye(number, rng)
     if number % 3 == 2:  # a third shows the needle, in both planes
         eye = replace(eye, gap_m=0.05e-3)
@@ -96,10 +97,8 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
         polar_rad=eye.polar_rad,
         direction_rad=eye.direction_rad,
     )
-    found, pairs = (
-        list[dict[str, float]](),
-        list(zip(plan.frames, sections, plan.normal_n, strict=True)),
-    )
+    found = list[dict[str, float]]()
+    pairs = list(zip(plan.frames, sections, plan.normal_n, strict=True))
     for (first, first_section, force_n), (second, second_section, _) in zip(
         pairs[::2], pairs[1::2], strict=True
     ):
@@ -108,7 +107,8 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
             for frame, section in ((first, first_section), (second, second_section))
         ]
         assert first.cut is not None
-        gap_m, tilts = first.cut.gap_m, (first.pose.tilt_rad, first.cut.tilt_rad)
+        gap_m = first.cut.gap_m
+        tilts = (first.pose.tilt_rad, first.cut.tilt_rad)
         both, _ = reader.read_together(frames, scale, known, PLANES)
         with_gap = reader.read(frames[0], scale, replace(known, gap_m=abs(gap_m)))
         alone = reader.read_together(frames[:1], scale, known, PLANES[:1])[0]
@@ -126,7 +126,8 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
                 }
                 row |= {f"{name}: width": high_n - low_n}
         if both.usable and both.place is not None and both.fit is not None:
-            place, true = both.place, np.array([first.pose.lateral_m, -gap_m])
+            place = both.place
+            true = np.array([first.pose.lateral_m, -gap_m])
             row |= {
                 "contact": float(
                     np.hypot(*(np.array(place.contact_m[:2]) - true)) / np.sqrt(2.0)
@@ -150,7 +151,8 @@ def true_lean(needle: NeedleShaft) -> float:
 
 def first_plane(recording: Recording, gap_m: float) -> Recording:
     """The frames of the first plane as a recording of a single one, of a given gap."""
-    info, first = recording.info, recording.info.oct.plane[0].name
+    info = recording.info
+    first = recording.info.oct.plane[0].name
     info = replace(
         info,
         oct=replace(info.oct, plane=()),
@@ -164,18 +166,21 @@ def first_plane(recording: Recording, gap_m: float) -> Recording:
 
 def calibrate_eye(number: int, folder: Path) -> dict[str, tuple[float, float]]:
     """Errors of ln E and its standard deviation, by the way of calibrating."""
-    rng, study = np.random.default_rng([CALIBRATED_SEED, number]), drawn_study()
+    rng = np.random.default_rng([CALIBRATED_SEED, number])
+    study = drawn_study()
     phantom = replace(
         study.phantom, needle_angle_rad=fixed(0.0), needle_lean_rad=fixed(0.0)
     )
     study = replace(study, phantom=phantom)
-    eye, forces_n = drawn_eye(number, rng), list(FORCES_N)
+    eye = drawn_eye(number, rng)
+    forces_n = list(FORCES_N)
     rng.shuffle(forces_n)
     plan = in_planes(
         plan_phantom(eye, forces_n, study, CALIBRATED_SEED + number), PLANES, study
     )
     write_phantom(folder, plan, BentSections(eye, study), study)
-    recording, found = read_recording(folder), dict[str, tuple[float, float]]()
+    recording = read_recording(folder)
+    found = dict[str, tuple[float, float]]()
     gap_m = float(
         np.median(
             [abs(frame.cut.gap_m) for frame in plan.frames[:: len(PLANES)] if frame.cut]
@@ -209,11 +214,9 @@ def main_calibrate(count: int) -> None:
             print(number, rows[-1], file=sys.stderr)
     for name in rows[0]:
         off, sd = np.array([row[name] for row in rows]).T
-        within, rms, sure = (
-            int((np.abs(off) < 2.0 * sd).sum()),
-            100 * np.sqrt((off**2).mean()),
-            100 * sd.mean(),
-        )
+        within = int((np.abs(off) < 2.0 * sd).sum())
+        rms = 100 * np.sqrt((off**2).mean())
+        sure = 100 * sd.mean()
         print(
             f"{name:22s} rms {rms:5.1f} %, sd {sure:5.1f} %, {within} of {count} within two"
         )

@@ -49,7 +49,8 @@ FORCES_N = (
     10e-3,
     30e-3,
 )  # elastic ones at the dents that are held; a calibration sees the first
-RAMP_S, RAMP_STEPS = 0.3, 6
+RAMP_S = 0.3
+RAMP_STEPS = 6
 SHOWN_S = (1.0, 10.0, 100.0)  # of a hold
 TIMES_S = (0.1, 1.0, 10.0, 100.0)  # of the shares that are found
 ONE = 1.0 - 1e-12  # a share, below 1
@@ -63,11 +64,11 @@ class RelaxingWall(WallEquilibrium):
     ) -> None:
         """Prepare a wall whose stress has relaxed, for `pressurise`."""
         super().__init__(wall, needle, modulus_pa, 0.0)
-        self._finite, self._tissue, self._shares = wall, tissue, np.array(tissue.shares)
-        self._left, self._lost = (
-            1.0 - sum(tissue.shares),
-            np.zeros((*wall.solid.points.volumes_ep.shape, 3, 3)),
-        )
+        self._finite = wall
+        self._tissue = tissue
+        self._shares = np.array(tissue.shares)
+        self._left = 1.0 - sum(tissue.shares)
+        self._lost = np.zeros((*wall.solid.points.volumes_ep.shape, 3, 3))
 
     def settle(self, u: Floats) -> None:
         """Start from a state that has lasted: M_i = Se."""
@@ -78,10 +79,8 @@ class RelaxingWall(WallEquilibrium):
         """Prepare the state after a step: S = left Se - lost, where `lost` is what the state before determines."""
         old, kept, self._new = line_weights(np.array([step_s]), self._tissue.times_s)[0]
         self._come = self._elastic[..., None] * old + kept * self._memory
-        self._left, self._lost = (
-            1.0 - float(self._shares @ self._new),
-            self._come @ self._shares,
-        )
+        self._left = 1.0 - float(self._shares @ self._new)
+        self._lost = self._come @ self._shares
 
     def arrive(self, u: Floats) -> None:
         """Take u as the state after the step."""
@@ -108,7 +107,8 @@ class RelaxingWall(WallEquilibrium):
 
     def factor(self, u: Floats, pressure: float) -> Solve:
         """Factor the tangent."""
-        displaced_nc, points = self._finite.full_nc(u), self._finite.solid.points
+        displaced_nc = self._finite.full_nc(u)
+        points = self._finite.solid.points
         elements = self._left * self._finite.solid.tangents(displaced_nc)
         weighted = points.gradients_epnc @ (
             self._lost * points.volumes_ep[..., None, None]
@@ -122,10 +122,8 @@ class RelaxingWall(WallEquilibrium):
         return factored(self._finite.mesh, self._finite.held_nc, elements)
 
     def _gradient(self, u: Floats) -> Floats:
-        local_enc, gradients_epnc = (
-            self._finite.full_nc(u)[self._finite.mesh.cells_en],
-            self._finite.solid.points.gradients_epnc,
-        )
+        local_enc = self._finite.full_nc(u)[self._finite.mesh.cells_en]
+        gradients_epnc = self._finite.solid.points.gradients_epnc
         return np.asarray(
             np.einsum("eni,epnj->epij", local_enc, gradients_epnc, optimize=True),
             dtype=np.float64,
@@ -199,7 +197,8 @@ def print_rows(
     samples: int,
 ) -> None:
     """Print an eye's holds in each tissue."""
-    modulus_pa, iop_pa = 1e6 * eye[0], to_si(eye[1], "mmhg")
+    modulus_pa = 1e6 * eye[0]
+    iop_pa = to_si(eye[1], "mmhg")
     path = wall.load_path(
         needle,
         youngs_modulus_pa=modulus_pa,
@@ -243,7 +242,8 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=12, help="of a hold")
     given = parser.parse_args()
     mesh = graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, given.core, given.rings)
-    wall, needle = FiniteWall(mesh, NU), needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
+    wall = FiniteWall(mesh, NU)
+    needle = needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
     print(
         "Forces in mN after holds of 1, 10 and 100 s; held: elastic force of the dent; misfit of the section in um"
     )

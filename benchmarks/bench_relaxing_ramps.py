@@ -43,13 +43,17 @@ from scleraforce.study import PhantomStudy
 
 RATES_N_S = (5e-3, 10e-3, 20e-3, 50e-3, 100e-3, 150e-3)
 FORCES_N = (0.026, 0.003, 0.048, 0.014, 0.034, 0.008, 0.040, 0.020)
-FRAME_S, OPINION_EVERY, OPINION_AFTER_S, TOP_N = 0.01, 3, 0.025, 60e-3
-BIAS_N, NOISE_N, SD_N, MODULUS_SD = 0.4e-3, 0.3e-3, 0.5e-3, 0.015
-LIMITS, CLASSES_N, FRAME = (
-    MonitorLimits(expects_opinion=True),
-    (5e-3, 30e-3),
-    ((512, 512), (1e-5, 5e-6)),
-)
+FRAME_S = 0.01
+OPINION_EVERY = 3
+OPINION_AFTER_S = 0.025
+TOP_N = 60e-3
+BIAS_N = 0.4e-3
+NOISE_N = 0.3e-3
+SD_N = 0.5e-3
+MODULUS_SD = 0.015
+LIMITS = MonitorLimits(expects_opinion=True)
+CLASSES_N = (5e-3, 30e-3)
+FRAME = ((512, 512), (1e-5, 5e-6))
 Corners = tuple[
     list[float], list[float], float
 ]  # times, elastic forces, start of the monitor
@@ -83,10 +87,8 @@ def draw_eye(rng: np.random.Generator) -> Eye:
         (rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.25)), tuple(times_s.tolist())
     )
     pushes = plan_pushes(FORCES_N, PhantomStudy(), rng)
-    path, frame_s = (
-        path_of_pushes(pushes, tissue),
-        np.array([push.frame_s for push in pushes]),
-    )
+    path = path_of_pushes(pushes, tissue)
+    frame_s = np.array([push.frame_s for push in pushes])
     table = sense(
         path, sample_sensor(PhantomStudy(), rng), 2, -1, path.times_s[-1] + 1.5, rng
     )
@@ -128,18 +130,14 @@ def play(eye: Eye, corners: Corners, rng: np.random.Generator) -> Played:
     """Show the frames of a needle to a monitor until it withdraws."""
     path = NeedlePath(tuple(corners[0]), tuple(corners[1]), eye.tissue)
     time_s = np.arange(corners[2] + FRAME_S, corners[0][-1], FRAME_S)
-    elastic_n, felt_n, bias_n = (
-        path.elastic_n(time_s),
-        path.felt_n(time_s),
-        rng.normal(0.0, BIAS_N, 2),
-    )
+    elastic_n = path.elastic_n(time_s)
+    felt_n = path.felt_n(time_s)
+    bias_n = rng.normal(0.0, BIAS_N, 2)
     network = opinion = History.monitored(Known(relaxation=eye.known), TOP_N)
-    state, waiting, read, cause = (
-        MonitorState(),
-        list[SecondOpinion](),
-        list[Answer](),
-        None,
-    )
+    state = MonitorState()
+    waiting = list[SecondOpinion]()
+    read = list[Answer]()
+    cause = None
     for number, at_s in enumerate(time_s.tolist()):
         off_n = min(elastic_n[number] / CLASSES_N[0], 1.0) * bias_n + rng.normal(
             0.0, NOISE_N, 2
@@ -188,7 +186,8 @@ def at_rest(rate_n_s: float, _: np.random.Generator) -> Corners:
 
 def after_pushes(rate_n_s: float, rng: np.random.Generator) -> Corners:
     """Return a ramp after three pushes."""
-    times_s, forces_n = [0.0, 1.0], [0.0, 0.0]
+    times_s = [0.0, 1.0]
+    forces_n = [0.0, 0.0]
     for _ in range(3):
         top_n = rng.uniform(8e-3, 22e-3)
         steps_s = [
@@ -205,7 +204,8 @@ def after_pushes(rate_n_s: float, rng: np.random.Generator) -> Corners:
 
 def from_a_hold(rate_n_s: float, rng: np.random.Generator) -> Corners:
     """Return a ramp from a hold; the monitor starts a second before the ramp."""
-    held_n, left_s = rng.uniform(10e-3, 20e-3), rng.uniform(2.5, 20.5)
+    held_n = rng.uniform(10e-3, 20e-3)
+    left_s = rng.uniform(2.5, 20.5)
     reached_s = left_s + (TOP_N - held_n) / rate_n_s
     return (
         [0.0, 0.5, left_s, reached_s, reached_s + 1.0],

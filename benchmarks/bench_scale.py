@@ -36,7 +36,9 @@ SIZES = (1_000, 10_000, 100_000, 1_000_000)
 IMAGES_OF_A_CONTACT = 20
 MB = 2**20
 UNITS = 100  # that the costs of a unit are measured on
-CORES, SLICES = 1_000, 100_000_000  # of the cluster that is computed
+# of the cluster that is computed
+CORES = 1_000
+SLICES = 100_000_000
 LARGEST_SET = (
     1_500_000  # images of the largest data set that can be read (8 GiB of values)
 )
@@ -214,7 +216,8 @@ def print_cluster(of_an_image_s: float, study: Study) -> None:
         if scheduled_s is None
         else f"scheduled and sent back in {1e3 * scheduled_s:.1f} ms"
     )
-    units, sets = SLICES / unit, -(-SLICES // LARGEST_SET)
+    units = SLICES / unit
+    sets = -(-SLICES // LARGEST_SET)
     rows = {
         f"simulating, on {CORES:,} cores": units * unit * of_an_image_s / CORES,
         "writing and completing, by one process": units * (writes_s + completes_s),

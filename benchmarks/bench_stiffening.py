@@ -23,7 +23,10 @@ from scleraforce.units import to_si
 
 Floats = NDArray[np.float64]
 
-RADIUS_M, THICKNESS_M, NU, NEEDLE_RADIUS_M = 12e-3, 0.6e-3, 0.45, 0.35e-3
+RADIUS_M = 12e-3
+THICKNESS_M = 0.6e-3
+NU = 0.45
+NEEDLE_RADIUS_M = 0.35e-3
 EYES = ((0.4, 2.0, 0.0), (0.4, 2.0, 0.02), (1.2, 18.0, 0.02))  # MPa, mmHg, k; 0 is open
 STIFFENINGS = (0.0, 1.0, 3.0, 10.0, 30.0)
 SHOWN_M = np.array([0.3, 1.0, 1.5, 2.0]) * 1e-3
@@ -64,10 +67,8 @@ class Wall:
         self._surface = PchipInterpolator(
             path.tip_m, depths_sn - depths_sn.mean(axis=1, keepdims=True)
         )
-        self.deepest_m, self.strongest_n = (
-            path.tip_m[-1],
-            modulus_pa * path.force_ratio_m2[-1],
-        )
+        self.deepest_m = path.tip_m[-1]
+        self.strongest_n = modulus_pa * path.force_ratio_m2[-1]
 
     def surface_m(self, force_n: Floats) -> Floats:
         """Return the outer surface under forces, (force, place) in m."""
@@ -89,7 +90,8 @@ def fitted(
 ) -> tuple[Wall, str]:
     """Return the wall without stiffening that is nearest, and its E over the true one and k; `free` 1: E alone."""
     modulus_mpa, iop_mmhg, rigidity = eye
-    tips_m, seen_m = wall.tip_m(FORCES_N), wall.surface_m(CALIBRATED_N)
+    tips_m = wall.tip_m(FORCES_N)
+    seen_m = wall.surface_m(CALIBRATED_N)
 
     def error(x: Floats) -> Floats:
         """In mN, or in 10 um."""
@@ -104,11 +106,9 @@ def fitted(
             return 1e5 * (other.surface_m(CALIBRATED_N) - seen_m).ravel()
         return 1e3 * (other.force_n(np.minimum(tips_m, other.deepest_m)) - FORCES_N)
 
-    start, low, high = (
-        [1.05, max(rigidity, 0.003)][:free],
-        [0.3, 0.0][:free],
-        [6.0, 0.2][:free],
-    )
+    start = [1.05, max(rigidity, 0.003)][:free]
+    low = [0.3, 0.0][:free]
+    high = [6.0, 0.2][:free]
     x = least_squares(
         error,
         start,
@@ -128,7 +128,8 @@ def print_row(eye: tuple[float, float, float], b: float) -> None:
         f"  {eye[0]} {eye[1]:g} {eye[2]} {b:g}  {(1e3 * wall.force_n(shown_m)).round(1)}",
         end="",
     )
-    tips_m, seen_m = wall.tip_m(FORCES_N), wall.surface_m(FORCES_N)
+    tips_m = wall.tip_m(FORCES_N)
+    seen_m = wall.surface_m(FORCES_N)
     for by_section in (False, True):
         for free in (1, 2):
             other, said = fitted(eye, wall, free, by_section=by_section)

@@ -38,7 +38,10 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.units import to_si
 
 Floats = NDArray[np.float64]
-LIMITS, WITHIN_S, SMOOTH, LARGEST_N = MonitorLimits(), 0.2, 5, 40e-3
+LIMITS = MonitorLimits()
+WITHIN_S = 0.2
+SMOOTH = 5
+LARGEST_N = 40e-3
 EVERY = {100: 1, 50: 2, 25: 4}  # frames a second: of the frames rendered
 BINS = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0)
 
@@ -65,7 +68,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=43)
     parser.add_argument("--plot", type=Path)
     given = parser.parse_args()
-    reader, going, stopping = load_force_reader(given.model), list[Said](), list[Said]()
+    reader = load_force_reader(given.model)
+    going = list[Said]()
+    stopping = list[Said]()
     for number in range(given.eyes):
         for rate_mn_s, readings_tn in ramps(
             reader, number, given.rates_mn_s, given.seed
@@ -88,14 +93,16 @@ def ramps(
     reader: ForceReader, number: int, rates_mn_s: list[float], seed: int
 ) -> Iterator[tuple[float, Floats]]:
     """Yield the rate of each ramp of an eye with its usable readings (frame, 3): time, force, upper end."""
-    rng, scale = np.random.default_rng((seed, number)), PixelScale.of(reader.study.oct)
+    rng = np.random.default_rng((seed, number))
+    scale = PixelScale.of(reader.study.oct)
     drawn = draw_eye(("open", "sealed")[number % 2], number, reader.study, seed)
     known = declarations(drawn, reader, seed, rng)["declared"]
     for rate_mn_s in rates_mn_s:
         forces = ramp_forces(
             to_si(rate_mn_s, "mn_per_s"), min(LARGEST_N, largest_force_n(drawn)), rng
         )
-        rows, over = [], 0
+        rows = []
+        over = 0
         for place, frame in enumerate(
             stream(drawn, trajectory(*forces, reader.study, rng), rng, seed)
         ):
@@ -193,10 +200,8 @@ def table(said: list[Said]) -> str:
 
 def reliability(said: list[Said]) -> Iterator[tuple[float, float, float, float, int]]:
     """Yield the ends of each bin of chances, the mean chance, the share that came, and the number of frames."""
-    chances, came = (
-        np.array([one.chance for one in said]),
-        np.array([one.came for one in said]),
-    )
+    chances = np.array([one.chance for one in said])
+    came = np.array([one.came for one in said])
     for low, high in pairwise(BINS):
         inside = (chances >= low) & ((chances < high) | (high == 1.0))
         if inside.any():

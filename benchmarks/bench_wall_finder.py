@@ -48,13 +48,14 @@ PLACED = (
     "eye_tilt_rad",
 )  # of an eye in a frame
 SEED = 2  # of the scenes: the rules of `checked_wall` were chosen on seed 1, the training drew seed 0
-RIGHT, WRONG = 0.9, 0.75  # Dice from which on a wall is right, below which it is wrong
+# Dice from which on a wall is right, below which it is wrong
+RIGHT = 0.9
+WRONG = 0.75
 CELL = (110, 140)  # rows and columns of a picture in the sheet
-DRAWN, ACROSS, GAP = (
-    40,
-    4,
-    6,
-)  # scenes on it, in all and side by side; pixels between them
+# scenes on it, in all and side by side; pixels between them
+DRAWN = 40
+ACROSS = 4
+GAP = 6
 
 Case = tuple[
     Pixels, PixelScale, NDArray[np.uint8], NDArray[np.bool_]
@@ -101,10 +102,8 @@ def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
     errors: dict[str, list[tuple[float, float]]] = {"find_wall": [], "together": []}
     usable = []
     for frame, scale, true, judged in cases:
-        classical, checked = (
-            find_wall(frame, scale),
-            find_wall(frame, scale, finder=finder),
-        )
+        classical = find_wall(frame, scale)
+        checked = find_wall(frame, scale, finder=finder)
         masks = (
             classical.mask > 0,
             seen_mask(finder.find(frame), frame.shape),
@@ -130,10 +129,8 @@ def row_errors(wall: Segmentation, true: NDArray[np.uint8]) -> tuple[float, floa
 
     The truth is a mask: its boundaries are whole rows.
     """
-    outer, inner = (
-        true.argmax(axis=0) - 0.5,
-        len(true) - 0.5 - true[::-1].argmax(axis=0),
-    )
+    outer = true.argmax(axis=0) - 0.5
+    inner = len(true) - 0.5 - true[::-1].argmax(axis=0)
     at = (
         true.any(axis=0)
         & np.isfinite(wall.outer_row)
@@ -172,7 +169,8 @@ def print_rows(
 def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> None:
     """Print how long each part takes for a frame of 512 x 512 pixels of 16 bits: passed time, and the processor's."""
     frame, scale, *_ = next(phantoms(1, STUDY))
-    rows, columns = study.rows, study.columns
+    rows = study.rows
+    columns = study.columns
     small = reduced_frame(frame, rows, columns)[None]
     parts: dict[str, Callable[[], object]] = {
         "find_wall": lambda: find_wall(frame, scale),
@@ -185,7 +183,8 @@ def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> 
     }
     print(f"\n{'':22}{'least':>8}{'median':>8}{'CPU':>8}  ms")
     for name, part in parts.items():
-        taken, worked = [], process_time()
+        taken = []
+        worked = process_time()
         for _ in range(readings):
             start = perf_counter()
             part()
@@ -199,7 +198,8 @@ def write_drawn(path: Path, study: ScenesStudy, finder: WallFinder) -> None:
     cells = []
     for number in range(DRAWN):
         scene = draw_scene(study, number)
-        seen, shape = finder.find(scene.frame), scene.frame.shape
+        seen = finder.find(scene.frame)
+        shape = scene.frame.shape
         empty = np.full(shape[1], np.nan)
         outer, inner = (
             np.where(

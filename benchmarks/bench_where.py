@@ -56,7 +56,8 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=10)
     parser.add_argument("--seed", type=int, default=48)
     parser.add_argument("--needles", action="store_true")
-    given, reader = parser.parse_args(), sf.load_model("default")
+    given = parser.parse_args()
+    reader = sf.load_model("default")
     for group in given.groups:
         found = defaultdict[tuple[str, str], list[Seen]](list)
         for eye in draw_eyes(group, given.eyes, Study(), given.seed):
@@ -76,14 +77,17 @@ def readings(
     if needles:
         drawn = with_needle(drawn, rng)
     computed = compute_eye(drawn)
-    path, mesh, plane = computed.bent[0], computed.bent[0].mesh, drawn.eye.plane
+    path = computed.bent[0]
+    mesh = computed.bent[0].mesh
+    plane = drawn.eye.plane
     forces_n = (computed.largest_n * np.sqrt(rng.uniform(0.0, 1.0, frames))).tolist()
     plan = plan_phantom(drawn.eye, tuple(forces_n), drawn.study, seed)
     sections, _ = plan_sections(plan, computed.sections_at)
     down, across = (
         tip_at(mesh, plane.contact, axis) for axis in (plane.depth, plane.lateral)
     )
-    scale, known = PixelScale.of(drawn.study.oct), stated(drawn, rng)
+    scale = PixelScale.of(drawn.study.oct)
+    known = stated(drawn, rng)
     for frame, section, force_n in zip(
         plan.frames, sections, plan.normal_n, strict=True
     ):
@@ -127,7 +131,8 @@ def with_needle(drawn: FigureEye, rng: np.random.Generator) -> FigureEye:
 
 def stated(drawn: FigureEye, rng: np.random.Generator) -> Known:
     """Return what is known of an eye, with its errors."""
-    eye, globe = drawn.eye, drawn.study.globe
+    eye = drawn.eye
+    globe = drawn.study.globe
     off = {name: rng.normal(0.0, sd) for name, sd in KNOWN_ERRORS.items()}
     modulus_pa = eye.youngs_modulus_pa * (1.0 + off["modulus"])
     return Known(
@@ -169,11 +174,9 @@ def table(found: dict[tuple[str, str], list[Seen]]) -> str:
             / 2.0
         )
         held = np.mean([place.low <= true <= place.high for true, place in known])
-        share, rms, most = (
-            len(known) / len(all_seen),
-            np.sqrt((off**2).mean()),
-            np.quantile(np.abs(off), 0.9),
-        )
+        share = len(known) / len(all_seen)
+        rms = np.sqrt((off**2).mean())
+        most = np.quantile(np.abs(off), 0.9)
         lines.append(
             f"| {name} | {gap} | {share:.0%} | {rms:.3f}, {most:.3f} {unit} | {half:.3f} {unit} | {held:.0%} |"
         )

@@ -22,11 +22,10 @@ from scleraforce.study import Study
 from scleraforce.units import from_si
 
 SEED = 4343  # of this benchmark alone
-STIFFNESS_N_PER_M, SHIFT_M, TRAVEL_SD_M = (
-    (30.0, 150.0),
-    0.5e-3,
-    5e-6,
-)  # of the beds, the travels and their noise
+# of the beds, the travels and their noise
+STIFFNESS_N_PER_M = (30.0, 150.0)
+SHIFT_M = 0.5e-3
+TRAVEL_SD_M = 5e-6
 POPULATION = CalibrationSummary(
     eyes={
         "others": EyeSummary(mean_pa=0.35e6, sd_pa=5e3, frames=(), thickness_m=0.65e-3)
@@ -55,11 +54,10 @@ def with_travel(
     recording: Recording, folder: FiguresFolder, eye: FigureEye
 ) -> Recording:
     """Return the recording with the needle's travel: the dent, the give of a bed, a shift, and noise."""
-    made, rng = read_made(folder, eye), np.random.default_rng((SEED, eye.seed))
-    stiffness, shift_m = (
-        np.exp(rng.uniform(*np.log(STIFFNESS_N_PER_M))),
-        rng.uniform(-SHIFT_M, SHIFT_M),
-    )
+    made = read_made(folder, eye)
+    rng = np.random.default_rng((SEED, eye.seed))
+    stiffness = np.exp(rng.uniform(*np.log(STIFFNESS_N_PER_M)))
+    shift_m = rng.uniform(-SHIFT_M, SHIFT_M)
     gone_m = (
         made.tips_m
         + made.forces_n / stiffness
@@ -113,10 +111,8 @@ def score(folder: FiguresFolder, eye: FigureEye, travel: bool) -> Score:
 
 def line(name: str, scores: list[Score]) -> str:
     """Return the row of a group."""
-    off, sd = (
-        np.array([one.off for one in scores]),
-        np.array([one.sd for one in scores]),
-    )
+    off = np.array([one.off for one in scores])
+    sd = np.array([one.sd for one in scores])
     errors = np.concatenate([one.errors_n for one in scores])
     right, held = (
         np.concatenate([getattr(one, part) for one in scores])
@@ -126,10 +122,8 @@ def line(name: str, scores: list[Score]) -> str:
         from_si(float(value), "percent")
         for value in (np.sqrt((off**2).mean()), off.mean(), sd.mean())
     )
-    within, force_mn = (
-        int((np.abs(off) < 2.0 * sd).sum()),
-        from_si(float(np.abs(errors).mean()), "mn"),
-    )
+    within = int((np.abs(off) < 2.0 * sd).sum())
+    force_mn = from_si(float(np.abs(errors).mean()), "mn")
     numbers = f"{rms:7.1f} {bias:+7.1f} {sure:7.1f} {within:5d} of {len(scores)}"
     return f"{name:24}{numbers} {force_mn:8.2f} {100 * right.mean():8.1f} {100 * held.mean():8.1f}"
 

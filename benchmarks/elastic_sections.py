@@ -11,7 +11,10 @@ from scleraforce.mechanics.section import cut_sections
 
 Floats = NDArray[np.float64]
 
-RADIUS_M, THICKNESS_M, NU, NEEDLE_RADIUS_M = 12e-3, 0.6e-3, 0.45, 0.35e-3
+RADIUS_M = 12e-3
+THICKNESS_M = 0.6e-3
+NU = 0.45
+NEEDLE_RADIUS_M = 0.35e-3
 CONTACT = Contact(polar_rad=np.radians(35.0))
 PLANE = ScanPlane(CONTACT, gap_m=0.5e-3)
 SEEN_M = np.linspace(-3.5e-3, 3.5e-3, 141)

@@ -53,7 +53,8 @@ EYE = PhantomEye(
     polar_rad=radians(35.0),
 )
 RIGIDITY = to_si(0.03, "mmhg13_per_ul")
-LARGEST_MN, DEEPEST_MM = 60.0, 2.6
+LARGEST_MN = 60.0
+DEEPEST_MM = 2.6
 CALIBRATION_N = (10e-3, 20e-3, 28e-3)
 DECLARED = "declared sealed, E and k found on three frames"
 UNDECLARED = "no globe declared, E known to 3 %"
@@ -126,7 +127,8 @@ def tellings(sealed: ComputedEye, reader: ForceReader) -> dict[str, Known]:
 def read_frames(sealed: ComputedEye, reader: ForceReader, count: int) -> list[Seen]:
     """Return a number of frames of the sealed eye, with forces up to the largest, and their readings."""
     forces_n = np.linspace(2e-3, sealed.largest_n - 2e-3, count).tolist()
-    scale, known = PixelScale.of(reader.study.oct), tellings(sealed, reader)
+    scale = PixelScale.of(reader.study.oct)
+    known = tellings(sealed, reader)
     seen = []
     for number, (force_n, dent_m) in enumerate(
         zip(forces_n, sealed.tips_m(forces_n), strict=True)
@@ -249,10 +251,8 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=15, help="that are read")
     given = parser.parse_args()
     reader = load_force_reader(given.model)
-    opened, sealed = (
-        computed(reader.study, GlobeStudy("open")),
-        computed(reader.study, GlobeStudy("sealed", RIGIDITY)),
-    )
+    opened = computed(reader.study, GlobeStudy("open"))
+    sealed = computed(reader.study, GlobeStudy("sealed", RIGIDITY))
     seen = read_frames(sealed, reader, given.frames)
     print("force, dent; what is read with its 90 % interval, mN: " + "; ".join(LOOKS))
     for one in seen:

@@ -22,7 +22,8 @@ Floats = NDArray[np.float64]
 
 IMAGE = Path(__file__).parent.parent / "docs" / "images" / "supports.png"
 FORCES_MN = (0.0, 10.0, 20.0, 40.0)
-THICKNESS_M, MODULUS_PA = 0.6e-3, 0.3e6
+THICKNESS_M = 0.6e-3
+MODULUS_PA = 0.3e6
 KINDS = {
     "clamped": (GREY, "-"),
     "straps": (RED, "--"),

@@ -53,14 +53,10 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
 def _predicted(
     walls: Walls, unknown: Array, *places: Any
 ) -> tuple[Depths, Array, float]:
-    count, section = (
-        len(places[0]),
-        np.empty((2, 2 * len(walls.library.node_angles()), 2)),
-    )
-    lines, jacobian = (
-        [np.empty(count) for _ in range(4)],
-        np.empty((count, len(at.NAMES))),
-    )
+    count = len(places[0])
+    section = np.empty((2, 2 * len(walls.library.node_angles()), 2))
+    lines = [np.empty(count) for _ in range(4)]
+    jacobian = np.empty((count, len(at.NAMES)))
     shown = Depths(
         lines[0],
         lines[1],
@@ -69,7 +65,8 @@ def _predicted(
         np.empty(count, dtype=np.bool_),
         jacobian,
     )
-    tables, law = walls.library.tables, law_of(walls.globe)
+    tables = walls.library.tables
+    law = law_of(walls.globe)
     borne_n = predict(
         tables, law, places, walls.gap_m, walls.thickness_m, unknown, shown, section
     )

@@ -10,7 +10,8 @@ from pathlib import Path
 from scleraforce.reader.limits import reading_ranges
 
 README = Path(__file__).parents[1] / "README.md"
-BEGIN, END = "<!-- ranges: `make ranges` -->\n", "<!-- end of ranges -->\n"
+BEGIN = "<!-- ranges: `make ranges` -->\n"
+END = "<!-- end of ranges -->\n"
 
 
 def box() -> str:

@@ -11,7 +11,11 @@ from scleraforce.mechanics.contact import Contact
 from scleraforce.mechanics.elements import surface_points
 from scleraforce.mechanics.mesh import HexMesh
 
-RADIUS_M, NU, E_PA, FORCE_N, SPREAD_M = 12e-3, 0.45, 0.25e6, 0.03, 0.35e-3
+RADIUS_M = 12e-3
+NU = 0.45
+E_PA = 0.25e6
+FORCE_N = 0.03
+SPREAD_M = 0.35e-3
 CONTACT = Contact(polar_rad=np.radians(35.0))
 # By thickness: 60 quads along an edge (0.5 mm), 40 (0.8 mm), one layer of 20-node elements.
 CONVERGED_MM = {0.5e-3: 2.168, 0.8e-3: 0.9084}

@@ -15,7 +15,10 @@ from scleraforce.mechanics.mesh import HexMesh
 
 Floats = NDArray[np.float64]
 
-RADIUS_M, NU, IOP_PA, NEEDLE_RADIUS_M = 12e-3, 0.45, 266.0, 0.35e-3
+RADIUS_M = 12e-3
+NU = 0.45
+IOP_PA = 266.0
+NEEDLE_RADIUS_M = 0.35e-3
 FORCES_MN = (5, 10, 15, 20, 25, 30, 40, 50, 60)
 # Tips at these forces, by thickness in m, Young's modulus in Pa and polar angle of the contact in degrees.
 TIPS_MM = {
@@ -86,7 +89,8 @@ def reference_path(
 
 def _voronoi_pressure(mesh: HexMesh) -> Floats:
     """Return the nodal forces of 1 Pa: normals of the undeformed inner sphere times the nodes' spherical areas."""
-    inner, radius = np.unique(mesh.inner_qn), RADIUS_M - mesh.thickness_m
+    inner = np.unique(mesh.inner_qn)
+    radius = RADIUS_M - mesh.thickness_m
     directions = mesh.points_nc[inner] / radius
     load = np.zeros_like(mesh.points_nc)
     load[inner] = (

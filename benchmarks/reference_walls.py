@@ -147,11 +147,10 @@ def shift_in_plane(
     field_mbnc = iop_ratio * shift.pressure_mbnc + force_ratio_m2 * shift.needle_mbnc
     inside_bn = np.arctan2(gap_m, lateral_bn)  # from the lateral axis
     phase_mbn = np.arange(len(field_mbnc))[:, None, None] * (inside_bn + direction_rad)
-    cosine, sine = np.cos(phase_mbn), np.sin(phase_mbn)
-    away, depth = (
-        np.sum(field_mbnc[..., 0] * cosine, axis=0),
-        np.sum(field_mbnc[..., 2] * cosine, axis=0),
-    )
+    cosine = np.cos(phase_mbn)
+    sine = np.sin(phase_mbn)
+    away = np.sum(field_mbnc[..., 0] * cosine, axis=0)
+    depth = np.sum(field_mbnc[..., 2] * cosine, axis=0)
     around = np.sum(field_mbnc[..., 1] * sine, axis=0)
     return np.stack(
         [away * np.cos(inside_bn) - around * np.sin(inside_bn), depth], axis=-1
@@ -183,7 +182,9 @@ class DeadPressureWall:
     """A wall of revolution whose pressure stays normal to the undeformed wall."""
 
     def __init__(self, wall: AxisymmetricWall) -> None:
-        self._wall, self.needle, self.tip = wall, wall.needle, wall.tip
+        self._wall = wall
+        self.needle = wall.needle
+        self.tip = wall.tip
         self._pressed = wall.volume(np.zeros_like(wall.needle))[1]
 
     def residual(self, u: Floats, pressure: float) -> Floats:

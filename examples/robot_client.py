@@ -107,11 +107,13 @@ def watch(host: str, port: int, tell: Callable[[bool, str], None]) -> None:
     try:
         with socket.create_connection((host, port), timeout=SILENCE_S) as link:
             link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, UNREAD_BYTES)
-            heard_s, least_s = time.monotonic(), float("inf")
+            heard_s = time.monotonic()
+            least_s = float("inf")
             until_s = heard_s + SILENCE_S
             while True:
                 code, sub_code, message, said_s = next_status(link, until_s)
-                before_s, heard_s = heard_s, time.monotonic()
+                before_s = heard_s
+                heard_s = time.monotonic()
                 least_s = min(least_s + DRIFT * (heard_s - before_s), heard_s - said_s)
                 if code == OK and heard_s - said_s > least_s + OLD_S:
                     continue  # it has waited somewhere: what is true now may be a withdrawal

@@ -271,9 +271,7 @@ def test_only_units_knows_the_factors_between_units() -> None:
                 )
 
 
-def test_only_the_package_itself_lists_its_public_names_and_no_record_reaches_into_another() -> (
-    None
-):
+def test_only_the_package_itself_lists_its_public_names_and_no_record_reaches_into_another():
     texts = {dotted(path): path.read_text(encoding="utf-8") for path in MODULES}
     assert [
         name for name, text in texts.items() if re.search(r"^__all__", text, re.M)
@@ -307,10 +305,8 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
 
 
 def test_commands_import_only_packages_that_they_use(tmp_path: Path) -> None:
-    folder, frame = (
-        tmp_path / "study",
-        write_one_frame(tmp_path / "session", recording_toml("mine")),
-    )
+    folder = tmp_path / "study"
+    frame = write_one_frame(tmp_path / "session", recording_toml("mine"))
     unused = {
         "scipy.linalg",
         "scipy.sparse",

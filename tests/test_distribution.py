@@ -106,7 +106,8 @@ def test_two_commands_in_a_clean_environment_answer_a_first_frame(
     wheel: Path, tmp_path: Path
 ) -> None:
     """The wheel names all packages; they come from PyPI, in the versions of the lock."""
-    clean, locked = tmp_path / "clean" / "bin", tmp_path / "constraints"
+    clean = tmp_path / "clean" / "bin"
+    locked = tmp_path / "constraints"
     locked.write_text(
         re.sub(r"(?m)^setuptools.*\n", "", (ROOT / "requirements.lock").read_text())
     )
@@ -245,9 +246,7 @@ def test_the_scripts_of_the_package_can_be_run() -> None:
         subprocess.run(["bash", "-n", script], check=True)
 
 
-def test_the_page_on_installation_names_the_extras_and_the_citation_this_version() -> (
-    None
-):
+def test_the_page_on_installation_names_the_extras_and_the_citation_this_version():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     page = (ROOT / "docs" / "installation.md").read_text()
     assert {

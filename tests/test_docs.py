@@ -318,10 +318,8 @@ def test_every_module_that_a_text_names_exists() -> None:
     assert not missing, f"named, but missing: {missing}"
 
 
-FIT, PAPERS = (
-    "The reader's fit (default), the eye's E",
-    "The paper's: linear, E of the population",
-)
+FIT = "The reader's fit (default), the eye's E"
+PAPERS = "The paper's: linear, E of the population"
 QUOTED = ("right class, %", "force error, mN", "intervals hold, %", "class 2 read as 0")
 
 
@@ -332,12 +330,15 @@ def cells(line: str) -> list[str]:
 def figures() -> dict[str, dict[str, dict[str, str]]]:
     """Return the tables of docs/figures.md: method -> group -> heading -> cell, without goals."""
     found: dict[str, dict[str, dict[str, str]]] = {}
-    rows, head = {}, []
+    rows = {}
+    head = []
     for line in (ROOT / "docs" / "figures.md").read_text(encoding="utf-8").splitlines():
         if title := re.fullmatch(r"\*\*(.+)\*\*", line):
-            rows, head = found.setdefault(title[1], {}), []
+            rows = found.setdefault(title[1], {})
+            head = []
         elif not line and head:  # the end of a table
-            rows, head = {}, []
+            rows = {}
+            head = []
         elif line.startswith("| ") and not line.startswith("| ---"):
             head = head or cells(line)
             rows[cells(line)[0]] = dict(
@@ -351,7 +352,8 @@ def figures() -> dict[str, dict[str, dict[str, str]]]:
 
 
 def test_the_readme_quotes_the_figures_of_the_page() -> None:
-    fit, paper = figures()[FIT], figures()[PAPERS]
+    fit = figures()[FIT]
+    paper = figures()[PAPERS]
     readme = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     quoted = {
         row[0].split(":")[0]: row[1:]
@@ -391,9 +393,7 @@ HAZARD_ROWS = [cells(line) for line in HAZARDS.splitlines() if line.startswith("
 REQUIREMENTS = tomllib.loads(STATED.read_text(encoding="utf-8"))["requirement"]
 
 
-def test_hazards_fill_the_columns_of_a_risk_file_and_each_cites_requirements_that_belong_to_one() -> (
-    None
-):
+def test_hazards_fill_the_columns_of_a_risk_file_and_each_cites_requirements_that_belong_to_one():
     heads = [
         cells(line) for line in HAZARDS.splitlines() if line.startswith("| | hazard")
     ]
@@ -422,7 +422,8 @@ def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(
     )
     assert re.search(r"::test_a_lower_bound_withdraws\w+` \*\(slow\)\*", page)
     assert re.search(r"::test_a_steep_ramp_is_foreseen`$", page, flags=re.MULTILINE)
-    stated, absent = tmp_path / "requirements.toml", "there is no such test"
+    stated = tmp_path / "requirements.toml"
+    absent = "there is no such test"
     faults = {
         '["tests/decision/test_decide.py::test_that_is_not_there"]': absent,
         '["tests/nowhere.py::test_the_table_is_total"]': absent,

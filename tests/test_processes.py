@@ -238,7 +238,8 @@ def test_a_failure_on_a_cluster_reaches_the_caller(
 def test_work_waits_for_workers_and_outlives_one(mortal: Cluster) -> None:
     workers = cluster_workers(mortal.address)
     assert workers == 1
-    victim, _ = mortal.worker(), mortal.worker()
+    victim = mortal.worker()
+    _ = mortal.worker()
     results = []
     for result in work_in_order(SLOW, range(60), workers, ahead=20):
         results.append(result)

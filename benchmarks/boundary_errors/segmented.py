@@ -84,7 +84,8 @@ def segmented_boundaries(
     states = library.curves(wall[0][held], wall[1][held], ratios[held])
     plan = plan_phantom(eye, tuple(np.asarray(forces_n)[held]), study, seed)
     scale = PixelScale.of(study.oct)
-    true, seen = [], []
+    true = []
+    seen = []
     for frame, curves_bnc in zip(plan.frames, states.curves_sbnc, strict=True):
         section = cut_surfaces(curves_bnc, eye.gap_m, eye.tilt_rad)
         found = find_wall(
@@ -101,7 +102,8 @@ def _depths_at_columns(
     found: Segmentation, scale: PixelScale, laterals_m: Floats
 ) -> Floats:
     """Return the depth of both found boundaries (boundary, column), m; NaN outside the frame and where no wall is."""
-    rows_bc, count = np.stack([found.outer_row, found.inner_row]), len(found.outer_row)
+    rows_bc = np.stack([found.outer_row, found.inner_row])
+    count = len(found.outer_row)
     there_c = np.isfinite(rows_bc[0]) & np.isfinite(rows_bc[1])
     at = laterals_m / scale.lateral_m + count / 2 - 0.5
     known = (

@@ -11,13 +11,18 @@ from scleraforce.study import SliceStudy
 
 Floats = NDArray[np.float64]
 
-GENTLE, STEEP = 0.3, 0.4  # slopes of the surface: below, above
+# slopes of the surface: below, above
+GENTLE = 0.3
+STEEP = 0.4
 LAGS = (1, 5)  # columns
 LARGE_M = 0.1e-3
 CLEAR_M = 0.1e-3  # of the frame's lower edge: nearer to it no error is counted
-LAYER_M, LAYER_COLUMNS = 0.08e-3, 1 / 3
+LAYER_M = 0.08e-3
+LAYER_COLUMNS = 1 / 3
 GENTLY_BENT_PER_M = 1000.0
-SHINING_COLUMNS, JUDGED_COLUMNS = 5, 40  # a frame needs as many for its shine
+# a frame needs as many for its shine
+SHINING_COLUMNS = 5
+JUDGED_COLUMNS = 40
 LARGEST_SHINE_M = 0.02e-3
 CORRELATED_M = 0.05e-3  # larger errors are clipped to this for correlations: a bump does not count as noise
 
@@ -73,13 +78,15 @@ def boundary_statistics(
         side_columns: columns at each side that are left out: what the scan does not reach is another matter.
     """
     inside = slice(side_columns, study.columns - side_columns)
-    true, seen = true_sbc[:, :, inside], seen_sbc[:, :, inside]
+    true = true_sbc[:, :, inside]
+    seen = seen_sbc[:, :, inside]
     bottom_m = study.rows * study.pixel_m
     outer = true[:, OUTER]
     slope = np.gradient(outer, study.pixel_m, axis=1)
     curvature = np.gradient(slope, study.pixel_m, axis=1)
     found = np.isfinite(seen).all(axis=1) & (outer < bottom_m)
-    gentle, steep = found & (np.abs(slope) < GENTLE), found & (np.abs(slope) >= STEEP)
+    gentle = found & (np.abs(slope) < GENTLE)
+    steep = found & (np.abs(slope) >= STEEP)
     outer_error = np.where(found, seen[:, OUTER] - outer, np.nan)
     thickness_error, scale = _thickness_errors(true, seen, found, gentle, bottom_m)
     bent = found & (np.abs(curvature) < 2e3) & (np.abs(slope) < 1.0)

@@ -204,11 +204,9 @@ def main(
     recordings_only: bool,
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
-    study, folder, chosen = (
-        Study(),
-        FiguresFolder(out),
-        chosen_workers(scheduler, workers) or available_cores(),
-    )
+    study = Study()
+    folder = FiguresFolder(out)
+    chosen = chosen_workers(scheduler, workers) or available_cores()
     now = behaviour()
     take_up(out, now)
     drawn = {group: draw_eyes(group, counts[group], study, seed) for group in names}

@@ -70,7 +70,9 @@ def as_declared(
         reader: size of the errors.
         rng: source of all randomness.
     """
-    eye, needle, scanner = info.eye, info.needle, info.oct
+    eye = info.eye
+    needle = info.needle
+    scanner = info.oct
     assert eye.iop_pa is not None
     assert eye.thickness_m is not None
     assert needle.polar_angle_rad is not None

@@ -31,10 +31,9 @@ from scleraforce.units import to_si
 
 SEED = 20_261_126  # of this benchmark alone: earlier draws were in view while the reader was made
 FRAMES = 20
-CORE, RINGS = (
-    8,
-    20,
-)  # of the mesh: tips are within 1 % of a mesh with twice the elements
+# of the mesh: tips are within 1 % of a mesh with twice the elements
+CORE = 8
+RINGS = 20
 DEFAULT_READER = "default"
 NEEDLE_DIAMETERS_M = (
     0.7e-3,
@@ -115,8 +114,10 @@ def _open_or_sealed(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 def _behind_the_limbus(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return an eye with a cornea of its own radius and modulus, pushed 2 to 5 mm behind the limbus."""
-    ring_m, behind_m = rng.uniform(5.5e-3, 6.0e-3), rng.uniform(2e-3, 5e-3)
-    limbus_rad, radius_m = asin(ring_m / study.eye.radius_m), study.eye.radius_m
+    ring_m = rng.uniform(5.5e-3, 6.0e-3)
+    behind_m = rng.uniform(2e-3, 5e-3)
+    limbus_rad = asin(ring_m / study.eye.radius_m)
+    radius_m = study.eye.radius_m
     cornea = CorneaStudy(radius_m=7.8e-3, limbus_radius_m=ring_m)
     region = RegionStudy(
         modulus_ratio=rng.uniform(0.6, 1.4),
@@ -161,7 +162,8 @@ def _woven(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
 
 def _relaxing(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return an open eye that loses 5 to 20 % of a held force with 0.5 to 3 s, and as much again with 5 to 30 s."""
-    shares, scales = rng.uniform(0.05, 0.2, 2), np.exp(rng.uniform(0.0, np.log(6.0), 2))
+    shares = rng.uniform(0.05, 0.2, 2)
+    scales = np.exp(rng.uniform(0.0, np.log(6.0), 2))
     terms = zip(shares.tolist(), (scales * (0.5, 5.0)).tolist(), strict=True)
     return eye, replace(
         study,
@@ -212,10 +214,8 @@ def _needle_in_the_plane(eye: PhantomEye, study: Study, rng: Generator) -> Drawn
     """Return an open eye whose B-scan plane meets the needle, 22G to 34G, steel or glass, straight or bevelled."""
     diameter_m = float(rng.choice(NEEDLE_DIAMETERS_M))
     eye = replace(eye, gap_m=rng.uniform(0.0, 0.4) * diameter_m)
-    needle, phantom = (
-        replace(study.needle, outer_diameter_m=diameter_m),
-        replace(study.phantom, needle_count=fixed(1)),
-    )
+    needle = replace(study.needle, outer_diameter_m=diameter_m)
+    phantom = replace(study.phantom, needle_count=fixed(1))
     return eye, replace(study, needle=needle, phantom=phantom)
 
 
@@ -237,7 +237,8 @@ def _layered(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return an open eye before another scanner: more noise, coarser speckle, a linear display, or larger frames."""
-    phantom, oct_study = study.phantom, study.oct
+    phantom = study.phantom
+    oct_study = study.oct
     scanners = (
         (
             replace(phantom, snr_db=_times(phantom.snr_db, 1.0, -10.0 * log10(4.0))),
@@ -275,10 +276,8 @@ def _moving(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 def _cut_to(width_m: float, eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
     """Return an open eye in frames that are cut to a width, without black bands at their sides."""
     columns = round(study.oct.columns * width_m / study.oct.width_m)
-    phantom, oct_study = (
-        replace(study.phantom, band_m=fixed(0.0)),
-        replace(study.oct, width_m=width_m, columns=columns),
-    )
+    phantom = replace(study.phantom, band_m=fixed(0.0))
+    oct_study = replace(study.oct, width_m=width_m, columns=columns)
     return eye, replace(study, phantom=phantom, oct=oct_study)
 
 

@@ -6,10 +6,8 @@ from provenance.stamps import Stamp
 from scleraforce.errors import InputError
 from scleraforce.whole_files import write_whole
 
-BEGIN, END = (
-    "<!-- made by `make figures`: begin -->",
-    "<!-- made by `make figures`: end -->",
-)
+BEGIN = "<!-- made by `make figures`: begin -->"
+END = "<!-- made by `make figures`: end -->"
 
 
 def insert_tables(tables: str, stamp: Stamp, page: Path) -> None:

@@ -10,7 +10,9 @@ from figures.scores import AnsweredFrame
 from scleraforce.report.files import BLACK, BLUE, GREY, RED, inches, styled
 
 LARGEST_MN = 70.0
-PANEL_MM, ACROSS = 58, 4  # panels in a row
+# panels in a row
+PANEL_MM = 58
+ACROSS = 4
 
 
 @styled

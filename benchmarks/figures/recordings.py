@@ -141,17 +141,16 @@ def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
                 make_eye(folder, drawn)
             except ScleraforceError as fault:
                 return str(fault)
-            recording, made = (
-                _files(folder.recording(drawn)),
-                folder.made(drawn).read_bytes(),
-            )
+            recording = _files(folder.recording(drawn))
+            made = folder.made(drawn).read_bytes()
         return _Sent(hash_sources(""), recording, made)
 
     return work
 
 
 def _write_sent(folder: FiguresFolder, drawn: FigureEye, sent: _Sent) -> None:
-    recording, made = folder.recording(drawn), folder.made(drawn)
+    recording = folder.recording(drawn)
+    made = folder.made(drawn)
     if sent.sources != hash_sources(""):
         raise ScleraforceError(
             "a worker has other sources than this process; let them import the same ones"
@@ -245,7 +244,8 @@ def read_made(folder: FiguresFolder, drawn: FigureEye) -> MadeEye:
     """Return what is known of an eye that was made."""
     with np.load(folder.made(drawn)) as kept:
         files = tuple(kept["files"].tolist())
-        largest_n, seconds = float(kept["largest_n"]), float(kept["seconds"])
+        largest_n = float(kept["largest_n"])
+        seconds = float(kept["seconds"])
         return MadeEye(
             files,
             largest_n,

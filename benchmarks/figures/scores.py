@@ -12,11 +12,11 @@ from scleraforce.reader.metrics import Proportion, coverage_band
 from scleraforce.study import ClassesStudy
 
 DANGEROUS = 2  # the class of forces that hurt
-HIGH_MN, BOUND_MN = (
-    35.0,
-    30.0,
-)  # a force above the one must not be read, with confidence, as one below the other
-LEVEL, SMALLEST_MN = 0.9, 1e-3
+# a force above the one must not be read, with confidence, as one below the other
+HIGH_MN = 35.0
+BOUND_MN = 30.0
+LEVEL = 0.9
+SMALLEST_MN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,8 @@ def _as_safe(frame: AnsweredFrame) -> bool:
 
 def _stretch(frames: Sequence[AnsweredFrame]) -> float:
     """Return the factor of the intervals' halves with which 90 % of the frames of whole eyes hold; NaN: no frames."""
-    scores, eyes = [], []
+    scores = []
+    eyes = []
     for frame in frames:
         if frame.interval_mn is not None and frame.read_mn is not None:
             low, high = frame.interval_mn

@@ -45,7 +45,9 @@ class Link:
     """A connection of somebody hostile."""
 
     def __init__(self, link: socket.socket, rng: random.Random) -> None:
-        self.link, self.rng, self._loop = link, rng, asyncio.get_running_loop()
+        self.link = link
+        self.rng = rng
+        self._loop = asyncio.get_running_loop()
 
     async def send(self, data: bytes | bytearray) -> None:
         """Send, as long as the other end reads."""
@@ -212,7 +214,9 @@ async def main(
 ) -> None:
     """Attack in a random order."""
     kinds = [kind for kind in KINDS if not names or kind.__name__ in names]
-    rng, free, ends = random.Random(seed), asyncio.Semaphore(at_once), Counter[str]()
+    rng = random.Random(seed)
+    free = asyncio.Semaphore(at_once)
+    ends = Counter[str]()
     done = 0
 
     async def one(number: int, kind: Callable[[Link], Awaitable[None]]) -> None:

@@ -200,7 +200,9 @@ class Line:
     def __init__(
         self, monitor: Monitor, frames: Frames, rng: np.random.Generator
     ) -> None:
-        self._port, self._frames, self._rng = monitor.port, frames, rng
+        self._port = monitor.port
+        self._frames = frames
+        self._rng = rng
         self.operator = Operator(monitor.port, monitor.token)
         self.on_the_way: Counter[str] = Counter()
         self.cycle_s = 0.0
@@ -210,7 +212,8 @@ class Line:
         touched[: RUN_IN + MORE + 12] = False
         self._places = np.flatnonzero(touched & np.roll(touched, RUN_IN + MORE))
         self._columns = cycle(range(PICTURES))
-        self.log, self._client = AnswerLog(), self._connect()
+        self.log = AnswerLog()
+        self._client = self._connect()
 
     def _connect(self) -> ScannerClient:
         return ScannerClient("127.0.0.1", self._port, self._hear, observed=True)
@@ -251,7 +254,8 @@ class Line:
         self.log = AnswerLog()
         player = Player(recording, self._client, self.log, version=1)
         first = place - RUN_IN - int(self._rng.integers(MORE))
-        oct_info, entries = recording.info.oct, recording.frames
+        oct_info = recording.info.oct
+        entries = recording.frames
         messages = {
             index: frame_message(
                 recording.frame(entries[index]), oct_info, index + 1, 1
@@ -287,7 +291,8 @@ class Death:
     hangs: bool = False
 
 
-WATCHED, FAILED = "WATCHDOG", "EXCEPTION"
+WATCHED = "WATCHDOG"
+FAILED = "EXCEPTION"
 DEATHS = {
     "monitor stopped": Death("monitor", signal.SIGSTOP, WATCHED),
     "monitor killed": Death("monitor", signal.SIGKILL, WATCHED),
@@ -311,7 +316,8 @@ def real_deaths(frames: Frames, given: Namespace, names: list[str]) -> list[Row]
     rows = []
     progress = Progress("deaths", given.deaths * len(names))
     for place, name in enumerate(names):
-        row, death = Row(name, "real"), DEATHS[name]
+        row = Row(name, "real")
+        death = DEATHS[name]
         while row.times < given.deaths and row.restarts <= RESTARTS:
             with real_monitor(given.model, given.recording) as monitor:
                 pid = monitor.pids[death.role]
@@ -325,13 +331,12 @@ def real_deaths(frames: Frames, given: Namespace, names: list[str]) -> list[Row]
 def small_deaths(given: Namespace, names: list[str]) -> list[Row]:
     """Do the same to small monitors."""
     rng = np.random.default_rng((given.seed, 2))
-    rows, frames, progress = (
-        [],
-        SmallFrames(),
-        Progress("small deaths", given.times * len(names)),
-    )
+    rows = []
+    frames = SmallFrames()
+    progress = Progress("small deaths", given.times * len(names))
     for place, name in enumerate(names):
-        row, death = Row(name, "small"), SMALL_DEATHS[name]
+        row = Row(name, "small")
+        death = SMALL_DEATHS[name]
         while row.times < given.times and row.restarts <= RESTARTS:
             with small_monitor() as small:
                 pid = (

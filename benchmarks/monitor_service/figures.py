@@ -64,12 +64,10 @@ class Progress:
     """A bar on a terminal; nothing elsewhere."""
 
     def __init__(self, name: str, total: int) -> None:
-        self._name, self._total, self._begun_s, self._renewed_s = (
-            name,
-            max(total, 1),
-            monotonic(),
-            0.0,
-        )
+        self._name = name
+        self._total = max(total, 1)
+        self._begun_s = monotonic()
+        self._renewed_s = 0.0
         self._live = sys.stderr.isatty()
 
     def show(self, done: int, words: str = "") -> None:

@@ -70,7 +70,8 @@ class Scene:
     """A robot and a scanner beside a monitor; the robot's connection is the one that is heard."""
 
     def __init__(self, monitor: Monitor, frames: Frames) -> None:
-        self._monitor, self._operator = monitor, Operator(monitor.port, monitor.token)
+        self._monitor = monitor
+        self._operator = Operator(monitor.port, monitor.token)
         self._gaps_s: list[float] = []
         self._heard_s: float | None = None
         self._pace = Pace(monitor.port, frames, 100.0, observed=True, also=self._hear)
@@ -125,14 +126,14 @@ class Scene:
     ) -> dict[str, Any]:
         """Run for a time, or until the attack is over; return the figures."""
         begun_s = asked_s = monotonic()
-        self._gaps_s, self._heard_s, self._codes = [], None, []
+        self._gaps_s = []
+        self._heard_s = None
+        self._codes = []
         self._pace.log.answers.clear()
         self._operator.took_s.clear()
         self._pace.latest_s = 0.0
-        sent, progress = (
-            self._pace.sent,
-            Progress("hostile", attack.total if attack else 1),
-        )
+        sent = self._pace.sent
+        progress = Progress("hostile", attack.total if attack else 1)
         while not attack.ends if attack else monotonic() - begun_s < for_s:
             if scanning:
                 self._pace.send()
@@ -172,13 +173,12 @@ class Attack:
 
     def __init__(self, process: "subprocess.Popen[bytes]", total: int) -> None:
         assert process.stdout is not None
-        self._process, self._pipe, self._rest, self.total = (
-            process,
-            process.stdout.fileno(),
-            b"",
-            total,
-        )
-        self.done, self.ends = 0, dict[str, int]()
+        self._process = process
+        self._pipe = process.stdout.fileno()
+        self._rest = b""
+        self.total = total
+        self.done = 0
+        self.ends = dict[str, int]()
         os.set_blocking(self._pipe, False)
 
     def look(self) -> None:

@@ -73,17 +73,14 @@ def measure(
     monitor: Monitor, echo_port: int, frames: Frames, given: Namespace, name: str
 ) -> dict[str, Any]:
     """Send frames at their times; a frame without an answer when the next is due counts as such."""
-    pace, progress = (
-        Pace(monitor.port, frames, given.rate_hz),
-        Progress(name, given.frames),
-    )
-    operator, echoes, control_s = (
-        Operator(monitor.port, monitor.token),
-        list[float](),
-        list[float](),
-    )
+    pace = Pace(monitor.port, frames, given.rate_hz)
+    progress = Progress(name, given.frames)
+    operator = Operator(monitor.port, monitor.token)
+    echoes = list[float]()
+    control_s = list[float]()
     echo = ScannerClient("127.0.0.1", echo_port, lambda at_s, *_: echoes.append(at_s))
-    withdrawals, since_withdrawal = list[str](), 0
+    withdrawals = list[str]()
+    since_withdrawal = 0
     try:
         pace.warm_up(WARM_UP, operator)
         for number in range(given.frames):
@@ -194,7 +191,8 @@ def serve_echo() -> None:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         room = memoryview(bytearray(1 << 21))
         while True:
-            have, size = 0, 58
+            have = 0
+            size = 58
             while have < size:
                 count = link.recv_into(room[have:size])
                 if not count:

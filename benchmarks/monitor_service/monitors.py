@@ -44,14 +44,13 @@ class Monitor:
     def __init__(
         self, process: subprocess.Popen[bytes], said: Path, black_box: Path
     ) -> None:
-        self.process, self._said, self._black_box, self._pruned_s = (
-            process,
-            said,
-            black_box,
-            monotonic(),
-        )
+        self.process = process
+        self._said = said
+        self._black_box = black_box
+        self._pruned_s = monotonic()
         words = self._await_reset_line().split()
-        self.port, self.token = int(words[words.index("--port") + 1]), words[-1]
+        self.port = int(words[words.index("--port") + 1])
+        self.token = words[-1]
         self.pids = {"monitor": process.pid, **_children(process.pid)}
 
     def _await_reset_line(self) -> str:
@@ -128,7 +127,8 @@ def real_monitor(
     with TemporaryDirectory(
         prefix="bench-monitor-", ignore_cleanup_errors=True
     ) as folder:
-        said, black_box = Path(folder, "said"), Path(folder, "box")
+        said = Path(folder, "said")
+        black_box = Path(folder, "box")
         command = [
             sys.executable,
             "-c",

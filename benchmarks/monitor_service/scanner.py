@@ -29,7 +29,8 @@ HIGHEST_N = 25e-3  # below this nothing withdraws
 CONTACT_N = 4e-3  # clear of the monitor's bound of contact
 DANGEROUS_N = 33e-3  # clear over the bound
 SCANNER_PRIORITY = 15  # above the second opinion, with which it shares a core: a scanner is another machine
-OK, WITHDRAW = 1, 3
+OK = 1
+WITHDRAW = 3
 WARM_UP_S = 120.0  # other work may keep the scanner from its frames for a while; each time the monitor withdraws
 
 
@@ -50,7 +51,8 @@ class Frames:
 
     def __init__(self, path: Path, most: int | None = None) -> None:
         self.recording = preloaded(read_recording(path), most)
-        entries, true_n = self.recording.frames, true_forces(path)
+        entries = self.recording.frames
+        true_n = true_forces(path)
         self.force_n = np.array([true_n[entry.file] for entry in entries])
         over = np.flatnonzero(self.force_n >= HIGHEST_N)
         self.harmless = int(over[0]) if len(over) else len(entries)
@@ -178,19 +180,17 @@ class Pace:
         observed: bool = False,
         also: Heard = lambda *_: None,
     ) -> None:
-        self.log, self.latest_s, self.sent = Answers(), 0.0, 0
+        self.log = Answers()
+        self.latest_s = 0.0
+        self.sent = 0
         self.client = ScannerClient("127.0.0.1", port, self._hear, observed=observed)
         self._also = also
-        self._frames, self._interval_s, self._wall_s = (
-            frames,
-            1.0 / rate_hz,
-            time() - monotonic(),
-        )
-        self._way, self._due_s, self.data = (
-            frames.to_and_fro(),
-            monotonic(),
-            bytearray(),
-        )
+        self._frames = frames
+        self._interval_s = 1.0 / rate_hz
+        self._wall_s = time() - monotonic()
+        self._way = frames.to_and_fro()
+        self._due_s = monotonic()
+        self.data = bytearray()
 
     def _hear(self, at_s: float, device: str, message: Message) -> None:
         self.log.hear(at_s, device, message)
@@ -219,7 +219,8 @@ class Pace:
             said = self.log.status.message if self.log.status else "nothing"
             raise InputError(f"the monitor does not say OK to harmless frames: {said}")
         self.log.answers.clear()
-        self.latest_s, self.sent = 0.0, 0
+        self.latest_s = 0.0
+        self.sent = 0
 
     def send(self, message: Sent | None = None) -> float:
         """Wait until the next frame is due and send it, or another message in its place; return when its end went."""
@@ -253,7 +254,9 @@ class Operator:
     """Asks for resets on a connection of its own; `took_s` has the time of each answer."""
 
     def __init__(self, port: int, token: str) -> None:
-        self._port, self._token, self._pool = port, token, ThreadPoolExecutor(1)
+        self._port = port
+        self._token = token
+        self._pool = ThreadPoolExecutor(1)
         self._asked: Future[bool] | None = None
         self.granted = self.refused = 0
         self.took_s: list[float] = []
@@ -264,7 +267,8 @@ class Operator:
             self._asked = self._pool.submit(self._ask)
 
     def _ask(self) -> bool:
-        begun_s, granted = monotonic(), False
+        begun_s = monotonic()
+        granted = False
         with suppress(InputError):  # nobody answered in time
             granted, _ = ask_reset("127.0.0.1", self._port, self._token)
         self.took_s.append(monotonic() - begun_s)
@@ -279,11 +283,10 @@ class Operator:
         """Return whether the reset was granted; None where no answer has come."""
         if self._asked is None or not self._asked.done():
             return None
-        granted, self._asked = self._asked.result(), None
-        self.granted, self.refused = (
-            self.granted + granted,
-            self.refused + (not granted),
-        )
+        granted = self._asked.result()
+        self._asked = None
+        self.granted = self.granted + granted
+        self.refused = self.refused + (not granted)
         return granted
 
     def close(self) -> None:

@@ -85,21 +85,18 @@ def run(given: Namespace) -> dict[str, Any]:
 def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any]:
     """Send frames at their times, and reset what was withdrawn from."""
     total = round(given.seconds * given.rate_hz)
-    pace, progress = (
-        Pace(monitor.port, frames, given.rate_hz, observed=True),
-        Progress("session", total),
-    )
-    operator, withdrawals, since_withdrawal = (
-        Operator(monitor.port, monitor.token),
-        list[str](),
-        0,
-    )
+    pace = Pace(monitor.port, frames, given.rate_hz, observed=True)
+    progress = Progress("session", total)
+    operator = Operator(monitor.port, monitor.token)
+    withdrawals = list[str]()
+    since_withdrawal = 0
     gc.collect()
     gc.disable()  # among the answers of half a minute a collection takes 60 ms, in which no frame would be sent
     try:
         pace.warm_up(WARM_UP, operator)
         lost = pace.log.reading.get("lost", 0)
-        used, begun_s = shares(monitor), monotonic()
+        used = shares(monitor)
+        begun_s = monotonic()
         for number in range(total):
             pace.send()
             pace.rest()
@@ -202,7 +199,8 @@ def shares(monitor: Monitor) -> dict[str, float]:
 def receiver(port: int) -> Iterator[Path]:
     """Run Debian's C++ receiver beside the session; what it prints is in the file that this gives."""
     with TemporaryDirectory(prefix="bench-receiver-") as folder:
-        program, said = Path(folder, "receiver"), Path(folder, "said")
+        program = Path(folder, "receiver")
+        said = Path(folder, "said")
         command = [
             "g++",
             "-w",

@@ -78,7 +78,9 @@ class Soak:
     """One long run."""
 
     def __init__(self, monitor: Monitor, frames: Frames, given: Namespace) -> None:
-        self._monitor, self._frames, self._given = monitor, frames, given
+        self._monitor = monitor
+        self._frames = frames
+        self._given = given
         self._rng = np.random.default_rng(given.seed)
         self._pace = Pace(monitor.port, frames, given.rate_hz)
         self._operator = Operator(monitor.port, monitor.token)
@@ -121,7 +123,8 @@ class Soak:
 
     def _withdraw_and_reset(self) -> None:
         name = str(self._rng.choice(list(self._injections)))
-        tally, log = self.tally, self._pace.log
+        tally = self.tally
+        log = self._pace.log
         tally.injected[name] += 1
         begun_s = self._injections[name](self._pace)
         self._pace.rest()
@@ -170,7 +173,8 @@ class Soak:
 
     def result(self) -> dict[str, Any]:
         """Print the tables; return the figures."""
-        tally, answers = self.tally, self._pace.log.answers
+        tally = self.tally
+        answers = self._pace.log.answers
         injected = sum(tally.injected.values())
         growth = {role: grown(self._samples, role) for role in self._monitor.pids}
         first = self._samples[0].frames if self._samples else 0
@@ -271,7 +275,8 @@ def injections(
     frames: Frames, rng: np.random.Generator
 ) -> dict[str, Callable[[Pace], float]]:
     """Return what sends each kind in the place of the next frame; each returns when its last byte went."""
-    recording, oct_info = frames.recording, frames.recording.info.oct
+    recording = frames.recording
+    oct_info = frames.recording.info.oct
     pixels = recording.frame(recording.frames[0])
     matrix = tuple(1.03 * value for value in image_matrix(oct_info))
     cut = frame_message(pixels[: len(pixels) // 2], oct_info, 1, 1)
@@ -297,7 +302,9 @@ class Flipped:
     """A frame with one bit flipped."""
 
     def __init__(self, message: Unstamped, place: int, bit: int) -> None:
-        self._message, self._place, self._bit = message, place, bit
+        self._message = message
+        self._place = place
+        self._bit = bit
 
     def stamped(self, time_s: float) -> bytearray:
         """Return it with a time."""

@@ -30,12 +30,11 @@ DECLARATIONS: Mapping[str, str] = {
     "option": "not declared; E alone, as an option",
 }
 CALIBRATION_N = (10e-3, 20e-3, 28e-3)
-THICKNESS_SD_M, GAP_SD_M, IOP_SD, MODULUS_SD = (
-    10e-6,
-    20e-6,
-    0.03,
-    0.015,
-)  # IOP and E: relative
+# IOP and E: relative
+THICKNESS_SD_M = 10e-6
+GAP_SD_M = 20e-6
+IOP_SD = 0.03
+MODULUS_SD = 0.015
 
 
 def declarations(
@@ -92,7 +91,8 @@ def calibrated(
     stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], reader: ForceReader
 ) -> Known:
     """Return what is known of an eye after frames of known force."""
-    scale, seen = PixelScale.of(reader.study.oct), list[tuple[Boundaries, float]]()
+    scale = PixelScale.of(reader.study.oct)
+    seen = list[tuple[Boundaries, float]]()
     for frame, force_n in labelled:
         wall = find_wall(frame, scale)
         if wall.usable:
@@ -110,7 +110,8 @@ def _with_tissue(
     library: Library,
 ) -> TissueTrial[Known]:
     """Return what is known of an eye after frames of known force, with the walls of one tissue."""
-    session, taken = begin(study, stated, library), list[tuple[Boundaries, float]]()
+    session = begin(study, stated, library)
+    taken = list[tuple[Boundaries, float]]()
     for boundaries, force_n in seen:
         session = step(session, boundaries, force_n)
         if isinstance(session.last, FrameStep):

@@ -11,7 +11,8 @@ from scleraforce.study import GlobeStudy, ReaderStudy, Study
 from scleraforce.units import to_si
 
 RIGIDITIES = (to_si(0.01, "mmhg13_per_ul"), to_si(0.05, "mmhg13_per_ul"))
-THICKNESSES_M, GAPS_M = (0.45e-3, 0.85e-3), (0.4e-3, 0.9e-3)
+THICKNESSES_M = (0.45e-3, 0.85e-3)
+GAPS_M = (0.4e-3, 0.9e-3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +66,8 @@ def may_meet(kind: str, trained: ReaderStudy) -> bool:
 
 def draw_eye(kind: str, number: int, study: Study, seed: int) -> SessionEye:
     """Draw an eye whose wall reaches 45 mN within the scanner's depth; open and sealed ones have the same walls."""
-    rng, of = np.random.default_rng((seed, 1, number)), KINDS[kind]
+    rng = np.random.default_rng((seed, 1, number))
+    of = KINDS[kind]
     eye = PhantomEye(
         id=f"{kind}-{number}",
         thickness_m=rng.uniform(*THICKNESSES_M),

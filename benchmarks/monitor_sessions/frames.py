@@ -31,7 +31,8 @@ class PooledGenerator(np.random.Generator):
 
     def standard_normal(self, size, dtype=np.float32, out=None):  # type: ignore[no-untyped-def, override] # noqa: ARG002
         """Return a window, (rows, columns, 2) of float32."""
-        top, left = self.integers(0, POOL - size[0]), self.integers(0, POOL - size[1])
+        top = self.integers(0, POOL - size[0])
+        left = self.integers(0, POOL - size[1])
         return _pool()[top : top + size[0], left : left + size[1]]
 
 
@@ -47,7 +48,8 @@ def stream(
     drawn: SessionEye, path: Trajectory, rng: np.random.Generator, seed: int
 ) -> Iterator[Frame]:
     """Render the frames of a trajectory, one after the other."""
-    study, states = drawn.study, _states(drawn)
+    study = drawn.study
+    states = _states(drawn)
     scanner = sample_optics(study.phantom, study.oct, rng)
     surface_m = draw(study.phantom.surface_depth_m, rng)
     pooled = PooledGenerator((seed, int(rng.integers(2**31))))

@@ -130,7 +130,8 @@ class Bench:
 
     def __init__(self, plan: Plan) -> None:
         cv2.setNumThreads(1)
-        self.plan, self.reader = plan, load_force_reader(plan.model)
+        self.plan = plan
+        self.reader = load_force_reader(plan.model)
         scanner = self.reader.study.oct
         scale = PixelScale.of(scanner)
         self.limits = MonitorLimits(
@@ -143,9 +144,11 @@ class Bench:
 
     def unit(self, number: int) -> tuple[dict[str, Outcome], float]:
         """Run one unit; return what every monitor did, and the seconds that it took."""
-        unit, start = self.plan.units[number], perf_counter()
+        unit = self.plan.units[number]
+        start = perf_counter()
         drawn = draw_eye(unit.kind, unit.eye, self.reader.study, self.plan.seed)
-        told, largest_n = self._told(drawn, unit.eye), largest_force_n(drawn)
+        told = self._told(drawn, unit.eye)
+        largest_n = largest_force_n(drawn)
         place = 0 if unit.session is None else unit.session + 1
         rng = np.random.default_rng((self.plan.seed, 2, unit.eye, place))
         outcomes = {name: Outcome() for name in told}
@@ -189,7 +192,8 @@ class Bench:
     ) -> None:
         """Play a session: every withdrawal in it is false."""
         for n, name, answer, withdrawal in self._shown(drawn, path, watches, rng):
-            outcome, force_n = outcomes[name], float(path.force_n[n])
+            outcome = outcomes[name]
+            force_n = float(path.force_n[n])
             outcome.frames += 1
             outcome.ok += watches[name].code == OK
             if answer is not None:

@@ -24,10 +24,9 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.learning import EyeLearner
 from scleraforce.service.messages import OpinionAsked
 
-OPINION_EVERY, OPINION_AFTER_S = (
-    3,
-    0.025,
-)  # frames; the fit takes so long on a busy machine, and skips what comes then
+# frames; the fit takes so long on a busy machine, and skips what comes then
+OPINION_EVERY = 3
+OPINION_AFTER_S = 0.025
 RESET_AFTER_S = 1.0
 WITHDRAW = 3
 
@@ -56,16 +55,12 @@ class Watch:
         opinion_every: int = OPINION_EVERY,
     ) -> None:
         stiffness_n_m = reader.steepest_n_m(known) or limits.stiffness_n_m
-        self.known, self.limits, self.released = (
-            known,
-            replace(limits, stiffness_n_m=stiffness_n_m),
-            0,
-        )
-        self._reader, self._learner, self._opinion_every = (
-            reader,
-            learner,
-            opinion_every,
-        )
+        self.known = known
+        self.limits = replace(limits, stiffness_n_m=stiffness_n_m)
+        self.released = 0
+        self._reader = reader
+        self._learner = learner
+        self._opinion_every = opinion_every
         self._scale = PixelScale.of(reader.study.oct)
         self._live = LiveReader(reader, known, 1.0)
         self._state = MonitorState()
@@ -98,7 +93,8 @@ class Watch:
             scale_m=(self._scale.lateral_m, self._scale.depth_m),
             shown_back=shown_back,
         )
-        withdrawal, opinion = self._hear([event], at_s), None
+        withdrawal = self._hear([event], at_s)
+        opinion = None
         if number % self._opinion_every == 0:
             opinion = self._reader.read(frame, self._scale, self.known)
             due_s = at_s + OPINION_AFTER_S

@@ -44,10 +44,9 @@ BOUNDS = {
     "ceil": "floor",
     "floor": "ceil",
 }
-SLOWER, START_S = (
-    4.0,
-    60.0,
-)  # a faulty run may take this many times the sound one, and this much longer
+# a faulty run may take this many times the sound one, and this much longer
+SLOWER = 4.0
+START_S = 60.0
 Key = tuple[
     str, str, str, int
 ]  # function, expression, the same with the fault, and which of equal ones
@@ -145,10 +144,8 @@ def faults_of(tree: Path, packages: list[str]) -> dict[Key, Fault]:
                 and node.end_col_offset is not None
             ):
                 pair = (ast.unparse(node), wrong)
-                start, end = (
-                    (node.lineno, node.col_offset),
-                    (node.end_lineno, node.end_col_offset),
-                )
+                start = (node.lineno, node.col_offset)
+                end = (node.end_lineno, node.end_col_offset)
                 offered[(name, *pair, equal[pair])] = Fault(
                     file.relative_to(root), start, end, wrong
                 )
@@ -161,7 +158,8 @@ class Copy:
 
     def __init__(self, tree: Path, folder: Path) -> None:
         """Copy what the tests need; caches of the run are in the copy, too."""
-        self.folder, self.seconds = folder, dict[str, float]()
+        self.folder = folder
+        self.seconds = dict[str, float]()
         names = subprocess.run(
             ["git", "ls-files"], cwd=tree, capture_output=True, text=True, check=True
         ).stdout
@@ -250,9 +248,11 @@ def main() -> int:
     print(f"{len(drawn)} of {len(shared)} faults, seed {given.seed}")
     for tree, offered in zip(given.trees, (first, *others), strict=True):
         with TemporaryDirectory(prefix="scleraforce-mutation-") as folder:
-            copied, killed = Copy(tree.resolve(), Path(folder)), 0
+            copied = Copy(tree.resolve(), Path(folder))
+            killed = 0
             for key in drawn:
-                fault, dead = offered[key], copied.kills(offered[key])
+                fault = offered[key]
+                dead = copied.kills(offered[key])
                 killed += dead
                 place = (
                     f"{fault.module}:{fault.start[0]} {key[0]}: {key[1]} -> {key[2]}"

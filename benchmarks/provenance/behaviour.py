@@ -104,7 +104,8 @@ def _eye(folder: FiguresFolder, group: str) -> Fingerprint:
     mesh = replace(drawn.study.mesh, core=4, rings=8)
     drawn = replace(drawn, study=replace(drawn.study, mesh=mesh), shares=SHARES)
     make_eye(folder, drawn)
-    made, path = read_made(folder, drawn), declare(folder, [drawn]).recording(drawn)
+    made = read_made(folder, drawn)
+    path = declare(folder, [drawn]).recording(drawn)
     recording = read_recording(path)
     answers = evaluate_recordings(load_model("default"), [path]).frames
     forces_n = [

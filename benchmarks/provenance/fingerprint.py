@@ -73,16 +73,26 @@ Fingerprint = dict[
     str, dict[str, Any]
 ]  # name of a result -> its "tolerance" and "values", as in `model.json`
 
-MEANS, PICKS = 32, 31  # of an item, at most
+# of an item, at most
+MEANS = 32
+PICKS = 31
 # Relative to an item's largest number. Other BLAS kernels and processors (Prescott, Haswell, without AVX) move doubles
 # by less than 1e-9, network inputs by 3e-8, scores of fits by 2e-4, a descent by 5e-4; a pixel may turn.
-DOUBLE, SINGLE, PIXELS, SCORES, DESCENT = 1e-6, 1e-5, 1e-3, 3e-3, 1e-2
+DOUBLE = 1e-6
+SINGLE = 1e-5
+PIXELS = 1e-3
+SCORES = 3e-3
+DESCENT = 1e-2
 
 PATHS = (0.0, 0.5, 1.0)  # of the load paths: the first, one in the middle, the last
 SAMPLES = 450  # of two tissues
-EYE, LAST_EYE = 1, 9  # virtual eyes that are tried for scores: the library may lack one
+# virtual eyes that are tried for scores: the library may lack one
+EYE = 1
+LAST_EYE = 9
 EYES = 30  # that scores are shared among
-SLICES, CONTACTS = 24, 3  # of each of the first two groups
+# of each of the first two groups
+SLICES = 24
+CONTACTS = 3
 
 
 def item(values: ArrayLike, tolerance: float = DOUBLE) -> dict[str, Any]:
@@ -120,7 +130,8 @@ def _agree(before: dict[str, Any], now: dict[str, Any]) -> bool:
 
 def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
     """Return the fingerprint of a reader's network: load paths, a small library, samples, first steps of a descent."""
-    reader, source = study.reader, Source(library, study.reader, study.slice)
+    reader = study.reader
+    source = Source(library, study.reader, study.slice)
     samples = source.chunk(1, SAMPLES)
     rng = np.random.default_rng(reader.seed)
     _, _, seen = draw_seen(source.library, reader, study.slice, SAMPLES, rng)
@@ -129,10 +140,8 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
     network = fitted.network
     slices = torch.from_numpy((samples.slices > 0).astype(np.float32))
     with torch.inference_mode():
-        inputs, (forces, places) = (
-            network.features(slices),
-            network(slices, torch.from_numpy(samples.given)),
-        )
+        inputs = network.features(slices)
+        (forces, places) = network(slices, torch.from_numpy(samples.given))
     return {
         **_library_items(study),
         **_sample_items("training", samples),
@@ -149,7 +158,8 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
 
 def interval_fingerprint(study: Study, library: Library, network: bytes) -> Fingerprint:
     """Return the fingerprint of a reader's intervals: the tissue that a calibration finds, an eye's scores, factors."""
-    walls, curves = library.walls, library.walls.curves
+    walls = library.walls
+    curves = library.walls.curves
     assert isinstance(curves, ReducedCurves)  # of a model folder
     softest = ReducedCurves(
         curves.rows.share(0, curves.shape[0]), (1, *curves.shape[1:])
@@ -252,7 +262,8 @@ def finder_fingerprint(study: Study) -> Fingerprint:
         study, wall_finder=replace(study.wall_finder, batch_size=4, batches=3)
     )
     batches = [scene_batch(few, number) for number in range(3)]
-    unseen, fitted = scene_batch(few, 0, VALIDATION_SCENES), fit_wall_finder(few, 0)
+    unseen = scene_batch(few, 0, VALIDATION_SCENES)
+    fitted = fit_wall_finder(few, 0)
     with torch.inference_mode():
         inputs = fitted.network.inputs(torch.from_numpy(unseen.frames))
         rows, wall = fitted.network(torch.from_numpy(unseen.frames))
@@ -325,7 +336,8 @@ def _slice_items(name: str, slices: NDArray[np.uint8]) -> Fingerprint:
 def fingerprint_of(path: Path) -> Fingerprint:
     """Return the fingerprint of a model folder's training."""
     folder = read_folder(path)
-    study, kind = folder_study(folder), folder.record["kind"]
+    study = folder_study(folder)
+    kind = folder.record["kind"]
     if kind != "reader":
         return {
             "classifier": classifier_fingerprint,

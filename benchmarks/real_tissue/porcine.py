@@ -19,7 +19,8 @@ from scleraforce.units import to_si
 
 Floats = NDArray[np.float64]
 
-STIFFNESS_N_M, IOP_PA = 130.0, to_si(15.0, "mmhg")
+STIFFNESS_N_M = 130.0
+IOP_PA = to_si(15.0, "mmhg")
 MODULI_PA = (
     0.1e6,
     0.15e6,
@@ -118,7 +119,8 @@ def modulus_of_slope(
         slopes.values()
     ):
         return None
-    moduli, values = np.array(list(slopes)), np.array(list(slopes.values()))
+    moduli = np.array(list(slopes))
+    values = np.array(list(slopes.values()))
     rising = np.flatnonzero(np.diff(values) <= 0.0)
     start = 0 if len(rising) == 0 else int(rising[-1]) + 1
     return float(

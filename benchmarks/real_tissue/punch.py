@@ -33,11 +33,10 @@ TOLERANCE = (
 )
 FEWEST = 3  # states that have a slope
 MOST_STEPS = 30  # of Newton's method; the points that touch change from one to the next
-HIGHEST, BELOW_BURST, PRESSURES = (
-    3.0,
-    0.9,
-    13,
-)  # where the undented volume is tabulated: over the rest, the burst
+# where the undented volume is tabulated: over the rest, the burst
+HIGHEST = 3.0
+BELOW_BURST = 0.9
+PRESSURES = 13
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,8 @@ def flat_punch_path(
     )
     wall = AxisymmetricWall(mesh, poisson_ratio, symmetric=symmetric)
     punch = _Punch(wall, poisson_ratio, punch_m, iop_ratio, globe)
-    u, top_m = punch.rest, mesh.points_nc[0, 1] + _everywhere(wall, punch.rest)[1]
+    u = punch.rest
+    top_m = mesh.points_nc[0, 1] + _everywhere(wall, punch.rest)[1]
     states: list[tuple[float, float, float]] = []
     pressure = iop_ratio
     for dent_m in dents_m:
@@ -140,18 +140,15 @@ class _Punch:
         distance_en = mesh.points_nc[nodes_en, 0]
         rings_ep = (distance_en @ self._values_pn.T) * (distance_en @ slopes_pn.T)
         self.areas_ep = 2.0 * np.pi * rings_ep * weights_p
-        self._heights_en, self._places_en = (
-            mesh.points_nc[nodes_en, 1],
-            2 * nodes_en + 1,
-        )
+        self._heights_en = mesh.points_nc[nodes_en, 1]
+        self._places_en = 2 * nodes_en + 1
         number = np.full(mesh.points_nc.size, -1)
         number[wall.free] = np.arange(len(wall.free))
-        self._numbers_en, self._wall = number[self._places_en], wall
-        self.rest, self._resting, self._globe = (
-            pressurise(wall, iop_ratio),
-            iop_ratio,
-            globe,
-        )
+        self._numbers_en = number[self._places_en]
+        self._wall = wall
+        self.rest = pressurise(wall, iop_ratio)
+        self._resting = iop_ratio
+        self._globe = globe
         self._applied = float(
             np.linalg.norm(wall.residual(np.zeros(len(self.rest)), iop_ratio))
         )
@@ -202,7 +199,8 @@ class _Punch:
                 + steeper * float(gradient @ solved[:, 1])
             )
             more = (-error - steeper * float(gradient @ solved[:, 0])) / corner
-            u, pressure = u + solved[:, 0] + more * solved[:, 1], pressure + more
+            u = u + solved[:, 0] + more * solved[:, 1]
+            pressure = pressure + more
         raise SolverError("punch: no equilibrium was found; use shorter steps")
 
     def above(self, u: Floats, height_m: float) -> Floats:

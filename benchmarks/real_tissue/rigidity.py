@@ -19,9 +19,12 @@ from scleraforce.units import from_si, to_si
 
 Floats = NDArray[np.float64]
 
-RADIUS_M, NU, NEEDLE_M = 12e-3, 0.45, 0.35e-3
+RADIUS_M = 12e-3
+NU = 0.45
+NEEDLE_M = 0.35e-3
 AT_MMHG = 15.0  # at which a logarithmic law has the slope of k
-ONE_MMHG_PA, ONE_UL_M3 = to_si(1.0, "mmhg"), 1e-9
+ONE_MMHG_PA = to_si(1.0, "mmhg")
+ONE_UL_M3 = 1e-9
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=IMAGES)
     out = parser.parse_args().out
     with TemporaryDirectory() as folder, sync_playwright() as playwright:
-        sources, work = write_sources(Path(folder)), Path(folder, "session")
+        sources = write_sources(Path(folder))
+        work = Path(folder, "session")
         work.mkdir()
         listener = listen(0)
         server = server_of(work, listener, TOKEN)

@@ -57,9 +57,11 @@ PARTS: dict[str, Callable[[Run], Table]] = {
     "commands": commands.measure,
     "pipeline": pipeline.measure,
 }
-FIGURES, PAGE = "results.json", "RESULTS.md"
+FIGURES = "results.json"
+PAGE = "RESULTS.md"
 TO_END_S = 30.0  # that an interrupted part is given: a monitor has processes of its own
-USUAL_FOLDER, QUICK_FOLDER = ROOT / "benchmarks", ROOT / "out" / "bench"
+USUAL_FOLDER = ROOT / "benchmarks"
+QUICK_FOLDER = ROOT / "out" / "bench"
 
 
 @click.command()
@@ -144,7 +146,9 @@ def main(
 
 def _measure(run: Run) -> Results:
     """Run all parts."""
-    start, machine, stamp = perf_counter(), machine_in_words(), new_stamp("make bench")
+    start = perf_counter()
+    machine = machine_in_words()
+    stamp = new_stamp("make bench")
     tables = _tables(tuple(PARTS), run)
     return Results(
         made=str(stamp),

@@ -38,7 +38,8 @@ def shipped_reader() -> ForceReader:
 
 def draw_eyes(reader: ForceReader, count: int) -> list[DrawnEye]:
     """Return frames of different eyes under 0 to 60 mN."""
-    rng, scale = np.random.default_rng(0), PixelScale.of(reader.study.oct)
+    rng = np.random.default_rng(0)
+    scale = PixelScale.of(reader.study.oct)
     return [
         DrawnEye(*_draw_eye(reader.library, reader.study, rng), scale)
         for _ in range(count)
@@ -49,8 +50,10 @@ def _draw_eye(
     library: Library, study: Study, rng: np.random.Generator
 ) -> tuple[NDArray[np.uint16], Known]:
     """Return a raw frame of an eye of the library, and the known inputs."""
-    modulus_pa, iop_pa = rng.uniform(0.22e6, 0.5e6), rng.uniform(150.0, 500.0)
-    thickness_m, gap_m = rng.uniform(0.45e-3, 0.85e-3), rng.uniform(0.4e-3, 0.9e-3)
+    modulus_pa = rng.uniform(0.22e6, 0.5e6)
+    iop_pa = rng.uniform(150.0, 500.0)
+    thickness_m = rng.uniform(0.45e-3, 0.85e-3)
+    gap_m = rng.uniform(0.4e-3, 0.9e-3)
     wall = np.array([thickness_m]), np.array([iop_pa / modulus_pa])
     largest = min(
         float(library.largest_force_ratio(*wall)[0]),

@@ -10,8 +10,10 @@ from scleraforce.report.files import AMBER, BLUE, GREY, RED, inches, styled
 from speed.record import QUOTED, Row
 
 COLOURS = {"ours": BLUE, "CalculiX": AMBER, "plain": RED, "SOFA": GREY}
-LEFT, RIGHT = ("right", "center", (-6, 0)), ("left", "center", (6, 0))
-ABOVE, BELOW = ("center", "bottom", (0, 6)), ("center", "top", (0, -6))
+LEFT = ("right", "center", (-6, 0))
+RIGHT = ("left", "center", (6, 0))
+ABOVE = ("center", "bottom", (0, 6))
+BELOW = ("center", "top", (0, -6))
 LEAST_PERCENT = 0.05  # smaller errors are drawn here
 
 

@@ -43,10 +43,8 @@ def draw() -> Figure:
         )
         frames = [recording.frame(entry) for entry in recording.frames]
         read = sf.evaluate(sf.load_model("default"), recording).frames
-    width_mm, depth_mm = (
-        recording.info.oct.width_m * 1e3,
-        recording.info.oct.depth_m * 1e3,
-    )
+    width_mm = recording.info.oct.width_m * 1e3
+    depth_mm = recording.info.oct.depth_m * 1e3
     figure = Figure(figsize=inches(170, 70))
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.2))
     space = figure.add_subplot(grid[:, 1], projection="3d")

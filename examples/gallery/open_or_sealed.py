@@ -27,7 +27,9 @@ from scleraforce.units import from_si, to_si
 QUICK = (
     Path(__file__).parents[2] / "docs" / "quick.toml"
 )  # a small library: made in 15 s, then kept in the cache
-THICKNESS_M, MODULUS_PA, IOP_PA = 0.6e-3, 0.45e6, to_si(2.0, "mmhg")
+THICKNESS_M = 0.6e-3
+MODULUS_PA = 0.45e6
+IOP_PA = to_si(2.0, "mmhg")
 RIGIDITIES = (
     (0.0, "open", BLUE),
     (0.008, "sealed, k = 0.008", AMBER),
@@ -46,10 +48,8 @@ def draw() -> Figure:
     for rigidity, name, colour in RIGIDITIES:
         # The library knows forces and pressures over E only: so does the globe.
         globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(MODULUS_PA)
-        ratio, rates = (
-            np.full_like(dent_m, IOP_PA / MODULUS_PA),
-            np.full_like(dent_m, globe.rate),
-        )
+        ratio = np.full_like(dent_m, IOP_PA / MODULUS_PA)
+        rates = np.full_like(dent_m, globe.rate)
         sealed.pressures_at_dents(
             library.tables, thickness_m, dent_m, rates, False, ratio
         )

@@ -35,7 +35,8 @@ def draw() -> Figure:
         frames = [recording.frame(entry) for entry in recording.frames]
         walls = [sf.segment(recording.frame_path(entry)) for entry in recording.frames]
     oct_info = recording.info.oct
-    width_mm, depth_mm = oct_info.width_m * 1e3, oct_info.depth_m * 1e3
+    width_mm = oct_info.width_m * 1e3
+    depth_mm = oct_info.depth_m * 1e3
     lateral_mm = (np.arange(oct_info.columns) + 0.5) * width_mm / oct_info.columns
     figure = Figure(figsize=inches(170, 62))
     grid = figure.subplots(2, len(frames), sharex=True, sharey=True)

@@ -19,7 +19,9 @@ from scleraforce.mechanics.loads import needle_at
 from scleraforce.report.files import BLUE, GREY, RED, inches, styled, write_figure
 
 CONTACT = Contact(polar_rad=radians(35.0))
-THICKNESS_M, MODULUS_PA, NEEDLE_RADIUS_M = 0.8e-3, 0.25e6, 0.35e-3
+THICKNESS_M = 0.8e-3
+MODULUS_PA = 0.25e6
+NEEDLE_RADIUS_M = 0.35e-3
 FORCES_N = np.linspace(0.0, 0.03, 61)
 
 

@@ -25,11 +25,11 @@ from scleraforce.report.files import (
     write_figure,
 )
 
-RATE_HZ, SECONDS = 100.0, 3.5
-NOISE_N, HALF_INTERVAL = (
-    0.1e-3,
-    0.12,
-)  # of the reading; its interval is so large a share of the force, and 0.5 mN
+RATE_HZ = 100.0
+SECONDS = 3.5
+# of the reading; its interval is so large a share of the force, and 0.5 mN
+NOISE_N = 0.1e-3
+HALF_INTERVAL = 0.12
 SHADES = {State.NOT_READY: GREY, State.WATCHING: BLUE, State.WITHDRAW: RED}
 
 
@@ -43,7 +43,8 @@ def decisions(
     time_s: np.ndarray, read_n: np.ndarray, half_n: np.ndarray
 ) -> list[Decision]:
     """Return the monitor's decision at each frame."""
-    state, made = MonitorState(), []
+    state = MonitorState()
+    made = []
     for number, (at_s, force_n, half) in enumerate(
         zip(time_s, read_n, half_n, strict=True), start=1
     ):

@@ -67,7 +67,8 @@ class ForceMonitorNode(Node):
             ("depth_mm", 4.0),
         ):
             self.declare_parameter(name, value)
-        self._host, self._port = self._told("host"), self._told("port")
+        self._host = self._told("host")
+        self._port = self._told("port")
         self._force, self._low, self._high = (
             self.create_publisher(WrenchStamped, f"~/{name}", 10)
             for name in ("force", "force_low", "force_high")

@@ -13,7 +13,10 @@ from slicer.ScriptedLoadableModule import (
     ScriptedLoadableModuleWidget,
 )
 
-VIEW, BAR, WORDS = "ForceView", "ForceBar", "ForceText"  # the devices of the bridge
+# the devices of the bridge
+VIEW = "ForceView"
+BAR = "ForceBar"
+WORDS = "ForceText"
 PERIOD_MS = 200
 WIDTH_MM = 2.0
 ORANGE = (0.835, 0.369, 0.0)
@@ -40,7 +43,8 @@ class ForceMonitorWidget(ScriptedLoadableModuleWidget):
         super().setup()
         self.logic = ForceMonitorLogic()
         form = qt.QFormLayout()
-        self.host, self.port = qt.QLineEdit("127.0.0.1"), qt.QSpinBox()
+        self.host = qt.QLineEdit("127.0.0.1")
+        self.port = qt.QSpinBox()
         self.port.setRange(1, 65535)
         self.port.setValue(18947)
         self.button = qt.QPushButton("Connect")

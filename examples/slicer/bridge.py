@@ -33,9 +33,13 @@ from scleraforce.segmentation.found import draw_overlay
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.units import from_si
 
-VIEW, BAR, WORDS = "ForceView", "ForceBar", "ForceText"
-PIECE, MM = 1 << 16, 1e-3
-KEPT_FRAMES, FRAME_WAIT_S = 4, 0.2
+VIEW = "ForceView"
+BAR = "ForceBar"
+WORDS = "ForceText"
+PIECE = 1 << 16
+MM = 1e-3
+KEPT_FRAMES = 4
+FRAME_WAIT_S = 0.2
 FLAT = 0.01  # height of the bar without a force; Slicer refuses a scale of 0
 Address = tuple[str, int]
 
@@ -79,7 +83,8 @@ class Latest:
         """
         with self._changed:
             self._changed.wait_for(lambda: self._ended or self._reading is not None)
-            reading, self._reading = self._reading, None
+            reading = self._reading
+            self._reading = None
             if reading is None or self._ended:
                 return None
             frame_id = reading.get("frame_id")
@@ -147,7 +152,8 @@ def relay(source: socket.socket, target: socket.socket, latest: Latest) -> None:
 
 def notice(event: Received, latest: Latest) -> None:
     """Keep what is shown."""
-    message, device = event.message, event.header.device
+    message = event.message
+    device = event.header.device
     if (
         isinstance(message, Image)
         and message.pixels.ndim == 3
@@ -185,7 +191,8 @@ def bar(reading: dict[str, Any]) -> Transform:
 
 def words(reading: dict[str, Any], status: str) -> str:
     """Return the force with its interval, or why there is none, and what the monitor says."""
-    force, ends = reading.get("force_mn"), reading.get("interval_mn")
+    force = reading.get("force_mn")
+    ends = reading.get("interval_mn")
     if force is None or ends is None:
         return f"no force: {reading.get('reason') or 'not read'}\n{status}"
     return f"{force:.1f} mN (90 %: {ends[0]:.1f} to {ends[1]:.1f})\n{status}"
@@ -234,7 +241,8 @@ def run(
     scanner_port: int, slicer_port: int, monitor: Address
 ) -> Iterator[tuple[int, int]]:
     """Run the bridge on 127.0.0.1 until the block ends; gives its two ports (0 takes free ones)."""
-    latest, viewers = Latest(), Viewers()
+    latest = Latest()
+    viewers = Viewers()
     listeners = [
         socket.create_server(("127.0.0.1", port))
         for port in (scanner_port, slicer_port)

@@ -74,10 +74,8 @@ class StoreKind:
             raise self.error(
                 f"{path}: no such {self.noun}; `scleraforce {self.command} --out {path}` makes one"
             )
-        foreign, hint = (
-            f"{path}: not a {self.noun} of scleraforce",
-            f"a {self.noun} of scleraforce has this file",
-        )
+        foreign = f"{path}: not a {self.noun} of scleraforce"
+        hint = f"a {self.noun} of scleraforce has this file"
         metadata = replace(KINDS["store metadata"], error=self.error, hint=hint)
         try:
             record = parse_json(read_bytes(path / METADATA_FILE, metadata))
@@ -129,12 +127,10 @@ class CheckedStore:
         attributes: Mapping[str, Any] | None = None,
     ) -> None:
         """Touches no file."""
-        self._kind, self._path, self._units, self._attributes = (
-            kind,
-            path,
-            units,
-            attributes or {},
-        )
+        self._kind = kind
+        self._path = path
+        self._units = units
+        self._attributes = attributes or {}
         self._files: dict[
             str, Buffer
         ] = {}  # what Zarr has in memory, by the places in the folder
@@ -148,7 +144,8 @@ class CheckedStore:
         self, attributes: Mapping[str, Any], known: Mapping[str, NDArray[Any]]
     ) -> None:
         """Create an incomplete store with the `known` arrays, or continue a killed run with the same attributes."""
-        path, kind = self._path, self._kind
+        path = self._path
+        kind = self._kind
         # An empty folder, or one with a killed run's temporary file, is free.
         if path.exists() and (
             not path.is_dir() or any(entry.suffix != PART for entry in path.iterdir())
@@ -211,11 +208,9 @@ class CheckedStore:
 
     def read(self, name: str) -> NDArray[Any]:
         """Return the values of an array; the message names the damaged chunk."""
-        array, hashes, place = (
-            self.arrays[name],
-            self._attributes.get(HASHES),
-            self._path / name,
-        )
+        array = self.arrays[name]
+        hashes = self._attributes.get(HASHES)
+        place = self._path / name
         if array.nbytes > MAX_ARRAY_SIZE:
             most = f"at most {MAX_ARRAY_SIZE // MIB} are read (docs/files.md)"
             raise self._kind.error(
@@ -252,7 +247,8 @@ class CheckedStore:
 
     def _load(self, name: str, index: tuple[int, ...]) -> bytes:
         """Return the bytes of a chunk's file, and put them where Zarr decodes them."""
-        array, data = self.arrays[name], self._read(name, index)
+        array = self.arrays[name]
+        data = self._read(name, index)
         if (
             len(array.compressors) > 1
         ):  # Zarr sets no limit: what decodes to more than a chunk is refused here
@@ -261,7 +257,8 @@ class CheckedStore:
         return data
 
     def _read(self, name: str, index: tuple[int, ...]) -> bytes:
-        array, hint = self.arrays[name], f"make the {self._kind.noun} again"
+        array = self.arrays[name]
+        hint = f"make the {self._kind.noun} again"
         most = max(MIB, 2 * prod(array.chunks) * array.dtype.itemsize)
         kind = replace(
             KINDS["store chunk"], error=self._kind.error, max_bytes=most, hint=hint

@@ -189,10 +189,9 @@ def _code_file() -> Any:
         def load_overload(self, signature: Any, target_context: Any) -> Any:
             runtime.rtsys.initialize(target_context)
             target = target_context.codegen()
-            before, target._library_class = (
-                target._library_class,
-                Library,
-            )  # under the lock of Numba's compiler
+            # under the lock of Numba's compiler
+            before = target._library_class
+            target._library_class = Library
             try:
                 return self._load_overload(signature, target_context)
             except (

@@ -113,7 +113,9 @@ def _fault(requirement: Requirement) -> str:
 
 
 GIB = 2**30
-LEAST_CORES, LEAST_MEMORY_GIB, LEAST_DISK_GIB = 2, 4, 1
+LEAST_CORES = 2
+LEAST_MEMORY_GIB = 4
+LEAST_DISK_GIB = 1
 REAL_TIME = (
     "import sys; from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time; sys.exit(not "
     "run_in_real_time(MONITOR_PRIORITY))"
@@ -122,7 +124,8 @@ REAL_TIME = (
 
 def machine() -> Iterator[Finding]:
     """Check cores, memory, real-time priority, and the user's cache, which stores libraries."""
-    cores, memory = available_cores(), _memory_bytes()
+    cores = available_cores()
+    memory = _memory_bytes()
     remedy = "the monitor wants two: one for itself, one for what checks it"
     yield _enough(
         "cores", f"{cores} that this process may use", cores >= LEAST_CORES, remedy
@@ -182,8 +185,14 @@ def _memory_bytes() -> int | None:
         return None
 
 
-SOLVE, READ, TRAIN = "a solve", "a reading", "a training"
-THICKNESS_M, MODULUS_PA, IOP_PA, GAP_M, DEPTH_M = 0.6e-3, 0.3e6, 270.0, 0.6e-3, 0.5e-3
+SOLVE = "a solve"
+READ = "a reading"
+TRAIN = "a training"
+THICKNESS_M = 0.6e-3
+MODULUS_PA = 0.3e6
+IOP_PA = 270.0
+GAP_M = 0.6e-3
+DEPTH_M = 0.5e-3
 TIP_M = 1.5e-3
 FORCES_AGREE = 2e-3  # of a path and of the library between its paths
 READ_WITHIN_N = 1e-3
@@ -242,10 +251,8 @@ def _solve() -> Finding:
 
 
 def _read() -> Finding:
-    answer, true_n = (
-        _reader().read(*_frame()),
-        float(_path().force_ratio_m2[-1]) * MODULUS_PA,
-    )
+    answer = _reader().read(*_frame())
+    true_n = float(_path().force_ratio_m2[-1]) * MODULUS_PA
     if answer.force_n is None:
         return Finding(
             READ,
@@ -295,7 +302,9 @@ def _reader() -> ForceReader:
 
 @cache
 def _frame() -> tuple[NDArray[np.uint16], PixelScale, Known]:
-    study, path, rng = Study(), _path(), np.random.default_rng(0)
+    study = Study()
+    path = _path()
+    rng = np.random.default_rng(0)
     section = Pose(lateral_m=0.0, depth_m=DEPTH_M, tilt_rad=0.0).place(
         cut_surfaces(path.curves_sbnc[-1], GAP_M)
     )

@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 EXTERNAL = b"location"  # the key of data in other files (onnx.proto, TensorProto.external_data); our models have none
 
 FOLDER = Path(__file__).parent / "shipped"
-SHIPPED_READER, SHIPPED_LIVING = FOLDER / "default", FOLDER / "living"
-SHIPPED_PAPER, SHIPPED_WALL_FINDER = FOLDER / "paper", FOLDER / "wall_finder"
+SHIPPED_READER = FOLDER / "default"
+SHIPPED_LIVING = FOLDER / "living"
+SHIPPED_PAPER = FOLDER / "paper"
+SHIPPED_WALL_FINDER = FOLDER / "wall_finder"
 SHIPPED = {
     "default": SHIPPED_READER,
     "living": SHIPPED_LIVING,
@@ -60,12 +62,10 @@ def model_name(folder: Path) -> str:
 
 
 MODEL_FORMAT = 1
-NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = (
-    "model.onnx",
-    "study.toml",
-    "card.md",
-    "model.json",
-)
+NETWORK_FILE = "model.onnx"
+STUDY_FILE = "study.toml"
+CARD_FILE = "card.md"
+RECORD_FILE = "model.json"
 LIBRARY_FILE = "library.npz"
 COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
 WALL_FINDER = "wall-finder"
@@ -100,10 +100,8 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
     """Read a model folder of some kinds, or the shipped one of that name, and check its files; raises `ModelError`."""
     path = model_folder(path)
     if not path.is_dir():
-        bundled, makes = (
-            ", ".join(SHIPPED),
-            "`scleraforce train DATASET --out MODEL` makes a folder",
-        )
+        bundled = ", ".join(SHIPPED)
+        makes = "`scleraforce train DATASET --out MODEL` makes a folder"
         raise ModelError(
             f"{path}: no such folder, and not a bundled model ({bundled}); {makes}"
         )
@@ -112,10 +110,8 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
         raise ModelError(
             f"{path}: kind: found {record['kind']!r}, a {' or '.join(kinds)} is needed here"
         )
-    places, hashes = (
-        {name: path / name for name in FILES[record["kind"]]},
-        record["files"],
-    )
+    places = {name: path / name for name in FILES[record["kind"]]}
+    hashes = record["files"]
     if (
         path == SHIPPED_LIVING
     ):  # the libraries of both bundled readers are large, and equal but for rounding
@@ -130,7 +126,8 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
         name: read_bytes(place, KINDS["model file"]) for name, place in places.items()
     }
     for name, content in files.items():
-        expected, found = hashes.get(name), sha256(content)
+        expected = hashes.get(name)
+        found = sha256(content)
         if expected != found:
             wrong = f"SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of {path / RECORD_FILE}"
             raise ModelError(

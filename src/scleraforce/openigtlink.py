@@ -153,9 +153,11 @@ def _metadata(index: memoryview, texts: memoryview) -> dict[str, str]:
         raise ProtocolError(
             f"metadata: {count} entries in an index of {len(index)} bytes"
         )
-    metadata, place = {}, 0
+    metadata = {}
+    place = 0
     for key_bytes, _, value_bytes in METADATA_ENTRY.iter_unpack(index[2:]):
-        middle, end = place + key_bytes, place + key_bytes + value_bytes
+        middle = place + key_bytes
+        end = place + key_bytes + value_bytes
         if end > len(texts):
             raise ProtocolError(
                 f"metadata: an entry ends at byte {end} of {len(texts)}"
@@ -164,7 +166,8 @@ def _metadata(index: memoryview, texts: memoryview) -> dict[str, str]:
             bytes(texts[at:to]).decode("utf-8", "replace")
             for at, to in ((place, middle), (middle, end))
         )
-        metadata[key], place = value, end
+        metadata[key] = value
+        place = end
     return metadata
 
 
@@ -202,14 +205,17 @@ def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
         raise ProtocolError(
             f"pixels {kind}: must be 8 or 16 bit, (slice, row, column[, component])"
         )
-    part, components = pixels.shape[2::-1], pixels.shape[3] if pixels.ndim == 4 else 1
-    size, elements = image.size or part, len(image.matrix)
+    part = pixels.shape[2::-1]
+    components = pixels.shape[3] if pixels.ndim == 4 else 1
+    size = image.size or part
+    elements = len(image.matrix)
     _check_place(size, image.offset, part)
     if max(size) > 0xFFFF or components > 0xFF or elements != 12:
         raise ProtocolError(
             f"image of {size}, {components} components, {elements} matrix elements: out of range"
         )
-    order, code = 2 if little_endian else 1, CODES[pixels.dtype]
+    order = 2 if little_endian else 1
+    code = CODES[pixels.dtype]
     head = HEAD.pack(
         1,
         components,
@@ -234,12 +240,10 @@ def unpack_image(body: memoryview) -> Image:
     if len(body) < HEAD.size:
         raise ProtocolError(f"IMAGE: {len(body)} bytes, must be at least {HEAD.size}")
     version, components, code, order, coordinates, *rest = HEAD.unpack_from(body)
-    size, matrix, offset, part = (
-        tuple(rest[:3]),
-        tuple(rest[3:15]),
-        tuple(rest[15:18]),
-        tuple(rest[18:]),
-    )
+    size = tuple(rest[:3])
+    matrix = tuple(rest[3:15])
+    offset = tuple(rest[15:18])
+    part = tuple(rest[18:])
     if (
         version not in (1, 2)
         or code not in SCALARS
@@ -525,12 +529,10 @@ class Decoder:
         self._start_body(np.empty(0, dtype=np.uint8), 0)
 
     def _start_body(self, body: Bytes, left: int) -> None:
-        self._body, self._room, self._left, self._crc = (
-            body,
-            memoryview(body.data),
-            left,
-            0,
-        )
+        self._body = body
+        self._room = memoryview(body.data)
+        self._left = left
+        self._crc = 0
 
     @property
     def broken(self) -> bool:
@@ -625,12 +627,10 @@ class Decoder:
 
     def _end(self) -> PeerEvent:
         """Return the event of a complete body; the decoder keeps no reference to the body."""
-        header, body, crc, kept = (
-            self._header,
-            self._body,
-            self._crc,
-            self.state is DecoderState.BODY,
-        )
+        header = self._header
+        body = self._body
+        crc = self._crc
+        kept = self.state is DecoderState.BODY
         self.state = DecoderState.HEADER
         self._start_body(np.empty(0, dtype=np.uint8), 0)
         if not kept:

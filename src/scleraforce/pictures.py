@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Bytes
 
-DARKEST, BRIGHTEST = 1.0, 99.7  # percentiles of the pixels that are lit
+# percentiles of the pixels that are lit
+DARKEST = 1.0
+BRIGHTEST = 99.7
 WIDEST_PX = 512  # of a picture in a notebook
 
 

@@ -261,7 +261,8 @@ def _do(work: bytes | Path, unit: int) -> Any:
                 raise InputError(
                     f"a worker has scleraforce {own}, this process {version}; install the same"
                 )
-            _prepared.work, _prepared.do = work, prepare()
+            _prepared.work = work
+            _prepared.do = prepare()
         result = _prepared.do(unit)
         if isinstance(work, bytes):
             return result

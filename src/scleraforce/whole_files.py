@@ -130,7 +130,8 @@ def read_text(path: Path, kind: FileKind) -> str:
     """Read a regular file as text: UTF-8, or UTF-16 and UTF-32 with their byte order mark, which is left out."""
     data = read_bytes(path, kind)
     mark = next(filter(data.startswith, BYTE_ORDER_MARKS))
-    data, encoding = data.removeprefix(mark), BYTE_ORDER_MARKS[mark]
+    data = data.removeprefix(mark)
+    encoding = BYTE_ORDER_MARKS[mark]
     try:
         return data.decode(encoding).replace("\r\n", "\n")
     except UnicodeDecodeError as fault:

@@ -67,7 +67,8 @@ def files(eye: Path, tmp_path: Path) -> list[str]:
 @pytest.fixture
 def page(browser: Browser, tmp_path: Path) -> Iterator[tuple[Page, Path, list[str]]]:
     """The app's page on an empty folder, and what the page complains of."""
-    folder, complaints = tmp_path / "folder", list[str]()
+    folder = tmp_path / "folder"
+    complaints = list[str]()
     folder.mkdir()
     with running_app(folder) as client:
         context = browser.new_context(viewport={"width": 1280, "height": 900})

@@ -290,7 +290,8 @@ def test_entries_that_change_or_cannot_be_read_are_listed_as_they_are_now(
 ) -> None:
     recording = write_small_recording(tmp_path / "small", frames=1)
     (tmp_path / "loop").symlink_to("loop")
-    folder, before = Folder(tmp_path), (recording / "recording.toml").read_text()
+    folder = Folder(tmp_path)
+    before = (recording / "recording.toml").read_text()
     eye = folder.contents()["recordings"][0]["eye"]
     (recording / "recording.toml").write_text(before.replace(f"'{eye}'", "'another'"))
     assert folder.contents()["recordings"] == [{"name": "small", "eye": "another"}]
@@ -378,7 +379,8 @@ def test_a_wall_that_is_accepted_is_a_mask_with_its_author_and_frame(
     tmp_path: Path,
 ) -> None:
     recording = write_small_recording(tmp_path / "small", frames=2)
-    outer, inner = [4.3] * COLUMNS, [9.6] * (COLUMNS - 1) + [None]
+    outer = [4.3] * COLUMNS
+    inner = [9.6] * (COLUMNS - 1) + [None]
     mask = mask_between(outer, inner, [0, 1], ROWS, COLUMNS)
     assert (mask[:, 0] == 128).all()
     assert np.flatnonzero(mask[:, 5] == 255).tolist() == [5, 6, 7, 8, 9]

@@ -74,7 +74,8 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(
     (tmp_path / "log.csv").write_text(
         "Clock,Pull\n" + "".join(f"{n * 10},{n}\n" for n in range(400))
     )
-    paths, sources = [tmp_path / "scan.tif", tmp_path / "log.csv"], Sources()
+    paths = [tmp_path / "scan.tif", tmp_path / "log.csv"]
+    sources = Sources()
     asked = sources.look(paths, [], Checked())
     assert asked["option"] == "--column"
     columns = ("time=Clock:ms", "fz=Pull:mN")
@@ -106,7 +107,8 @@ def test_stacks_of_two_planes_are_one_scan_without_a_gap_to_give(
             np.ones((3, 32, 48), np.uint16),
             photometric="minisblack",
         )
-    paths, sources = [tmp_path / "along.tif", tmp_path / "across.tif"], Sources()
+    paths = [tmp_path / "along.tif", tmp_path / "across.tif"]
+    sources = Sources()
     joined = sources.look(paths, [], Checked())
     assert (joined["frames"], "gap_mm" in joined["missing"]) == (6, True)
     crossed = sources.look(
@@ -119,12 +121,14 @@ def test_a_frame_with_gaps_is_shown_and_one_without_a_wall_has_no_dent(
     tmp_path: Path,
 ) -> None:
     stack = np.random.default_rng(0).random((8, 32, 48), dtype=np.float32)
-    stack[1, :5], stack[2] = np.nan, np.nan
+    stack[1, :5] = np.nan
+    stack[2] = np.nan
     np.save(tmp_path / "scan.npy", stack)
     (tmp_path / "log.csv").write_text(
         "time_s,fz_n\n" + "".join(f"{n / 100},0\n" for n in range(400))
     )
-    paths, sources = [tmp_path / "scan.npy", tmp_path / "log.csv"], Sources()
+    paths = [tmp_path / "scan.npy", tmp_path / "log.csv"]
+    sources = Sources()
     given: dict[str, Any] = {
         "axes": "frame,depth,lateral",
         "width_mm": 15.0,

@@ -24,8 +24,10 @@ from scleraforce.recording.writing import RecordingWriter
 from scleraforce.study import parse_record
 from speed.lock import alone as alone_on_this_machine
 
-BINS, BIN = 64, 20
-FRAMES, FORCE_N = 150, 8e-3
+BINS = 64
+BIN = 20
+FRAMES = 150
+FORCE_N = 8e-3
 COARSE_STUDY = """
 [mesh]
 divisions = 4

@@ -100,7 +100,8 @@ class Given(dict[str, Path]):
     """Values of the words in braces, made lazily."""
 
     def __init__(self, request: pytest.FixtureRequest, folder: Path) -> None:
-        self._request, self._folder = request, folder
+        self._request = request
+        self._folder = folder
 
     def __missing__(self, key: str) -> Path:
         fixture = self._request.getfixturevalue

@@ -191,10 +191,9 @@ def test_an_eye_that_a_worker_of_a_cluster_sends_is_the_one_made_here_from_the_s
 ):
     drawn = draw_eyes("plain", 1, Study(oct=OctStudy(columns=128, rows=96)))[0]
     coarse = replace(drawn.study, mesh=replace(drawn.study.mesh, core=2, rings=4))
-    drawn, there, here = (
-        replace(drawn, study=coarse, shares=(0.1, 0.2)),
-        *map(FiguresFolder, (tmp_path / "a", tmp_path)),
-    )
+    drawn = replace(drawn, study=coarse, shares=(0.1, 0.2))
+    there = FiguresFolder(tmp_path / "a")
+    here = FiguresFolder(tmp_path)
     sent = recordings._making((drawn,))(0)
     recordings._write_sent(there, drawn, sent)
     recordings.make_eye(here, drawn)
@@ -379,7 +378,8 @@ def test_a_result_is_made_anew_with_other_words_another_input_or_another_behavio
     monkeypatch.setattr(
         commands, "_run", lambda words: runs.append(words) or '{"frames": []}'
     )
-    given, out = tmp_path / "given", tmp_path / "answers" / "kept.json"
+    given = tmp_path / "given"
+    out = tmp_path / "answers" / "kept.json"
     given.mkdir()
     (given / "model.json").write_text("one")
 
@@ -418,7 +418,8 @@ def test_a_command_is_run_once_and_what_it_left_unfinished_is_removed(tmp_path, 
 
 
 def test_new_tables_replace_the_old_ones(tmp_path):
-    page, stamp = tmp_path / "page.md", new_stamp("make figures")
+    page = tmp_path / "page.md"
+    stamp = new_stamp("make figures")
     page.write_text(f"above\n\n{BEGIN}\n{END}\n\nbelow\n")
     insert_tables("| old |\n", stamp, page)
     insert_tables("| new |\n", stamp, page)
@@ -497,7 +498,8 @@ def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(
     assert read_info(recording / "recording.toml") == info
     assert read_info(declared / "recording.toml") != info
 
-    rng, reader = np.random.default_rng(3), STUDY.reader
+    rng = np.random.default_rng(3)
+    reader = STUDY.reader
     said = [as_declared(info, reader, rng) for _ in range(400)]
     assert {
         (each.eye.globe, each.needle.gauge, each.oct.plane_tilt_rad) for each in said

@@ -15,9 +15,7 @@ def test_a_readers_study_decides_which_eyes_it_meets() -> None:
         assert [kind for kind in KINDS if may_meet(kind, study.reader)] == met
 
 
-def test_a_ramp_counts_as_stopped_only_below_the_bound_and_is_compared_with_the_same_ramp() -> (
-    None
-):
+def test_a_ramp_counts_as_stopped_only_below_the_bound_and_is_compared_with_the_same_ramp():
     declared = Outcome(
         ramps=[Ramp(0, 0.01, 28e-3, -0.2, "BOUND"), Ramp(1, 0.01, 31e-3, 0.1, "RISING")]
     )

@@ -64,7 +64,8 @@ def test_thin_walls_are_as_stiff_as_the_closed_form_within_two_percent(
 @pytest.mark.slow
 def test_finer_meshes_change_nothing() -> None:
     thickness_m = 0.25e-3
-    pressure, radius_m = ratio(2.0, thickness_m), RADIUS_M + 0.5 * thickness_m
+    pressure = ratio(2.0, thickness_m)
+    radius_m = RADIUS_M + 0.5 * thickness_m
     finer = fine_meridian(
         radius_m, thickness_m, NEEDLE_M, inside=12, outside=160, layers=4
     )
@@ -80,7 +81,8 @@ def test_the_mesh_of_the_library_is_as_stiff_as_the_fine_one(
     thickness_mm: float,
 ) -> None:
     """One element below the needle: within 2 % at the outer surface, which sinks in below it."""
-    thickness_m, pressure = 1e-3 * thickness_mm, ratio(0.5, 1e-3 * thickness_mm)
+    thickness_m = 1e-3 * thickness_mm
+    pressure = ratio(0.5, 1e-3 * thickness_mm)
     path = axisymmetric_path(
         RADIUS_M, thickness_m, NU, NEEDLE_M, pressure, tips_m=np.array([1e-6, 2e-6])
     )
@@ -94,11 +96,10 @@ def test_the_mesh_of_the_library_is_as_stiff_as_the_fine_one(
 
 
 @pytest.mark.slow
-def test_a_small_punch_that_touches_with_its_whole_face_is_as_stiff_as_a_disc_that_is_bonded() -> (
-    None
-):
+def test_a_small_punch_that_touches_with_its_whole_face_is_as_stiff_as_a_disc_that_is_bonded():
     """And before that less, for a flat punch meets a sphere at a point."""
-    thickness_m, dents_m = 1.5e-3, np.linspace(4e-6, 40e-6, 10)
+    thickness_m = 1.5e-3
+    dents_m = np.linspace(4e-6, 40e-6, 10)
     pressure = ratio(0.5, thickness_m)
     path = flat_punch_path(RADIUS_M, thickness_m, NU, NEEDLE_M, pressure, dents_m)
     mesh = fine_meridian(
@@ -115,12 +116,10 @@ def test_a_small_punch_that_touches_with_its_whole_face_is_as_stiff_as_a_disc_th
 
 @pytest.mark.slow
 def test_below_the_punch_a_sealed_globe_is_an_open_one_at_its_pressure() -> None:
-    size, modulus_pa, rigidity, iop = (
-        PunchedEye(),
-        0.3e6,
-        0.01,
-        to_si(15.0, "mmhg") / 0.3e6,
-    )
+    size = PunchedEye()
+    modulus_pa = 0.3e6
+    rigidity = 0.01
+    iop = to_si(15.0, "mmhg") / 0.3e6
     dents_m = np.array([0.2e-3, 0.4e-3, 0.6e-3])
     sealed = pushed(modulus_pa, rigidity, size=size, dents_m=dents_m)
     pressure = float(sealed.iop_ratio[-1])
@@ -158,7 +157,8 @@ def test_shell_theory_gives_the_modulus_that_was_published_for_porcine_sclera() 
 
 def test_the_models_own_sphere_is_as_compliant_as_a_thin_balloon() -> None:
     """dP/dV = E t/(2 pi R^4 (1 - nu)) of the middle surface; the volume is that inside, thinner by (1 - t/2R)^2."""
-    thickness_m, modulus_pa = 0.1e-3, 0.25e6
+    thickness_m = 0.1e-3
+    modulus_pa = 0.25e6
     middle_m = RADIUS_M - 0.5 * thickness_m
     thin = modulus_pa * thickness_m / (2.0 * np.pi * middle_m**4 * (1.0 - NU))
     found = own_mmhg_per_ul(thickness_m, modulus_pa, 1e-3, half=False)

@@ -10,7 +10,8 @@ from scleraforce.mechanics.graded import graded_mesh
 from scleraforce.mechanics.loads import needle_at
 from scleraforce.mechanics.material import PronySeries
 
-MODULUS_PA, TIP_M = 0.4e6, 0.4e-3
+MODULUS_PA = 0.4e6
+TIP_M = 0.4e-3
 MESH = graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, core=2, rings=3)
 NEEDLE = needle_at(MESH, CONTACT, NEEDLE_RADIUS_M)
 
@@ -42,7 +43,8 @@ def test_without_pressure_a_fast_push_relaxes_as_the_wall_does() -> None:
 
 
 def test_under_pressure_a_long_hold_ends_at_the_force_of_the_relaxed_modulus() -> None:
-    tissue, iop_pa = PronySeries((0.27, 0.33), (0.4, 4.3)), 1333.0
+    tissue = PronySeries((0.27, 0.33), (0.4, 4.3))
+    iop_pa = 1333.0
     found_n = felt_n(tissue, iop_pa, [0.0, 0.5 * RAMP_S, RAMP_S, 3.0, 30.0, 1000.0])
     assert found_n[-1] == pytest.approx(elastic_n(0.4 * MODULUS_PA, iop_pa), rel=1e-4)
     assert (

@@ -115,7 +115,8 @@ def made_up_folder(
     path = tmp_path_factory.mktemp("made-up") / "made-up"
 
     def sections_at(forces_n: Sequence[float]) -> list[Section]:
-        ones, modulus_pa = np.ones(len(forces_n)), made_up.youngs_modulus_pa
+        ones = np.ones(len(forces_n))
+        modulus_pa = made_up.youngs_modulus_pa
         ratios = (made_up.iop_pa / modulus_pa * ones, np.array(forces_n) / modulus_pa)
         walls = LIBRARY.curves(made_up.thickness_m * ones, *ratios).curves_sbnc
         return [cut_surfaces(wall, made_up.gap_m) for wall in walls]

@@ -51,10 +51,8 @@ def test_other_sigma_points_and_the_papers_gaussian_prior_give_the_same_modulus(
     laboratory: Any, eye: PhantomEye
 ) -> None:
     frames = laboratory.frames(eye, FORCES[:8], np.random.default_rng(1))
-    model, study = (
-        laboratory.model(laboratory.stated(eye)),
-        laboratory.study.calibration,
-    )
+    model = laboratory.model(laboratory.stated(eye))
+    study = laboratory.study.calibration
     simplex, star, gaussian = (
         calibrate(laboratory, model, frames, replace(study, **changed))[
             -1
@@ -102,10 +100,8 @@ def test_an_eye_that_softens_with_force_makes_the_filter_report_that_it_diverges
 def test_errors_that_all_frames_share_are_not_averaged_away(
     laboratory: Any, eye: PhantomEye
 ) -> None:
-    model, study = (
-        laboratory.model(laboratory.stated(eye)),
-        laboratory.study.calibration,
-    )
+    model = laboratory.model(laboratory.stated(eye))
+    study = laboratory.study.calibration
     frames = laboratory.frames(eye, FORCES, np.random.default_rng(5), noise_m=1e-6)
     session = calibrate(laboratory, model, frames)[-1]
     assert session.modulus.sd_pa > study.model_error_fraction * eye.youngs_modulus_pa
@@ -141,10 +137,8 @@ def test_prior_has_the_moments_that_were_asked_for(
 def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(
     laboratory: Any, eye: PhantomEye
 ) -> None:
-    model, study = (
-        laboratory.model(laboratory.stated(eye)),
-        laboratory.study.calibration,
-    )
+    model = laboratory.model(laboratory.stated(eye))
+    study = laboratory.study.calibration
     belief = first_belief(model)
     for _, boundaries, force_n in laboratory.frames(
         eye, [0.03] * 12, np.random.default_rng(1)

@@ -48,7 +48,8 @@ def recording(
     laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPathFactory
 ) -> Recording:
     path = tmp_path_factory.mktemp("calibrate") / "virtual"
-    wall, study = laboratory.wall(eye.thickness_m), laboratory.study
+    wall = laboratory.wall(eye.thickness_m)
+    study = laboratory.study
     write_phantom(
         path,
         plan_phantom(eye, FORCES, study, 3),
@@ -108,13 +109,9 @@ def test_a_chosen_frame_that_cannot_be_used_is_replaced(
     assert "0004.png" in {frame.file for frame in found.frames if frame.skipped}
 
 
-def test_light_frames_come_first_then_the_wanted_ones_rising_then_the_rest_from_the_highest() -> (
-    None
-):
-    forces_n, every = (
-        np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3,
-        [True] * 8,
-    )
+def test_light_frames_come_first_then_the_wanted_ones_rising_then_the_rest_from_the_highest():
+    forces_n = np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3
+    every = [True] * 8
     for included, frames, order in (
         (every, None, [0, 1, 2, 3, 4, 5, 6, 7]),
         (every, 1, [0, 3, 7, 5, 1, 4, 2]),
@@ -177,7 +174,8 @@ def test_the_population_is_the_mean_of_the_sound_eyes(calibration: Calibration) 
 def test_a_recording_that_cannot_be_used_is_refused(
     laboratory: Any, recording: Recording
 ) -> None:
-    study, info = laboratory.study, recording.info
+    study = laboratory.study
+    info = recording.info
     without = replace(
         recording, info=replace(info, eye=replace(info.eye, thickness_m=None))
     )
@@ -204,10 +202,8 @@ def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() ->
     }
     content = Calibration(eyes, "hash", (5e-3, 30e-3), "finite-strain").to_dict()
     text = json.dumps(content, allow_nan=False)
-    found, summary = (
-        parsed(text),
-        summary_of(parse_calibration_file(text.encode(), "c.json")),
-    )
+    found = parsed(text)
+    summary = summary_of(parse_calibration_file(text.encode(), "c.json"))
     for either in (found, summary):
         assert [either.eyes[eye].stiffening for eye in "ab"] == [15.0, 0.0]
         assert either.population_stiffening == pytest.approx(3.0)  # 1 + b: 16 and 1
@@ -287,7 +283,8 @@ def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]
     """Make a calibration diverge if a globe is stated; return the stated globe of each, and look at every frame."""
 
     def use(status: str, rigidity: float, sd: float = 0.001) -> list[str | None]:
-        sealed, asked = calibration_of_a_sealed_eye().eyes["mine"], list[str | None]()
+        sealed = calibration_of_a_sealed_eye().eyes["mine"]
+        asked = list[str | None]()
 
         def found(
             recording: Recording, _: Any, look: Any, *__: Any
@@ -299,12 +296,11 @@ def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]
             asked.append(recording.info.eye.globe)
             *frames, last = sealed.frames
             if asked[-1] is None:
-                globe, said = (
-                    replace(UNKNOWN, mean=rigidity * PER_UL, sd=sd * PER_UL),
-                    status,
-                )
+                globe = replace(UNKNOWN, mean=rigidity * PER_UL, sd=sd * PER_UL)
+                said = status
             else:
-                globe, said = SEALED, "diverged: by 5 sd"
+                globe = SEALED
+                said = "diverged: by 5 sd"
             eye = replace(
                 sealed,
                 id="virtual",
@@ -324,8 +320,10 @@ def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented
     diverging: Callable[..., list[str | None]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    segmented, labelled = list[Any](), list[Any]()
-    find_wall, label_frames = eye_frames.find_wall, eye_frames.label_frames
+    segmented = list[Any]()
+    labelled = list[Any]()
+    find_wall = eye_frames.find_wall
+    label_frames = eye_frames.label_frames
     monkeypatch.setattr(
         eye_frames,
         "find_wall",

@@ -22,7 +22,8 @@ def folder(
     laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
     folder = tmp_path_factory.mktemp("command")
-    wall, study = laboratory.wall(eye.thickness_m), laboratory.study
+    wall = laboratory.wall(eye.thickness_m)
+    study = laboratory.study
     plan = plan_phantom(eye, (0.03, 0.015, 0.04), study, 5)
     write_phantom(
         folder / "eye",
@@ -38,7 +39,8 @@ def folder(
 def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
     folder: Path, capsys: pytest.CaptureFixture[str], eye: PhantomEye
 ) -> None:
-    out, plot = folder / "out.json", folder / "out.png"
+    out = folder / "out.json"
+    plot = folder / "out.png"
     arguments = [
         "calibrate",
         str(folder / "eye"),
@@ -75,7 +77,8 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Another study than the paper's, whose library is bundled (`tests/notebook/test_work.py`)."""
-    study, asked = Study(), list[Study]()
+    study = Study()
+    asked = list[Study]()
     other = replace(study, library=replace(study.library, tips=study.library.tips - 1))
     (tmp_path / "study.toml").write_text(format_study(other))
 

@@ -47,7 +47,8 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
     laboratory: Any, direction: float, tilt: float, force_n: float
 ) -> None:
     constants = replace(ASIDE, direction_rad=direction, tilt_rad=tilt)
-    model, wall = laboratory.model(constants), laboratory.wall(0.7e-3)
+    model = laboratory.model(constants)
+    wall = laboratory.wall(0.7e-3)
     contact = Contact(polar_rad=constants.polar_rad)
     displacement = wall.displacement(
         wall.needle_cnc([contact], 0.35e-3)[0],
@@ -119,10 +120,8 @@ def exact_section(force_n: float, stated: EyeConstants = STATED) -> Section:
     for distance, depth in np.moveaxis(walls, -1, 1):
         across = stated.gap_m + np.tan(stated.tilt_rad) * depth
         seen = distance > across
-        lateral, down = (
-            np.sqrt(distance[seen] ** 2 - across[seen] ** 2),
-            depth[seen] / np.cos(stated.tilt_rad),
-        )
+        lateral = np.sqrt(distance[seen] ** 2 - across[seen] ** 2)
+        down = depth[seen] / np.cos(stated.tilt_rad)
         sides.append(
             np.stack(
                 [np.append(-lateral[::-1], lateral), np.append(down[::-1], down)],
@@ -228,10 +227,8 @@ def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
         calibration=replace(STUDY.calibration, thickness_sd_m=50e-6, inner_sd_m=3e-6),
     )
     forces = [0.02, 0.05, 0.01, 0.04, 0.03, 0.055]
-    wrong, made = (
-        replace(STATED, thickness_m=0.65e-3),
-        frames(forces, np.random.default_rng(1)),
-    )
+    wrong = replace(STATED, thickness_m=0.65e-3)
+    made = frames(forces, np.random.default_rng(1))
     alone = run(assimilation.begin(study, wrong, library), forces, made)
     both = run(
         assimilation.begin(study, wrong, library, ("e", "thickness")), forces, made
@@ -341,7 +338,8 @@ RIGHT = {
     "limbus_rad": 0.3,
     "soft_m": 3e-4,
 }
-OPEN_EYE, FRAMES = 0, 6
+OPEN_EYE = 0
+FRAMES = 6
 
 
 @pytest.fixture(scope="module")

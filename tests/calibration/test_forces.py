@@ -43,7 +43,8 @@ def pushes(
 
 def test_rests_show_offset_and_drift_of_the_sensor() -> None:
     for drift in (-5e-6, 0.0, 5e-6):
-        rng, errors = np.random.default_rng(0), []
+        rng = np.random.default_rng(0)
+        errors = []
         for _ in range(8):
             zero, covariance = zero_line(*rest_zeros(*pushes(drift, rng)))
             at = np.array([1.0, 100.0])
@@ -187,10 +188,8 @@ def test_noise_that_neighbouring_samples_share_counts_fully() -> None:
         recording = recording_of(time_s, wrench, frames_s)
         return float(np.median(label_sds(recording, label_frames(recording, CLASSES))))
 
-    white, held = (
-        rng.normal(0.0, 4e-3, len(time_s)),
-        np.repeat(rng.normal(0.0, 4e-3, len(time_s) // 10), 10),
-    )
+    white = rng.normal(0.0, 4e-3, len(time_s))
+    held = np.repeat(rng.normal(0.0, 4e-3, len(time_s) // 10), 10)
     assert stated_n(held) > 2.0 * stated_n(white)
 
 

@@ -203,7 +203,9 @@ def known_of(modulus_pa: float, relative_sd: float = 0.05) -> Known:
 
 def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
     """Boundaries of an eye at three dents, and their forces: the library's times a factor."""
-    rng, walls, found = np.random.default_rng(4), Walls(LIBRARY), []
+    rng = np.random.default_rng(4)
+    walls = Walls(LIBRARY)
+    found = []
     for tip_m in TIPS_M:
         unknown = np.zeros(len(NAMES))
         unknown[[TIP, LATERAL, DEPTH]] = tip_m, 0.3e-3, 0.5e-3
@@ -237,7 +239,8 @@ def corrected(after: Settled) -> list[float]:
 
 
 def test_frames_are_read_again_at_their_own_resting_pressures() -> None:
-    (frame, *_), known = read_frames(), known_of(MODULUS_PA)
+    (frame, *_) = read_frames()
+    known = known_of(MODULUS_PA)
     leaked = [
         read_again([frame], replace(known, iop_pa=iop_pa), LIBRARY, STUDY)[0]
         for iop_pa in (270.0, 135.0)
@@ -290,7 +293,8 @@ def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
 
 
 def test_frames_that_were_read_before_count_like_the_others() -> None:
-    seen, known = read_frames(1.1), known_of(MODULUS_PA)
+    seen = read_frames(1.1)
+    known = known_of(MODULUS_PA)
     earlier = [
         frame for frame in read_again(seen, known, LIBRARY, STUDY) if frame is not None
     ]
@@ -350,7 +354,9 @@ MADE_UP = made_up_library()
 PLACES = np.log1p(
     STIFFENINGS
 )  # of the library's stiffenings: 0, 0.41, 1.18, 2.24 and 3.43
-TRIAL_FRAMES, EVEN = 3, 15.0  # frames of an even wall, and the loss of their boundaries
+# frames of an even wall, and the loss of their boundaries
+TRIAL_FRAMES = 3
+EVEN = 15.0
 
 
 Lost = Callable[[float], float]
@@ -499,10 +505,8 @@ def test_stiffenings_beyond_large_losses_are_not_tried() -> None:
         len(tried) <= len(STIFFENINGS) + 1
     )  # what is left to gain is less than the forces show
     # A parabola through walls far apart says little: an eye of b = 20, whose best walls lie between alike ones.
-    places, uneven = (
-        np.log1p([0.0, 0.5, 2.26, 8.42, 15.3, 30.0]),
-        [188.9, 182.7, 163.1, 110.0, 71.3, 109.2],
-    )
+    places = np.log1p([0.0, 0.5, 2.26, 8.42, 15.3, 30.0])
+    uneven = [188.9, 182.7, 163.1, 110.0, 71.3, 109.2]
     found, _ = sought(boundaries=lambda place: float(np.interp(place, places, uneven)))
     assert found == pytest.approx(places[4], abs=0.1)
     # Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing.
@@ -513,9 +517,7 @@ def test_stiffenings_beyond_large_losses_are_not_tried() -> None:
     assert found == pytest.approx(PLACES[3], abs=0.3)
 
 
-def test_beside_a_stiffening_that_is_ruled_out_the_next_one_is_halfway_to_the_other_neighbour() -> (
-    None
-):
+def test_beside_a_stiffening_that_is_ruled_out_the_next_one_is_halfway_to_the_other_neighbour():
     """The least loss lies between the third and the fourth; the first two or the last one refuse a frame."""
     halfway = 0.5 * float(stiffening_place(STIFFENINGS[2:4]).sum())
     for forces, refused, least in (
@@ -569,10 +571,8 @@ def calibrating(monkeypatch: pytest.MonkeyPatch) -> Calibrating:
 
 def recorded(frames: int = 8) -> Any:
     """As much of a recording as `calibrate_recordings` needs."""
-    eye, scan = (
-        SimpleNamespace(id="mine", globe=None, relaxation=None),
-        SimpleNamespace(plane=()),
-    )
+    eye = SimpleNamespace(id="mine", globe=None, relaxation=None)
+    scan = SimpleNamespace(plane=())
     return SimpleNamespace(
         info=SimpleNamespace(eye=eye, oct=scan),
         frames=range(frames),
@@ -677,7 +677,8 @@ def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_
 ) -> None:
     """An open eye of even form, whose boundaries and forces are known without errors."""
     monkeypatch.setattr(virtual_eyes, "label_forces", partial(without_rests, sd_n=0.0))
-    library, rng = solved_library(GRID), np.random.default_rng(seed)
+    library = solved_library(GRID)
+    rng = np.random.default_rng(seed)
     eye = virtual_eyes.draw_eye(EXACT, library.for_stiffening(stiffening), 0, rng)
     assert eye.model.library.stiffening == stiffening
     frames = virtual_eyes.draw_frames(eye, EXACT, 8, rng)
@@ -687,10 +688,8 @@ def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_
     assert log1p(known.stiffening) == pytest.approx(log1p(stiffening), abs=0.3)
     assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.05)
     near = library.for_stiffening(known.stiffening).for_contact(eye.wall.polar_rad)
-    prior, smoothing_m = (
-        prior_of(known, EXACT.reader),
-        EXACT.calibration.surface_smoothing_m,
-    )
+    prior = prior_of(known, EXACT.reader)
+    smoothing_m = EXACT.calibration.surface_smoothing_m
     assert len(left) == 5
     for frame in left:
         fit = fit_boundaries(

@@ -12,7 +12,8 @@ from scleraforce.errors import InputError, StudyError
 from scleraforce.recording.folder import NeedleInfo
 from scleraforce.study.fields import fixed
 
-LEAN_RAD, MODULUS_PA = np.radians(35.0), 0.3e6
+LEAN_RAD = np.radians(35.0)
+MODULUS_PA = 0.3e6
 
 
 def test_an_azimuth_without_a_lean_and_an_impossible_lean_are_refused() -> None:
@@ -55,7 +56,8 @@ def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(
     reader = sf.load_model("default")
     read = sf.evaluate(reader, recording, calibration)
     assert read.mae_n < 0.8e-3
-    frame, number = recording.frame_path(recording.frames[2]), 2
+    frame = recording.frame_path(recording.frames[2])
+    number = 2
     one = sf.read(reader, frame, calibration=tmp_path / "eye.json")
     assert one.to_dict() == read.frames[number].answer.to_dict()
     upright = sf.read(reader, frame, calibration=tmp_path / "eye.json", lean_rad=0.0)

@@ -73,7 +73,8 @@ def calibration(cross: Recording) -> Calibration:
 def test_moments_of_a_cross_tell_the_modulus_as_frames_of_a_known_gap_do(
     calibration, single
 ) -> None:
-    found, given = calibration.eyes["eye"], calibrated(single, frames=3).eyes["eye"]
+    found = calibration.eyes["eye"]
+    given = calibrated(single, frames=3).eyes["eye"]
     assert found.status == "ok"
     assert found.mean_pa == pytest.approx(given.mean_pa, rel=0.02)
     assert found.mean_pa == pytest.approx(
@@ -246,10 +247,8 @@ def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
             frames.append(replace(frame, gap_m=gap_m if are_given else None))
         return eye.with_frames(frames).modulus.mean_pa
 
-    of_one, gaps_m = (
-        found_pa(np.full(5, 0.6e-3), False),
-        np.array([0.45e-3, 0.7e-3, 0.5e-3, 0.75e-3, 0.6e-3]),
-    )
+    of_one = found_pa(np.full(5, 0.6e-3), False)
+    gaps_m = np.array([0.45e-3, 0.7e-3, 0.5e-3, 0.75e-3, 0.6e-3])
     assert of_one == pytest.approx(0.3e6, rel=0.03)
     assert [found_pa(sign * gaps_m, True) for sign in (1, -1)] == pytest.approx(
         [of_one, of_one], rel=2e-3

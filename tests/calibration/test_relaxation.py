@@ -54,16 +54,13 @@ def test_tissue_whose_force_stays_is_elastic(seed: int) -> None:
     assert elastic_n == pytest.approx(FORCES_N, abs=1e-15)
 
 
-def test_a_log_without_holds_keeps_the_shares_of_other_tissue_with_their_spread() -> (
-    None
-):
+def test_a_log_without_holds_keeps_the_shares_of_other_tissue_with_their_spread():
     rng = np.random.default_rng(0)
-    corners_s, corners_n = (0.0, 2.5), (0.0, 0.0)
+    corners_s = (0.0, 2.5)
+    corners_n = (0.0, 0.0)
     for start_s in np.arange(2.5, 30.0, 3.0).tolist():  # up and down at once
-        corners_s, corners_n = (
-            (*corners_s, start_s + 1.0, start_s + 2.0, start_s + 3.0),
-            (*corners_n, 0.03, 0.0, 0.0),
-        )
+        corners_s = (*corners_s, start_s + 1.0, start_s + 2.0, start_s + 3.0)
+        corners_n = (*corners_n, 0.03, 0.0, 0.0)
     path = NeedlePath(corners_s, corners_n, TISSUE)
     _, found = found_in(path, np.array([3.5, 6.5]), rng)
     assert found.source == "population"
@@ -133,9 +130,11 @@ def test_a_relaxation_is_json() -> None:
 
 
 def test_shares_that_are_not_negative_are_the_ones_of_scipy() -> None:
-    rng, inner = np.random.default_rng(3), 0
+    rng = np.random.default_rng(3)
+    inner = 0
     for _ in range(40):
-        root, wanted = rng.standard_normal((6, 4)), rng.standard_normal(6)
+        root = rng.standard_normal((6, 4))
+        wanted = rng.standard_normal(6)
         expected = nnls(root, wanted)[0]
         found = not_negative(root.T @ root, root.T @ wanted)
         assert found == pytest.approx(expected, abs=1e-9)

@@ -27,7 +27,9 @@ def random_covariance(
 
 def bent(states: Floats) -> Floats:
     """Observe p = 3 parameters through five functions that are not linear."""
-    a, b, c = states[..., 0], states[..., 1], states[..., 2]
+    a = states[..., 0]
+    b = states[..., 1]
+    c = states[..., 2]
     return np.stack([a * b, np.sin(c), a + c**2, np.tanh(0.3 * b), a - b], axis=-1)
 
 
@@ -51,22 +53,19 @@ def test_linear_observation_of_a_gaussian_gives_the_kalman_filter() -> None:
         params = FilterParams(
             sigma_points(rule, 3), iterations=iterations, tolerance=0.0
         )
-        mean, covariance = rng.normal(size=3), random_covariance(rng, 3)
+        mean = rng.normal(size=3)
+        covariance = random_covariance(rng, 3)
         posterior = initial_posterior(mean, covariance)
         for _ in range(20):
-            H, R, y = (
-                rng.normal(size=(5, 3)),
-                random_covariance(rng, 5, 0.5),
-                rng.normal(size=5),
-            )
+            H = rng.normal(size=(5, 3))
+            R = random_covariance(rng, 5, 0.5)
+            y = rng.normal(size=5)
             posterior = filter_step(
                 params, posterior, lambda x, H=H: x @ H.T, y, R
             ).posterior
             gain = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + R)
-            mean, covariance = (
-                mean + gain @ (y - H @ mean),
-                (np.eye(3) - gain @ H) @ covariance,
-            )
+            mean = mean + gain @ (y - H @ mean)
+            covariance = (np.eye(3) - gain @ H) @ covariance
             np.testing.assert_allclose(posterior.mean, mean, rtol=1e-10, atol=1e-10)
             np.testing.assert_allclose(
                 posterior.covariance, covariance, rtol=1e-10, atol=1e-10
@@ -82,14 +81,13 @@ def test_every_step_equals_filterpys_full_order_ukf_with_the_same_points(
     peer = UnscentedKalmanFilter(
         3, 5, 1.0, bent, lambda x, _: x, PointsForFilterPy(sigma)
     )
-    peer.x, peer.P, peer.Q = (
-        rng.normal(size=3),
-        random_covariance(rng, 3, 0.5),
-        np.zeros((3, 3)),
-    )
+    peer.x = rng.normal(size=3)
+    peer.P = random_covariance(rng, 3, 0.5)
+    peer.Q = np.zeros((3, 3))
     posterior = initial_posterior(peer.x, peer.P)
     for _ in range(15):
-        peer.R, y = random_covariance(rng, 5, 0.3), rng.normal(size=5)
+        peer.R = random_covariance(rng, 5, 0.3)
+        y = rng.normal(size=5)
         peer.predict()
         peer.update(y)
         posterior = filter_step(
@@ -116,9 +114,7 @@ def assimilate_inverse_law(iterations: int) -> Posterior:
     return posterior
 
 
-def test_iterating_a_step_is_honest_where_a_wide_prior_meets_a_curved_observation() -> (
-    None
-):
+def test_iterating_a_step_is_honest_where_a_wide_prior_meets_a_curved_observation():
     for iterations, honest in ((8, True), (1, False)):
         found = assimilate_inverse_law(iterations)
         assert (
@@ -136,10 +132,9 @@ def valley(states: Floats) -> Floats:
     return soft * shares - sealed * soft**2 * shares**3
 
 
-def test_a_start_in_a_bent_valley_gives_the_posterior_of_a_grid_from_a_wide_prior() -> (
-    None
-):
-    truth, noise = np.array([[-1.0, 1.0]]), 0.05**2 * np.eye(8)
+def test_a_start_in_a_bent_valley_gives_the_posterior_of_a_grid_from_a_wide_prior():
+    truth = np.array([[-1.0, 1.0]])
+    noise = 0.05**2 * np.eye(8)
     y = valley(truth)[0] + 0.05 * np.random.default_rng(0).normal(size=8)
     axis = np.linspace(-4.0, 4.0, 801)
     grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -147,14 +142,10 @@ def test_a_start_in_a_bent_valley_gives_the_posterior_of_a_grid_from_a_wide_prio
         grid**2
     ).sum(axis=1)
     weights = np.exp(log_weights - log_weights.max())
-    mean, sd = (
-        np.average(grid, axis=0, weights=weights),
-        np.sqrt(np.diag(np.cov(grid.T, aweights=weights))),
-    )
-    params, prior = (
-        FilterParams(sigma_points("simplex", 2), iterations=30),
-        initial_posterior(np.zeros(2), np.eye(2)),
-    )
+    mean = np.average(grid, axis=0, weights=weights)
+    sd = np.sqrt(np.diag(np.cov(grid.T, aweights=weights)))
+    params = FilterParams(sigma_points("simplex", 2), iterations=30)
+    prior = initial_posterior(np.zeros(2), np.eye(2))
     begun = filter_step(params, prior, valley, y, noise, start=truth[0] + [0.1, 0.2])
     assert begun.status == "ok"
     np.testing.assert_array_less(np.abs(begun.posterior.mean - mean), 0.2 * sd)
@@ -166,15 +157,12 @@ def test_a_start_in_a_bent_valley_gives_the_posterior_of_a_grid_from_a_wide_prio
     )  # does not find the way
 
 
-def test_a_start_is_taken_only_if_it_explains_more_and_never_moves_a_linear_posterior() -> (
-    None
-):
+def test_a_start_is_taken_only_if_it_explains_more_and_never_moves_a_linear_posterior():
     rng = np.random.default_rng(12)
-    H, y = rng.normal(size=(5, 2)), 5.0 * rng.normal(size=5)
-    params, prior = (
-        FilterParams(sigma_points("simplex", 2), iterations=8),
-        initial_posterior(np.zeros(2), np.eye(2)),
-    )
+    H = rng.normal(size=(5, 2))
+    y = 5.0 * rng.normal(size=5)
+    params = FilterParams(sigma_points("simplex", 2), iterations=8)
+    prior = initial_posterior(np.zeros(2), np.eye(2))
     best = np.linalg.solve(np.eye(2) + H.T @ H, H.T @ y)
     none, far, near = (
         filter_step(params, prior, lambda x: x @ H.T, y, np.eye(5), start=at)
@@ -188,11 +176,10 @@ def test_a_start_is_taken_only_if_it_explains_more_and_never_moves_a_linear_post
     )
 
 
-def test_an_outlier_is_gated_and_reported_and_leaves_the_posterior_as_without_it() -> (
-    None
-):
+def test_an_outlier_is_gated_and_reported_and_leaves_the_posterior_as_without_it():
     rng = np.random.default_rng(8)
-    H, prior = rng.normal(size=(10, 2)), initial_posterior(np.zeros(2), 25 * np.eye(2))
+    H = rng.normal(size=(10, 2))
+    prior = initial_posterior(np.zeros(2), 25 * np.eye(2))
     params = FilterParams(sigma_points("simplex", 2), gate=4.0)
     y = H @ np.array([1.0, -2.0]) + 0.1 * rng.normal(size=10)
     y[6] += 3.0
@@ -208,8 +195,10 @@ def test_an_outlier_is_gated_and_reported_and_leaves_the_posterior_as_without_it
 
 def test_a_frame_full_of_outliers_is_a_misfit_that_widens_the_noise() -> None:
     rng = np.random.default_rng(10)
-    H, y = rng.normal(size=(10, 2)), 50 * rng.normal(size=10)
-    prior, sigma = initial_posterior(np.zeros(2), np.eye(2)), sigma_points("simplex", 2)
+    H = rng.normal(size=(10, 2))
+    y = 50 * rng.normal(size=10)
+    prior = initial_posterior(np.zeros(2), np.eye(2))
+    sigma = sigma_points("simplex", 2)
     step = filter_step(
         FilterParams(sigma, gate=4.0, inflate=True),
         prior,
@@ -232,10 +221,8 @@ def test_a_frame_full_of_outliers_is_a_misfit_that_widens_the_noise() -> None:
 
 def test_a_filter_whose_model_is_wrong_says_that_it_diverges() -> None:
     rng = np.random.default_rng(11)
-    params, posterior = (
-        FilterParams(sigma_points("simplex", 1)),
-        initial_posterior(np.zeros(1), np.eye(1)),
-    )
+    params = FilterParams(sigma_points("simplex", 1))
+    posterior = initial_posterior(np.zeros(1), np.eye(1))
     statuses = []
     for frame in range(12):
         y = np.full(10, 0.5 * frame) + 0.1 * rng.normal(size=10)
@@ -250,7 +237,8 @@ def test_a_filter_whose_model_is_wrong_says_that_it_diverges() -> None:
 
 def test_a_model_that_cannot_be_evaluated_or_rounding_keeps_the_posterior() -> None:
     """Rounding: two observations that are one, without noise, have no inverse of their covariance."""
-    prior, sigma = initial_posterior(np.zeros(1), np.eye(1)), sigma_points("simplex", 1)
+    prior = initial_posterior(np.zeros(1), np.eye(1))
+    sigma = sigma_points("simplex", 1)
     step = filter_step(
         FilterParams(sigma),
         prior,
@@ -261,7 +249,8 @@ def test_a_model_that_cannot_be_evaluated_or_rounding_keeps_the_posterior() -> N
     assert "cannot be evaluated at the sigma points" in step.status
     assert step.posterior is prior
     for iterations in (1, 10):
-        params, same = FilterParams(sigma, iterations=iterations), np.array([1.0, 1.0])
+        params = FilterParams(sigma, iterations=iterations)
+        same = np.array([1.0, 1.0])
         step = filter_step(
             params, prior, lambda x: np.repeat(x, 2, axis=1), same, np.zeros((2, 2))
         )
@@ -271,10 +260,8 @@ def test_a_model_that_cannot_be_evaluated_or_rounding_keeps_the_posterior() -> N
 
 def test_a_precision_of_rounding_alone_has_no_covariance() -> None:
     """Two parameters that differ by less than rounding in an observation without noise to speak of."""
-    params, prior = (
-        FilterParams(sigma_points("simplex", 2)),
-        initial_posterior(np.zeros(2), np.eye(2)),
-    )
+    params = FilterParams(sigma_points("simplex", 2))
+    prior = initial_posterior(np.zeros(2), np.eye(2))
     rng = np.random.default_rng(2)
     directions = rng.normal(size=(40, 1)) * [1.0, 2.0] + 1e-12 * rng.normal(
         size=(40, 2)

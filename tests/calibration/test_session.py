@@ -148,7 +148,8 @@ def parsed(content: dict[str, Any]) -> Calibration:
 def test_a_frame_read_again_is_refused_by_its_key_and_older_files_without_it_are_read(
     calibration: Calibration,
 ) -> None:
-    name, whole = "made-up", json.dumps(calibration.to_dict())
+    name = "made-up"
+    whole = json.dumps(calibration.to_dict())
     read = next(
         place
         for place, step in enumerate(json.loads(whole)["eyes"][name]["steps"])
@@ -190,7 +191,8 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
         CalibrationError, match=r"not usable: .* to find the wall differ"
     ):
         calibrate_recordings([recording], STUDY, "", library, finder=blind)
-    bundled, given = load_wall_finder(SHIPPED_WALL_FINDER), list[Any]()
+    bundled = load_wall_finder(SHIPPED_WALL_FINDER)
+    given = list[Any]()
     checked = calibrate_recordings([recording], STUDY, "hash", library, finder=bundled)
     both = [one.eyes["made-up"].means[0] for one in (checked, calibration)]
     assert both[0] == pytest.approx(
@@ -268,10 +270,8 @@ def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(
     walls = library.curves(
         np.array([0.7e-3]), np.array([266.0 / 0.27e6]), np.array([0.03 / 0.27e6])
     ).curves_sbnc
-    pose, smoothing_m = (
-        Pose(lateral_m=0, depth_m=0.5e-3),
-        STUDY.calibration.surface_smoothing_m,
-    )
+    pose = Pose(lateral_m=0, depth_m=0.5e-3)
+    smoothing_m = STUDY.calibration.surface_smoothing_m
     section = cut_surfaces(walls[0], 0.5e-3)
     seen = ideal_boundaries(
         section, pose, STUDY.oct, 5e-6, np.random.default_rng(0), smoothing_m
@@ -294,11 +294,9 @@ def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
 ) -> None:
     """The pose that they show moves by less than its standard deviation with E's walls 30 % stiffer."""
     forces, boundaries = frames(recording)
-    stated, fitted, poses = (
-        eye_constants(recording, STUDY),
-        list[float](),
-        dict[Boundaries, PoseBelief](),
-    )
+    stated = eye_constants(recording, STUDY)
+    fitted = list[float]()
+    poses = dict[Boundaries, PoseBelief]()
     register = registration.register
     monkeypatch.setattr(
         registration,

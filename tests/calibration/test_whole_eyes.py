@@ -235,10 +235,8 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
         polar_rad=constants.polar_rad,
     )
     plan = plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3)
-    law, thickness = (
-        SEALED.globe(constants.globe.mean),
-        np.array([constants.thickness_m]),
-    )
+    law = SEALED.globe(constants.globe.mean)
+    thickness = np.array([constants.thickness_m])
     clock_s = np.arange(0.0, plan.path.times_s[-1], 0.1)
 
     def pressed(force_n: float, leaked_m3: float) -> float:
@@ -317,7 +315,8 @@ def of_recording(
 def test_an_open_eye_of_a_recording_is_found_open_without_being_declared(
     name: str, frames: int | None
 ) -> None:
-    without, declared = of_recording(name, None, frames), of_recording(name, "open")
+    without = of_recording(name, None, frames)
+    declared = of_recording(name, "open")
     assert (without.status, declared.status) == ("ok", "ok")
     assert abs(without.globe.mean) / PER_UL < 0.001
     assert without.mean_pa == pytest.approx(declared.mean_pa, rel=0.03)

@@ -90,7 +90,8 @@ def test_the_table_has_the_rows_and_the_summary_the_metrics_of_evaluate(
 def test_an_interrupted_batch_continues_after_its_last_whole_recording(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, calls = batch.evaluate_recordings, list[Path]()
+    real = batch.evaluate_recordings
+    calls = list[Path]()
 
     def interrupted(reader: Any, recordings: Any, summary: Any) -> Any:
         if len(calls) == 2:

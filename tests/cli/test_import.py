@@ -176,7 +176,8 @@ def test_a_recording_comes_back_from_its_own_files(imported, tmp_path: Path) -> 
 
 
 PLANES = Plane("along", 0.1e-3, 0.0), Plane("across", 0.0, np.pi / 2)
-ALONG, ACROSS = ("--plane", "along:0.1:0"), ("--plane=across:0:90",)
+ALONG = ("--plane", "along:0.1:0")
+ACROSS = ("--plane=across:0:90",)
 NEEDLE = ["--eye", "eye-1", "--gauge", 22, "--refractive-index", 1, "--bits", 13]
 
 
@@ -381,7 +382,8 @@ def test_clocks_that_overlap_in_part_are_noted_and_others_are_refused(
 def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(
     imported, refused, tiff, tmp_path
 ) -> None:
-    rng, time_s = np.random.default_rng(0), np.arange(0.0, 8.0, 0.005)
+    rng = np.random.default_rng(0)
+    time_s = np.arange(0.0, 8.0, 0.005)
     log = tmp_path / "log.csv"
     options = options_of(
         "--bits", 16, "--clock-offset-s", 2, "--contact-sign", -1, "--column"

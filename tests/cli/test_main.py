@@ -252,7 +252,8 @@ def test_help_is_a_command_as_well_and_a_misspelt_name_is_recognised(shell) -> N
 
 
 def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
-    command, script = tmp_path / "scleraforce", tmp_path / "completion"
+    command = tmp_path / "scleraforce"
+    script = tmp_path / "completion"
     command.write_text(
         f"#!{sys.executable}\nfrom scleraforce.cli.main import main\nmain()\n"
     )

@@ -190,7 +190,8 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
     model.parent.mkdir(exist_ok=True)
     with suppress(FileExistsError):
         model.symlink_to(SHIPPED_READER)
-    push, session = tmp_path / "push", tmp_path / "session"
+    push = tmp_path / "push"
+    session = tmp_path / "session"
     eye = ["--thickness-um", "650", "--youngs-modulus-mpa", "0.3"]
     drawn = [
         "--mechanics",
@@ -230,10 +231,9 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
         for record in log
         if record["kind"] == "entry" and record["entry"]["frame"]
     ]
-    sent, true_n = (
-        read_recording(push).frames,
-        list(true_forces(push).values()),
-    )  # a busy machine may lose some
+    # a busy machine may lose some
+    sent = read_recording(push).frames
+    true_n = list(true_forces(push).values())
     assert [entry["plane"] for entry in read] == [
         sent[entry["frame_id"] - 1].plane for entry in read
     ]
@@ -523,7 +523,8 @@ def test_each_option_reaches_its_setting(
         across.direction_rad
     )  # as the loop and the second opinion see it
     assert turned.direction_rad == pytest.approx(radians(-30.0))
-    limits, study = settings.limits, fixed_study(BINS)
+    limits = settings.limits
+    study = fixed_study(BINS)
     assert (settings.address, settings.console) == (
         module.Address("127.0.0.2", 1),
         module.Address("127.0.0.3", 2),
@@ -533,7 +534,8 @@ def test_each_option_reaches_its_setting(
         tmp_path / "session",
         tmp_path,
     )
-    known, scan = settings.known, settings.scan
+    known = settings.known
+    scan = settings.scan
     assert (scan.columns, scan.rows, scan.bits, scan.refractive_index, scan.plane) == (
         400,
         300,
@@ -678,7 +680,8 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
 
 
 def read_until(terminal: int, word: str, within_s: float = FUSE_S) -> None:
-    said, end_s = "", monotonic() + within_s
+    said = ""
+    end_s = monotonic() + within_s
     while word not in said:
         assert select.select([terminal], [], [], max(0.0, end_s - monotonic()))[0], said
         said += os.read(terminal, 4096).decode()

@@ -287,7 +287,8 @@ def test_bad_files_are_reported_and_the_others_are_answered(
     model, frame, tmp_path, shell
 ) -> None:
     cv2.imwrite(str(frame), image(wall_section(tip_of(0.008))))
-    empty, missing = tmp_path / "empty.png", tmp_path / ("x" * 300)
+    empty = tmp_path / "empty.png"
+    missing = tmp_path / ("x" * 300)
     empty.write_bytes(b"")
     os.mkfifo(tmp_path / "pipe.png")
     given = [empty, frame, missing, tmp_path / "pipe.png"]

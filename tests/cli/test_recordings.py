@@ -250,7 +250,8 @@ thickness_um = 500.0
 images = 4
 max_force_mn = 10.0
 """
-HEXAHEDRA, GRADED = SMALL.replace("KIND", "hexahedra"), SMALL.replace("KIND", "graded")
+HEXAHEDRA = SMALL.replace("KIND", "hexahedra")
+GRADED = SMALL.replace("KIND", "graded")
 HELD = '[supports]\nkind = "bed-and-straps"\n'
 BENT = (
     HELD
@@ -439,7 +440,8 @@ def test_a_command_refuses_unused_keys_by_name(
         "study_sections",
     ):  # of eyes of finite strain, which use all keys
         monkeypatch.setattr(f"scleraforce.notebook.virtual.{function}", not_refused)
-    study, out = tmp_path / "all.toml", tmp_path / "out"
+    study = tmp_path / "all.toml"
+    out = tmp_path / "out"
     study.write_text(EVERYTHING)
     for (command, mechanics), unused in UNUSED.items():
         options = f" --mechanics {mechanics}" if mechanics else ""

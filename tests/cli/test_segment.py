@@ -113,10 +113,8 @@ def dark(tmp_path: Path) -> Path:
 def test_a_frame_has_a_mask_or_a_guess_and_never_both(
     frame, dark, tmp_path: Path, shell
 ) -> None:
-    out, given = (
-        tmp_path / "out",
-        ("segment", dark, "--out", tmp_path / "out", "--overlay", "--strict"),
-    )
+    out = tmp_path / "out"
+    given = ("segment", dark, "--out", tmp_path / "out", "--overlay", "--strict")
     (entry,) = shell.json(*given[:-1])["frames"]
     assert (entry["usable"], entry["thickness_um"]) == (False, None)
     assert "empty" in entry["reason"]
@@ -188,11 +186,9 @@ def test_a_scale_that_nothing_states_is_assumed_and_noted(
 def test_bad_files_are_reported_and_the_others_are_segmented(
     frame, tmp_path: Path, shell
 ) -> None:
-    empty, tiny, long = (
-        tmp_path / "empty.png",
-        tmp_path / "tiny.png",
-        tmp_path / ("x" * 300),
-    )
+    empty = tmp_path / "empty.png"
+    tiny = tmp_path / "tiny.png"
+    long = tmp_path / ("x" * 300)
     empty.write_bytes(b"")
     cv2.imwrite(str(tiny), np.zeros((4, 4), np.uint8))
     given = [empty, frame, long, tiny]

@@ -255,7 +255,8 @@ def recording(tmp_path: Path) -> Path:
 def test_a_table_has_a_row_for_each_frame_with_its_answer(
     recording: Path, shell
 ) -> None:
-    out, answers = recording.parent / "a.csv", recording.parent / "answers.json"
+    out = recording.parent / "a.csv"
+    answers = recording.parent / "answers.json"
     assert shell.json("export", recording, "--answers", answers, "--out", out) == {
         "out": str(out),
         "rows": 12,

@@ -62,7 +62,8 @@ def study(tmp_path):
 def test_generate_uses_the_calibrations_modulus_and_reports_its_speed(
     study, tmp_path, shell
 ):
-    calibration, out = tmp_path / "calibration.json", tmp_path / "dataset.zarr"
+    calibration = tmp_path / "calibration.json"
+    out = tmp_path / "dataset.zarr"
     calibration.write_text(calibration_text(0.31))
     printed, noted = shell.run(
         "generate",
@@ -186,7 +187,8 @@ def test_a_store_on_a_full_disk_is_one_line(
     tmp_path: Path, shell, monkeypatch, command: str, size: int
 ) -> None:
     monkeypatch.setattr(library_store, "solve_path", solve_analytic)
-    study, out = tmp_path / "study.toml", tmp_path / "out"
+    study = tmp_path / "study.toml"
+    out = tmp_path / "out"
     study.write_text(LIBRARY + DATASET)
     with files_up_to(size):
         err = shell.refused(command, "--study", study, "--out", out, "--workers", 1)
@@ -262,7 +264,8 @@ def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it
     tmp_path, shell
 ) -> None:
     """In a drawn scene in which it finds another wall than edge detection."""
-    scene, path = draw_scene(ScenesStudy(seed=3), 6), tmp_path / "scene.png"
+    scene = draw_scene(ScenesStudy(seed=3), 6)
+    path = tmp_path / "scene.png"
     cv2.imwrite(str(path), scene.frame)
     scale = PixelScale(
         lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame)
@@ -311,7 +314,8 @@ def test_options_that_exclude_each_other_are_refused(tmp_path, shell) -> None:
 def test_training_prints_its_results_and_its_model_segments(
     frame, tmp_path, shell
 ) -> None:
-    study, model = tmp_path / "study.toml", tmp_path / "finder"
+    study = tmp_path / "study.toml"
+    model = tmp_path / "finder"
     study.write_text(format_study(SMALL_STUDY))
     answer = shell.json(
         "train", "--kind", "wall-finder", "--study", study, "--out", model

@@ -81,7 +81,8 @@ def test_the_force_of_a_displacement_is_found(study: Path, shell) -> None:
 
 
 def test_files_are_written_and_named(study: Path, tmp_path: Path, shell) -> None:
-    vtu, plot = tmp_path / "eye.vtu", tmp_path / "eye.png"
+    vtu = tmp_path / "eye.vtu"
+    plot = tmp_path / "eye.png"
     command = ["simulate", "--study", study, "--thickness-um", 500, "--force-mn", 40]
     out, _ = shell.run(*command, "--vtu", vtu, "--plot", plot)
     assert str(vtu) in out
@@ -179,10 +180,8 @@ def test_a_sealed_eye_gives_way_less_and_its_pressure_rises(
         25,
     )
     wall += ("--youngs-modulus-mpa", 0.45)
-    opened, sealed = (
-        shell.json(*wall),
-        shell.json(*wall, "--globe", "closed", "--rigidity", 0.03),
-    )
+    opened = shell.json(*wall)
+    sealed = shell.json(*wall, "--globe", "closed", "--rigidity", 0.03)
     assert (opened["globe"], sealed["globe"]) == ("open", "sealed")
     assert opened["pressure_mmhg"] == pytest.approx(2.0)
     assert opened["dent_mm"] == opened["tip_displacement_mm"]

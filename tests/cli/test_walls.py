@@ -64,9 +64,7 @@ def test_the_mask_of_a_wall_gives_its_boundaries_and_thickness_back() -> None:
     assert segmented_boundaries(wall, SCALE).sd_m == GIVEN_SD_ROWS * SCALE.depth_m
 
 
-def test_columns_that_are_not_judged_interrupted_or_cut_off_by_the_top_are_left_out() -> (
-    None
-):
+def test_columns_that_are_not_judged_interrupted_or_cut_off_by_the_top_are_left_out():
     mask = FOUND.mask.copy()
     at = np.flatnonzero(np.isfinite(FOUND.outer_row))[[100, 200, 300]]
     middle = int(FOUND.outer_row[at[1]]) + 20
@@ -82,11 +80,14 @@ def test_columns_that_are_not_judged_interrupted_or_cut_off_by_the_top_are_left_
 
 
 def test_intervals_hold_when_boundaries_are_off_as_far_as_the_mask_states() -> None:
-    reader, rng = force_reader(), np.random.default_rng(44)
+    reader = force_reader()
+    rng = np.random.default_rng(44)
     smooth = (
         1.5e-3 / 2.5 / SCALE.lateral_m
     )  # errors of people follow a line; the fit takes 1.5 mm for independent
-    row, held, widths = np.arange(len(FRAME))[:, None], 0, []
+    row = np.arange(len(FRAME))[:, None]
+    held = 0
+    widths = []
     for _ in range(40):
         off = gaussian_filter1d(
             rng.standard_normal((2, FRAME.shape[1])), smooth, axis=1, mode="wrap"
@@ -203,7 +204,8 @@ def test_a_changed_frame_invalidates_its_wall_and_a_table_that_contradicts_is_re
     corrected: tuple[Path, Path], shell
 ) -> None:
     model, recording = corrected
-    frame, walls = recording / "frames" / "2.png", recording / "walls.csv"
+    frame = recording / "frames" / "2.png"
+    walls = recording / "walls.csv"
     before = frame.read_bytes()
     cv2.imwrite(str(frame), cv2.imread(str(frame), cv2.IMREAD_UNCHANGED) // 2 * 2)
     found = shell.json("evaluate", model, recording)
@@ -231,7 +233,8 @@ def test_a_changed_frame_invalidates_its_wall_and_a_table_that_contradicts_is_re
 
 def test_the_command_takes_a_mask_for_each_frame(tmp_path: Path, shell) -> None:
     places = write_places(tmp_path)
-    frame, mask = places["mine"] / "frames" / "1.png", tmp_path / "mask.png"
+    frame = places["mine"] / "frames" / "1.png"
+    mask = tmp_path / "mask.png"
     cv2.imwrite(str(mask), find_wall(sf.read_frame(frame), SCALE).mask)
     words = [
         "read",

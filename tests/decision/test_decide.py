@@ -247,7 +247,8 @@ def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there() 
 
 def test_decide_follows_the_table() -> None:
     for before, signal in product(State, Signal):
-        state, events = STATES[before](), SIGNALS[signal]
+        state = STATES[before]()
+        events = SIGNALS[signal]
         limits = {
             Signal.TOLERATED: replace(REPORTS, unusable_frames=2),
             Signal.PIERCED: REPORTS,
@@ -357,9 +358,7 @@ def test_a_clock_may_drift_for_hours_and_a_queue_that_grows_faster_is_stale() ->
     assert hours(3e-4, 0.2).cause is Cause.STALE
 
 
-def test_what_stays_late_gets_no_reset_and_a_clock_set_ahead_is_the_new_measure() -> (
-    None
-):
+def test_what_stays_late_gets_no_reset_and_a_clock_set_ahead_is_the_new_measure():
     for before, cause in ((watching(), Cause.STALE), (withdrawn(), Cause.CHECKSUM)):
         refused = reset_after(late([0.005] * 5 + [3.0] * 20), before)
         assert (refused.code, refused.sub_code) == (3, cause.value)
@@ -499,9 +498,7 @@ def test_losses_are_limited_in_time_whatever_the_frame_rate() -> None:
         )
 
 
-def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_time() -> (
-    None
-):
+def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_time():
     """At 1,000 frames a second: of each `lost + 1` frames one is read; from four lost ones on they count."""
 
     def losing(lost: int, parts: int, limits: MonitorLimits = LIMITS) -> MonitorState:
@@ -542,9 +539,7 @@ def test_a_row_that_counts_is_forgotten_while_short_ones_follow() -> None:
     assert play(both, watching()).state is State.WATCHING
 
 
-def test_what_is_remembered_of_losses_stays_short_and_is_never_forgotten_too_early() -> (
-    None
-):
+def test_what_is_remembered_of_losses_stays_short_and_is_never_forgotten_too_early():
     loose = replace(
         LIMITS, loss_in_window_s=10.0, reaction_s=1e-4
     )  # so that each loss counts
@@ -597,9 +592,7 @@ def test_a_second_opinion_withdraws_at_once_in_every_state() -> None:
             assert state.fresh == 0
 
 
-def test_an_overtaken_frame_that_cannot_be_judged_counts_with_the_answered_ones() -> (
-    None
-):
+def test_an_overtaken_frame_that_cannot_be_judged_counts_with_the_answered_ones():
     late = OvertakenRead(0.0755, unusable(4))
     twice = replace(LIMITS, unusable_frames=2)
     assert play([late], watching()).cause is Cause.UNUSABLE
@@ -608,9 +601,7 @@ def test_an_overtaken_frame_that_cannot_be_judged_counts_with_the_answered_ones(
     assert play([unusable(6), late], watching(), twice).cause is Cause.UNUSABLE
 
 
-def test_a_harmless_overtaken_frame_changes_nothing_but_the_time_and_an_opinion_no_state() -> (
-    None
-):
+def test_a_harmless_overtaken_frame_changes_nothing_but_the_time_and_an_opinion_no_state():
     for before in (not_ready, watching, withdrawn):
         state = before()
         after = play([OvertakenRead(0.0515, frame(4))], state)
@@ -869,7 +860,9 @@ def harmless(event: MonitorEvent) -> bool:
 def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(
     events: list[MonitorEvent], limits: MonitorLimits
 ) -> None:
-    state, good, seen = MonitorState(), False, False
+    state = MonitorState()
+    good = False
+    seen = False
     for event in events:
         before = state
         state, decision = decide(state, event, limits)
@@ -967,9 +960,7 @@ def test_a_rise_that_slows_down_is_not_foretold_from_how_it_began() -> None:
     )  # on the way to it
 
 
-def test_a_rise_that_quickens_is_foretold_by_its_line_and_one_wild_frame_hides_no_rise() -> (
-    None
-):
+def test_a_rise_that_quickens_is_foretold_by_its_line_and_one_wild_frame_hides_no_rise():
     quickening = tuple((0.01 * n, 0.02 + 2e-4 * n + 4e-5 * n * n) for n in range(10))
     line = risen_force(quickening, 0.05, 0.0)
     assert line is not None
@@ -987,7 +978,8 @@ def test_ten_frames_in_a_line_by_chance_do_not_rise_steeply_after_rough_ones() -
     rng = np.random.default_rng(0)
     line = tuple((0.4 + 0.01 * n, 0.02 + 0.05 * 0.01 * n) for n in range(10))
     rough = tuple((0.01 * n, 0.02 + float(rng.normal(0.0, 0.9e-3))) for n in range(40))
-    alone, after = risen_force(line, 0.05, 3.0), risen_force(rough + line, 0.05, 3.0)
+    alone = risen_force(line, 0.05, 3.0)
+    after = risen_force(rough + line, 0.05, 3.0)
     assert alone == pytest.approx(0.027)
     assert after is None or after < 0.0265
     assert risen_force(line[:9], 0.05, 3.0) is None, "too few frames"
@@ -1011,9 +1003,7 @@ def bound_ms(
     )
 
 
-def test_the_time_until_the_bound_of_a_straight_rise_is_exact_but_for_the_error_of_its_slope() -> (
-    None
-):
+def test_the_time_until_the_bound_of_a_straight_rise_is_exact_but_for_the_error_of_its_slope():
     steady = [
         10.0 + 0.5 * n for n in range(12)
     ]  # 50 mN/s to 15.5 mN; 27 mN have an upper end of 30
@@ -1042,16 +1032,14 @@ def test_the_time_until_the_bound_of_a_straight_rise_is_exact_but_for_the_error_
     )
 
 
-def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike() -> (
-    None
-):
-    rng, inside, medians = np.random.default_rng(5), [], []
+def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike():
+    rng = np.random.default_rng(5)
+    inside = []
+    medians = []
     for _ in range(600):
-        slope, sd, left_mn = (
-            rng.uniform(0.1, 0.6),
-            rng.uniform(0.05, 0.3),
-            rng.uniform(3.0, 12.0),
-        )
+        slope = rng.uniform(0.1, 0.6)
+        sd = rng.uniform(0.05, 0.3)
+        left_mn = rng.uniform(3.0, 12.0)
         err = np.convolve(
             rng.normal(0.0, sd, 53), np.full(4, 0.5), "valid"
         )  # neighbours err alike
@@ -1119,9 +1107,7 @@ def test_the_page_shows_exactly_the_diagram_and_every_cause_and_limit() -> None:
     assert all(f"`{name}`" in page for name in MonitorLimits.__dataclass_fields__)
 
 
-def test_a_scale_within_the_tolerance_is_the_stated_one_and_no_number_never_is() -> (
-    None
-):
+def test_a_scale_within_the_tolerance_is_the_stated_one_and_no_number_never_is():
     limits = MonitorLimits(scale_tolerance=0.01)
     for share in (1.009, 0.991, 1.011, 0.989, -1.0, NAN, float("inf")):
         for changed_m in ((share * 1e-5, 5e-6), (1e-5, share * 5e-6)):
@@ -1159,9 +1145,7 @@ HELD = [0.024] * 8
 THROUGH_N = [*HELD, 0.007, 0.0072, 0.0074]
 
 
-def test_a_fall_that_no_retraction_explains_is_pierced_with_the_second_frame_after_it() -> (
-    None
-):
+def test_a_fall_that_no_retraction_explains_is_pierced_with_the_second_frame_after_it():
     for rate_hz in (70.0, 100.0, 400.0):
         assert (
             play(needle_goes(THROUGH_N[:9], rate_hz)).state is State.WATCHING
@@ -1202,10 +1186,8 @@ def test_travel_explains_a_fall_or_not() -> None:
     fast = replace(
         LIMITS, retraction_m_s=0.05
     )  # such a robot needs its travel: without it all may be a retraction
-    on_m, back_m = (
-        [1e-4 * n for n in range(11)],
-        [1e-3 - 5e-4 * max(n - 7, 0) for n in range(11)],
-    )
+    on_m = [1e-4 * n for n in range(11)]
+    back_m = [1e-3 - 5e-4 * max(n - 7, 0) for n in range(11)]
     assert play(needle_goes(THROUGH_N), limits=fast).cause is None
     assert (
         play(needle_goes(THROUGH_N, travel_m=on_m), limits=fast).cause is Cause.PIERCED
@@ -1336,9 +1318,7 @@ def test_nothing_is_ok_before_every_plane_has_sent_a_frame_in_any_order() -> Non
         assert decision.code == 1
 
 
-def test_a_constant_difference_between_planes_neither_rises_nor_pierces_and_the_worst_one_counts() -> (
-    None
-):
+def test_a_constant_difference_between_planes_neither_rises_nor_pierces_and_the_worst_one_counts():
     """Frames of the planes come in blocks of eight, which in one history would rise by 12 mN and fall again."""
     forces_n = {"along": 0.012, "across": 0.024}
     blocks = [plane for _ in range(10) for plane in CROSS for _ in range(8)]

@@ -21,7 +21,8 @@ from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 TYPES = STORE.types
-ROWS, COLUMNS = 6, 9
+ROWS = 6
+COLUMNS = 9
 
 
 def filled(name: str) -> Any:
@@ -70,7 +71,8 @@ class FakeNode:
     given: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, name: str) -> None:
-        self.name, self.parameters = name, dict[str, Any]()
+        self.name = name
+        self.parameters = dict[str, Any]()
         self.published: dict[str, list[Any]] = {}
         self.subscriptions_: dict[str, Callable[[Any], None]] = {}
         self.errors: list[str] = []
@@ -222,7 +224,8 @@ def test_images_of_a_bag_reach_the_monitor_and_their_forces_come_back(
 def test_the_order_is_to_withdraw_until_the_monitor_says_ok_and_after_it_says_no(
     node: FakeNode, monitor: FakeMonitor
 ) -> None:
-    orders, reasons = node.published["~/withdraw"], node.published["~/reason"]
+    orders = node.published["~/withdraw"]
+    reasons = node.published["~/reason"]
     node.timer[1]()
     assert orders[-1].data is True
     node.subscriptions_["image"](image(1))

@@ -35,9 +35,7 @@ def heard(client: pyigtl.OpenIGTLinkClient, device: str):
     return message
 
 
-def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_scanner_its_answers() -> (
-    None
-):
+def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_scanner_its_answers():
     with (
         fake_monitor() as monitor,
         bridge.run(0, 0, ("127.0.0.1", monitor.port)) as (scanner_port, slicer_port),
@@ -89,7 +87,8 @@ def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_s
 def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on(
     monkeypatch,
 ) -> None:
-    latest, image = bridge.Latest(), Image(WALL[None], MATRIX)
+    latest = bridge.Latest()
+    image = Image(WALL[None], MATRIX)
     older, newer = (
         replace(image, matrix=(width_mm, *MATRIX[1:])) for width_mm in (1.0, 2.0)
     )
@@ -139,7 +138,8 @@ class Scene:
         self.kinds: dict[str, str] = {}
 
     def AddNewNodeByClass(self, kind: str, name: str) -> MagicMock:  # noqa: N802 - Slicer's name
-        self.nodes[name], self.kinds[name] = MagicMock(name=name), kind
+        self.nodes[name] = MagicMock(name=name)
+        self.kinds[name] = kind
         return self.nodes[name]
 
     def GetFirstNodeByName(self, name: str) -> MagicMock | None:  # noqa: N802 - Slicer's name
@@ -163,7 +163,9 @@ def slicer(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     ):
         setattr(scripted, name, base)
     package = ModuleType("slicer")
-    package.mrmlScene, package.util, package.app = Scene(), MagicMock(), MagicMock()
+    package.mrmlScene = Scene()
+    package.util = MagicMock()
+    package.app = MagicMock()
     for name, module in {
         "slicer": package,
         "slicer.ScriptedLoadableModule": scripted,

@@ -11,7 +11,9 @@ import pytest
 from sources import example_module
 
 vendor_frames = example_module("vendor_frames")
-FRAMES, ROWS, COLUMNS = 3, 20, 28
+FRAMES = 3
+ROWS = 20
+COLUMNS = 28
 VOLUME = np.arange(FRAMES * ROWS * COLUMNS, dtype=np.uint16).reshape(
     FRAMES, ROWS, COLUMNS
 )

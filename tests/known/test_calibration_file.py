@@ -48,8 +48,10 @@ def read(
 
 
 def test_eyes_population_and_provenance_are_read(tmp_path: Path) -> None:
-    found, file = read(tmp_path, eyes=EYES), tmp_path / "calibration.json"
-    eye, diverged = found.eyes["a"], found.eyes["b"]
+    found = read(tmp_path, eyes=EYES)
+    file = tmp_path / "calibration.json"
+    eye = found.eyes["a"]
+    diverged = found.eyes["b"]
     assert (found.population_mean_pa, found.population_sd_pa) == pytest.approx(
         (0.27e6, 0.03e6)
     )
@@ -82,7 +84,8 @@ def refusal(file: Path, text: str) -> str:
 def test_a_file_that_is_not_json_or_of_another_format_is_refused(
     tmp_path: Path,
 ) -> None:
-    whole, broken = calibration_text(), tmp_path / "calibration.json"
+    whole = calibration_text()
+    broken = tmp_path / "calibration.json"
     for text in (
         "{",
         "\xff",
@@ -107,7 +110,8 @@ def test_a_file_that_is_not_json_or_of_another_format_is_refused(
 def test_a_key_that_is_missing_or_cannot_be_is_refused_by_its_place(
     tmp_path: Path,
 ) -> None:
-    whole, broken = calibration_text(), tmp_path / "calibration.json"
+    whole = calibration_text()
+    broken = tmp_path / "calibration.json"
     for population, key in (
         ({}, ".mean_mpa"),
         (3, ": "),

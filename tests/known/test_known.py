@@ -175,7 +175,8 @@ def test_an_eye_of_the_population_has_at_least_the_spread_of_eyes_and_no_modulus
 def test_an_eye_of_the_population_leans_as_the_calibrated_ones_if_all_of_them_state_it(
     tmp_path: Path,
 ) -> None:
-    file, lean = tmp_path / "calibration.json", {"lean_deg": 20.0}
+    file = tmp_path / "calibration.json"
+    lean = {"lean_deg": 20.0}
     for eyes, lean_rad in (
         ({"a": lean, "b": {"lean_deg": 30.0}}, np.radians(25.0)),
         ({"a": lean, "b": {}}, None),
@@ -267,10 +268,8 @@ def test_the_most_correlated_eye_has_a_prior_to_draw_from() -> None:
 
 
 def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone() -> None:
-    stated, number = (
-        known_globe("sealed", 0.02 * PER_UL, "logarithmic"),
-        known_globe("sealed", 0.03 * PER_UL),
-    )
+    stated = known_globe("sealed", 0.02 * PER_UL, "logarithmic")
+    number = known_globe("sealed", 0.03 * PER_UL)
     for given, said, globe in [
         (SEALED, stated, stated),
         (number, stated, replace(number, law="logarithmic")),

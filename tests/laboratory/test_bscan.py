@@ -52,7 +52,8 @@ CLEAR = BscanOptics(
     display_range_db=120.0,
     band_m=0.0,
 )
-FLAT_TOP_M, FLAT_THICKNESS_M = 1e-3, 1.5e-3
+FLAT_TOP_M = 1e-3
+FLAT_THICKNESS_M = 1.5e-3
 LAYER = Conjunctiva(
     thickness_m=200e-6,
     wave_fraction=0.25,
@@ -66,10 +67,8 @@ LAYER = Conjunctiva(
 
 def test_a_needle_compresses_the_layer_below_it_and_sinks_it_beside_it() -> None:
     lateral_m = np.array([0.0, 0.3e-3, 0.36e-3, 0.5e-3, 0.8e-3, 5e-3])
-    even, needle = (
-        replace(LAYER, wave_fraction=0.0),
-        Press(force_n=0.0, radius_m=0.35e-3, gap_m=0.0, lateral_m=0.0),
-    )
+    even = replace(LAYER, wave_fraction=0.0)
+    needle = Press(force_n=0.0, radius_m=0.35e-3, gap_m=0.0, lateral_m=0.0)
 
     def left(at_m: np.ndarray, **press: float) -> np.ndarray:
         return (
@@ -141,7 +140,8 @@ WALL_ROWS = rows_of(FLAT_TOP_M, FLAT_TOP_M + FLAT_THICKNESS_M)
 
 
 def test_intensities_of_speckle_and_noise_are_exponential_with_contrast_one():
-    light, noise = seen()[WALL_ROWS], seen()[: int(0.2 * SCANNER.rows)]
+    light = seen()[WALL_ROWS]
+    noise = seen()[: int(0.2 * SCANNER.rows)]
     assert light.std() / light.mean() == pytest.approx(1.0, abs=0.01)
     assert stats.kstest(light.ravel()[:20_000] / light.mean(), "expon").pvalue > 0.01
     assert (noise.mean(), noise.std()) == pytest.approx((1.0, 1.0), abs=0.03)
@@ -176,10 +176,8 @@ def test_light_is_the_given_one_at_the_surface_and_falls_with_twice_the_attenuat
 
 def test_point_spread_function_correlates_speckle_as_its_width_says_and_keeps_its_mean():
     # A Gaussian amplitude spread s correlates the intensity of speckle as exp(-d^2/(2 s^2)); s = width/(2 sqrt(ln 2)).
-    pixel_m, width = (
-        np.array([ROW_M, SCANNER.width_m / SCANNER.columns]),
-        np.array([5.0, 8.0]),
-    )
+    pixel_m = np.array([ROW_M, SCANNER.width_m / SCANNER.columns])
+    width = np.array([5.0, 8.0])
     spread = {
         "axial_resolution_m": width[0] * pixel_m[0],
         "lateral_resolution_m": width[1] * pixel_m[1],
@@ -190,10 +188,8 @@ def test_point_spread_function_correlates_speckle_as_its_width_says_and_keeps_it
     assert light.mean() == pytest.approx(10**7.0, rel=0.05)
     for axis, lag in ((1, 3), (2, 5)):
         sigma = width[axis - 1] / (2 * np.sqrt(np.log(2)))
-        one, other = (
-            np.delete(light, np.s_[:lag], axis),
-            np.delete(light, np.s_[-lag:], axis),
-        )
+        one = np.delete(light, np.s_[:lag], axis)
+        other = np.delete(light, np.s_[-lag:], axis)
         measured = np.corrcoef(one.ravel(), other.ravel())[0, 1]
         assert measured == pytest.approx(np.exp(-(lag**2) / (2 * sigma**2)), abs=0.05)
 
@@ -261,22 +257,20 @@ def test_choroid_is_weaker_by_its_level_and_falls_with_its_own_attenuation():
 
 def test_a_conjunctiva_lies_over_the_wall_weaker_by_its_level_and_outside_of_the_truth():
     wall = flat_wall(points=2001)
-    bare, under = render(wall, CLEAR), render(wall, replace(CLEAR, conjunctiva=LAYER))
+    bare = render(wall, CLEAR)
+    under = render(wall, replace(CLEAR, conjunctiva=LAYER))
     light = seen(wall, conjunctiva=LAYER)
     thick_m = 200e-6 * (1 + 0.25 * np.cos(2 * np.pi * LATERAL_M / 5e-3 + 0.7))
-    first, top = (
-        (light > 1e4).argmax(axis=0),
-        (FLAT_TOP_M - thick_m) / ROW_M,
-    )  # 1e4: a hundredth of the layer's light
+    # 1e4: a hundredth of the layer's light
+    first = (light > 1e4).argmax(axis=0)
+    top = (FLAT_TOP_M - thick_m) / ROW_M
     assert np.abs(first - top).mean() < 0.7
     # From the layer's surface on, tissue is stretched by the refractive index.
     below_row = top + thick_m * SCANNER.refractive_index / ROW_M
     assert np.abs(under.truth_mask.argmax(axis=0) - below_row).max() <= 1.0
     rows = np.arange(512)[:, None]
-    within, below = (
-        (rows > top + 2) & (rows < below_row - 2),
-        (rows > below_row + 2) & (rows < below_row + 100),
-    )
+    within = (rows > top + 2) & (rows < below_row - 2)
+    below = (rows > below_row + 2) & (rows < below_row + 100)
     assert light[within].mean() / light[below].mean() == pytest.approx(
         10**-0.6, rel=0.02
     )
@@ -291,10 +285,8 @@ def test_a_conjunctiva_lies_over_the_wall_weaker_by_its_level_and_outside_of_the
 
 def test_the_conjunctiva_attenuates_light_as_the_wall_does_and_the_wall_below_reflects():
     even = replace(LAYER, wave_fraction=0.0, level_db=0.0)
-    bare, under = (
-        seen(attenuation_per_m=800.0),
-        seen(attenuation_per_m=800.0, conjunctiva=even),
-    )
+    bare = seen(attenuation_per_m=800.0)
+    under = seen(attenuation_per_m=800.0, conjunctiva=even)
     rows = rows_of(FLAT_TOP_M + 0.6e-3, FLAT_TOP_M + 1.2e-3)
     # The wall is seen deeper by the layer's optical over its geometric thickness.
     shift = (SCANNER.refractive_index - 1) * 200e-6 / SCANNER.refractive_index
@@ -324,7 +316,9 @@ def test_mirror_reflection_is_seen_at_normal_incidence_and_lost_on_a_slope():
 
 
 def test_wall_that_folds_over_is_filled_as_a_naive_winding_number_says():
-    section, scanner, fine = folded_wall(), OctStudy(columns=96, rows=64), 8
+    section = folded_wall()
+    scanner = OctStudy(columns=96, rows=64)
+    fine = 8
     mask = render(section, CLEAR, scanner).truth_mask
     lateral_m = (np.arange(96) + 0.5) / 96 * scanner.width_m - scanner.width_m / 2
     depth_m = (np.arange(64 * fine) + 0.5) / (64 * fine) * scanner.depth_m
@@ -345,10 +339,8 @@ def test_wall_that_folds_over_is_filled_as_a_naive_winding_number_says():
     clear = np.abs(coverage - 0.5) > 2 / fine
     assert (mask[clear] == 255 * (coverage[clear] > 0.5)).all()
     assert clear.mean() > 0.9
-    x, y = (
-        [0.0, 4.0, 4.0, 0.0, 0.0, 4.0, 4.0, 0.0, 0.0],
-        [0.0, 0.0, 2.0, 2.0, 1.0, 1.0, 3.0, 3.0, 0.0],
-    )
+    x = [0.0, 4.0, 4.0, 0.0, 0.0, 4.0, 4.0, 0.0, 0.0]
+    y = [0.0, 0.0, 2.0, 2.0, 1.0, 1.0, 3.0, 3.0, 0.0]
     overlapping = column_crossings(np.stack([x, y], axis=1), np.array([1.0, 2.0, 3.0]))
     assert overlapping.tolist() == [[0.0] * 3, [3.0] * 3]
 
@@ -370,11 +362,10 @@ def test_walls_beyond_the_window_are_cut_shadow_it_or_leave_noise_only():
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_any_optics_of_the_study_give_a_repeatable_frame(seed):
-    study, rng = Study(), np.random.default_rng(seed)
-    optics, pose = (
-        sample_optics(study.phantom, study.oct, rng),
-        sample_pose(study.phantom, rng),
-    )
+    study = Study()
+    rng = np.random.default_rng(seed)
+    optics = sample_optics(study.phantom, study.oct, rng)
+    pose = sample_pose(study.phantom, rng)
     wall = pose.place(folded_wall())
     first, again, other = (
         render(wall, optics, OctStudy(columns=64, rows=64), number).frame
@@ -407,7 +398,8 @@ def test_a_linear_display_shows_the_intensity_itself_and_one_of_roots_its_root(
 
 
 OCT = OctStudy()
-DEPTH_M, COLUMN_M = OCT.depth_m / OCT.rows, OCT.width_m / OCT.columns
+DEPTH_M = OCT.depth_m / OCT.rows
+COLUMN_M = OCT.width_m / OCT.columns
 TIP_M = np.array([0.2e-3, 2e-3])
 EYE = PhantomEye(
     id="eye",
@@ -426,9 +418,7 @@ def steel(tilt_rad: float = 0.0, columns: int = 512, **changes: float):
     )
 
 
-def test_a_plane_beside_the_axis_cuts_the_chord_of_the_cylinder_and_beyond_the_radius_nothing() -> (
-    None
-):
+def test_a_plane_beside_the_axis_cuts_the_chord_of_the_cylinder_and_beyond_the_radius_nothing():
     for gap_m in (0.0, 0.1e-3, 0.24e-3):
         inside = steel(columns=8192, gap_m=gap_m).inside[
             128:168
@@ -442,17 +432,17 @@ def test_a_plane_beside_the_axis_cuts_the_chord_of_the_cylinder_and_beyond_the_r
     assert (beside.light == 1.0).all()
 
 
-def test_a_shaft_leans_by_its_angle_off_the_surfaces_normal_and_ends_at_its_tip() -> (
-    None
-):
-    angle_rad, tilt_rad = radians(30.0), radians(5.0)
+def test_a_shaft_leans_by_its_angle_off_the_surfaces_normal_and_ends_at_its_tip():
+    angle_rad = radians(30.0)
+    tilt_rad = radians(5.0)
     up = Pose(lateral_m=0.0, depth_m=0.0, tilt_rad=tilt_rad).place_points(
         np.array([[0.0, -1.0]])
     )[0]
     assert up[0] / -up[1] == pytest.approx(
         tan(tilt_rad)
     )  # the normal leans to growing columns
-    inside, column = steel(tilt_rad, angle_rad=angle_rad).inside, np.arange(OCT.columns)
+    inside = steel(tilt_rad, angle_rad=angle_rad).inside
+    column = np.arange(OCT.columns)
     middle = [float(column[inside[row]].mean()) for row in (60, 180)]
     assert (middle[0] - middle[1]) * COLUMN_M == pytest.approx(
         120 * DEPTH_M * tan(angle_rad + tilt_rad), rel=0.05
@@ -468,7 +458,8 @@ def test_a_shaft_leans_by_its_angle_off_the_surfaces_normal_and_ends_at_its_tip(
 
 
 def test_steel_takes_all_light_and_glass_a_part_also_from_above_the_frame() -> None:
-    column, below = int((TIP_M[0] + OCT.width_m / 2) / COLUMN_M), int(3e-3 / DEPTH_M)
+    column = int((TIP_M[0] + OCT.width_m / 2) / COLUMN_M)
+    below = int(3e-3 / DEPTH_M)
     for loss in (1.0, 0.4):
         light = steel(loss_fraction=loss).light
         assert light[below, column] == pytest.approx(1.0 - loss)
@@ -480,9 +471,7 @@ def test_steel_takes_all_light_and_glass_a_part_also_from_above_the_frame() -> N
     assert (high - low) * COLUMN_M == pytest.approx(1e-3 * tan(0.7), abs=2 * COLUMN_M)
 
 
-def test_a_needle_is_one_in_a_recording_and_leaves_every_other_number_unchanged() -> (
-    None
-):
+def test_a_needle_is_one_in_a_recording_and_leaves_every_other_number_unchanged():
     study = replace(Study(), phantom=replace(Study().phantom, needle_count=fixed(1)))
     with_needle, without = (
         plan_phantom(EYE, (0.004, 0.02), each, 3) for each in (study, Study())
@@ -505,7 +494,8 @@ def test_a_needle_is_one_in_a_recording_and_leaves_every_other_number_unchanged(
 
 STUDY = Study()
 WINDOW = FrameWindow(rows=80, columns=144, row_m=50e-6, column_m=100e-6)
-THICKNESS_M, DENT_M = 0.6e-3, 0.8e-3
+THICKNESS_M = 0.6e-3
+DENT_M = 0.8e-3
 FRAMES = 6
 NEEDLE = replace(STEEL, diameter_m=0.7e-3, gap_m=0.1e-3, angle_rad=0.3, above_m=2e-3)
 
@@ -589,7 +579,8 @@ CASES = {
 def test_the_mean_picture_is_the_rendered_one_and_cells_vary_as_in_that(
     name: str,
 ) -> None:
-    of, all_frames = CASES[name], (rendered(CASES[name]), drawn(CASES[name]))
+    of = CASES[name]
+    all_frames = (rendered(CASES[name]), drawn(CASES[name]))
     expected, found = (frames.std(axis=0, ddof=1) for frames in all_frames)
     for part in (
         (slice(60, 80), slice(20, 120)),

@@ -74,7 +74,8 @@ def written(tmp_path):
 
 
 def test_the_recording_has_the_plans_frames_forces_and_values(written):
-    plan, recording = plan_phantom(EYE, FORCES_N, STUDY, 3), read_recording(written)
+    plan = plan_phantom(EYE, FORCES_N, STUDY, 3)
+    recording = read_recording(written)
     info = recording.info
     assert (info.eye.id, info.eye.thickness_m, info.eye.globe) == (
         "eye-x",
@@ -311,7 +312,8 @@ def test_paper_eyes_have_the_design_of_tables_1_and_2():
 
 def test_forces_up_to_the_bounds_are_of_the_same_eyes_and_classes():
     study = st.Study()
-    eyes, clear = paper_eyes(study, to_the_bounds=True), paper_eyes(study)
+    eyes = paper_eyes(study, to_the_bounds=True)
+    clear = paper_eyes(study)
     assert [eye for eye, _ in eyes] == [eye for eye, _ in clear]
     for (_, drawn_n), (_, spread_n) in zip(eyes, clear, strict=True):
         assert Counter(map(study.classes.classify, drawn_n)) == Counter(
@@ -332,7 +334,8 @@ def test_forces_up_to_the_bounds_are_of_the_same_eyes_and_classes():
 def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(
     tmp_path, capsys
 ):
-    study, out = tmp_path / "study.toml", tmp_path / "eye"
+    study = tmp_path / "study.toml"
+    out = tmp_path / "eye"
     study.write_text(st.format_study(MOVING_STUDY))
     arguments = ["phantom", "--study", str(study), "--eye", "pig", "--json", "--out"]
     given = ["--forces-mn", "30,2", "--thickness-um", "700", "--iop-mmhg", "3"]
@@ -485,7 +488,8 @@ def test_a_recording_of_it_is_labelled_with_the_force_at_each_frame(tmp_path) ->
         0.035,
     ]
     assert "push" not in truth["frames"][0]
-    frame, section = moving.frames[200], list(flat_sections(moving.forces_n))[200]
+    frame = moving.frames[200]
+    section = list(flat_sections(moving.forces_n))[200]
     assert (
         recording.frame(recording.frames[200])
         == render_frame(frame, section, MOVING_STUDY).frame
@@ -502,14 +506,10 @@ def test_through_the_wall_the_force_falls_within_milliseconds_and_friction_turns
     through,
 ) -> None:
     pierced, _ = through
-    puncture, times_s = (
-        pierced.path.puncture,
-        np.array([frame.time_s for frame in pierced.frames]),
-    )
-    forces_n, travels_m = (
-        np.array(pierced.forces_n),
-        np.array([frame.travel.travel_m for frame in pierced.frames]),
-    )
+    puncture = pierced.path.puncture
+    times_s = np.array([frame.time_s for frame in pierced.frames])
+    forces_n = np.array(pierced.forces_n)
+    travels_m = np.array([frame.travel.travel_m for frame in pierced.frames])
     assert puncture.force_n == 0.04
     after_s = np.array([0.0, puncture.fall_s / 2, puncture.fall_s]) + puncture.time_s
     left_n = puncture.friction_fraction * 0.04
@@ -560,7 +560,8 @@ def test_the_dent_springs_back_is_pulled_outwards_and_a_track_stays_as_deep_as_t
         np.ptp(np.abs(ratio[np.abs(pierced.forces_n) > 5e-3]))
         < 0.1 * np.abs(ratio).max()
     )
-    tracked, section = pierced.frames[-1], sections[-1]
+    tracked = pierced.frames[-1]
+    section = sections[-1]
     without = render_frame(replace(tracked, travel=None), section, MOVING_STUDY).frame
     seen = render_frame(tracked, section, MOVING_STUDY).frame
     rows, columns = np.nonzero(seen != without)
@@ -578,10 +579,8 @@ def test_a_recording_of_it_has_the_travel_and_only_its_truth_the_puncture(
     pierced, sections_at = through
     few = replace(pierced, frames=pierced.frames[::40])
     write_phantom(tmp_path / "rec", few, sections_at, MOVING_STUDY)
-    recording, truth = (
-        read_recording(tmp_path / "rec"),
-        json.loads((tmp_path / "rec" / "truth.json").read_text()),
-    )
+    recording = read_recording(tmp_path / "rec")
+    truth = json.loads((tmp_path / "rec" / "truth.json").read_text())
     assert [entry.pierced for entry in recording.frames] == [None] * len(few.frames)
     travels_m = [frame.travel.travel_m for frame in few.frames]
     assert [entry.travel_m for entry in recording.frames] == pytest.approx(
@@ -600,7 +599,8 @@ def acquisition(seed=0, relaxation=RELAXATION, **changes):
     phantom = st.PhantomStudy(**changes)
     rng = np.random.default_rng(seed)
     pushes = plan_pushes(PUSHES_FORCES_N, phantom, rng)
-    path, sensor = path_of_pushes(pushes, relaxation), sample_sensor(phantom, rng)
+    path = path_of_pushes(pushes, relaxation)
+    sensor = sample_sensor(phantom, rng)
     return (
         pushes,
         path,
@@ -614,7 +614,8 @@ def test_the_force_is_the_given_one_at_frames_and_falls_as_tissue_relaxes_while_
     assert path.felt_n(np.array([push.frame_s for push in pushes])) == pytest.approx(
         PUSHES_FORCES_N, abs=1e-12
     )
-    first, push = pushes[0], pushes[3]
+    first = pushes[0]
+    push = pushes[3]
     hold_s = push.start_s + push.ramp_s + np.linspace(0.0, push.hold_s, 200)
     assert (np.diff(path.felt_n(hold_s)) < 0.0).all()
     assert np.ptp(path.elastic_n(hold_s)) < 1e-12
@@ -622,7 +623,8 @@ def test_the_force_is_the_given_one_at_frames_and_falls_as_tissue_relaxes_while_
         0.0, first.ramp_s + first.hold_s, 4000
     )  # after rest: the ramp's convolution with G
     driven_n = path.elastic_n(first.start_s + since_s + 1e-9)
-    steps_n, middle_s = np.diff(driven_n), (since_s[1:] + since_s[:-1]) / 2
+    steps_n = np.diff(driven_n)
+    middle_s = (since_s[1:] + since_s[:-1]) / 2
     expected_n = driven_n[0] + float(steps_n @ RELAXATION.left(since_s[-1] - middle_s))
     assert path.felt_n(np.array([first.start_s + since_s[-1]])) == pytest.approx(
         expected_n, abs=1e-8
@@ -642,10 +644,8 @@ def test_a_frame_shows_the_dent_of_the_elastic_force_and_truth_tells_both(
         (st.Range(min=0.1, max=0.2), st.fixed(12.0)),
     )
     study = replace(STUDY, tissue=st.TissueStudy(relaxation=terms))
-    planned, elastic = (
-        plan_phantom(EYE, (30e-3, 2e-3), study, 1),
-        plan_phantom(EYE, (30e-3, 2e-3), STUDY, 1),
-    )
+    planned = plan_phantom(EYE, (30e-3, 2e-3), study, 1)
+    elastic = plan_phantom(EYE, (30e-3, 2e-3), STUDY, 1)
     asked: list[list[float]] = []
 
     def sections(forces_n):

@@ -350,7 +350,8 @@ def test_averaged_noise_on_a_linear_display_is_refused() -> None:
     shown = drawn_counts(
         DISPLAY_FEW[0], display="linear", display_floor_db=-20.0, display_range_db=48.0
     )
-    counts, air = shown.astype(np.float64), imaged(shown).below_surface_rows < 0
+    counts = shown.astype(np.float64)
+    air = imaged(shown).below_surface_rows < 0
     counts[air] = 4095 / 10.0**2.8 * rng.gamma(4.0, 1 / 4.0, air.sum())
     eye = imaged(np.rint(counts).astype(np.uint16), name="averaged.png")
     with pytest.raises(
@@ -387,7 +388,8 @@ def test_the_kind_is_that_of_most_frames() -> None:
 def light_about(gain: float, angle_rad: float, seed: int) -> SurfaceLight:
     """Light of one look about a surface that is where it was found."""
     rng = np.random.default_rng(seed)
-    slope, below = rng.uniform(0.0, 0.4, 60_000), rng.uniform(-5.0, 5.0, 60_000)
+    slope = rng.uniform(0.0, 0.4, 60_000)
+    below = rng.uniform(-5.0, 5.0, 60_000)
     mean = scanner_light._seen(
         slope, below, np.full(60_000, 1.2), np.array([gain, angle_rad, 0.3, *[0.0] * 6])
     )
@@ -397,9 +399,7 @@ def light_about(gain: float, angle_rad: float, seed: int) -> SurfaceLight:
     )
 
 
-def test_a_ridge_that_falls_with_the_angle_is_a_reflection_and_one_at_all_angles_is_not() -> (
-    None
-):
+def test_a_ridge_that_falls_with_the_angle_is_a_reflection_and_one_at_all_angles_is_not():
     """At all angles, the fit runs to the largest angle that it looks for, and knows that end exactly."""
     (strength,), angle = reflections([light_about(4.0, 0.12, 1)])
     assert isinstance(strength, Estimate)

@@ -89,7 +89,8 @@ def test_the_same_number_draws_the_same_scene_and_another_one_another() -> None:
 
 def test_the_truth_of_a_half_sphere_is_two_circles() -> None:
     scene = draw_scene(PLAIN, 0)
-    columns, top = scene.frame.shape[1], 0.1 * 4e-3
+    columns = scene.frame.shape[1]
+    top = 0.1 * 4e-3
     x = (np.arange(columns) + 0.5 - columns / 2) * scene.scale.lateral_m
     outer = top + 12e-3 - np.sqrt(12e-3**2 - x**2)
     inner = top + 12e-3 - np.sqrt((12e-3 - 0.6e-3) ** 2 - x**2)
@@ -119,7 +120,8 @@ def test_a_wall_is_stretched_by_its_refractive_index_along_rays_that_snells_law_
 
 def test_the_conjunctiva_lies_over_the_wall_and_outside_of_it() -> None:
     covered = {"conjunctiva_share": 1.0, "conjunctiva_m": 200e-6, "conjunctiva_db": 0.0}
-    scene, bare = draw_scene(plain(tissue=covered), 0), draw_scene(PLAIN, 0)
+    scene = draw_scene(plain(tissue=covered), 0)
+    bare = draw_scene(PLAIN, 0)
     middle = scene.frame.shape[1] // 2
     bright = np.flatnonzero(lit(scene)[:, middle])[0]
     assert scene.outer_row[middle] - bright > 100e-6 / scene.scale.depth_m
@@ -175,9 +177,7 @@ def test_a_wall_above_the_zero_delay_is_mirrored_into_the_frame() -> None:
     assert not lit(without)[int(mirrored), middle]
 
 
-def test_black_bands_and_a_pages_sides_show_no_wall_nor_do_columns_where_it_leaves_the_frame() -> (
-    None
-):
+def test_black_bands_and_a_pages_sides_show_no_wall_nor_do_columns_where_it_leaves_the_frame():
     scene = draw_scene(plain(scanner={"band_share": 1.0, "band_fraction": 0.1}), 0)
     band = round(0.1 * scene.frame.shape[1])
     assert not scene.frame[:, :band].any()
@@ -229,7 +229,8 @@ NEEDS = {
 
 def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
     """The full study with a range narrowed to each of its ends; a share, a single value: 0 and 1."""
-    record, default = getattr(FULL, part), getattr(getattr(STUDY, part), name)
+    record = getattr(FULL, part)
+    default = getattr(getattr(STUDY, part), name)
     needs = {
         f"{share}_share": 1.0
         for start, share in NEEDS.items()
@@ -295,7 +296,8 @@ def test_counts_are_whole_numbers_and_shares_do_not_exceed_the_whole() -> None:
     )
 
 
-ROWS, COLUMNS = 200, 160
+ROWS = 200
+COLUMNS = 160
 SURFACE = np.full(COLUMNS, 60.0)
 INNER = np.full(COLUMNS, 110.0)
 
@@ -310,9 +312,7 @@ def frame(
     return np.clip(counts, 0, 65535).astype(np.uint16)
 
 
-def test_a_wall_is_seen_by_a_step_of_light_at_one_of_its_boundaries_in_the_frame() -> (
-    None
-):
+def test_a_wall_is_seen_by_a_step_of_light_at_one_of_its_boundaries_in_the_frame():
     assert (
         seen_columns(frame(20.0), SURFACE, INNER).mean() > 0.9
     )  # from half a standard deviation of the noise on
@@ -359,20 +359,14 @@ def test_averaged_frames_have_smooth_noise_and_in_part_smooth_tissue() -> None:
 
 def changes(scene: Scene) -> tuple[float, float]:
     """Mean difference of counts from the next ones below, within the wall and above it."""
-    steps, row = (
-        np.diff(scene.frame / scene.frame.max(), axis=0),
-        np.arange(1, len(scene.frame))[:, None],
-    )
-    inside, above = (
-        (row > scene.outer_row + 6) & (row < scene.inner_row - 6),
-        row < scene.outer_row - 6,
-    )
+    steps = np.diff(scene.frame / scene.frame.max(), axis=0)
+    row = np.arange(1, len(scene.frame))[:, None]
+    inside = (row > scene.outer_row + 6) & (row < scene.inner_row - 6)
+    above = row < scene.outer_row - 6
     return float(np.std(steps[inside])), float(np.std(steps[above]))
 
 
-def test_an_eye_with_a_cornea_has_a_sclera_as_thick_as_its_cornea_demands_and_a_deep_view_its_own_size() -> (
-    None
-):
+def test_an_eye_with_a_cornea_has_a_sclera_as_thick_as_its_cornea_demands_and_a_deep_view_its_own_size():
     eye = {
         "half_sphere_share": 0.0,
         "cornea_thickness_m": 0.5e-3,

@@ -118,7 +118,8 @@ def test_the_figure_shows_mesh_needle_and_slice(
 ) -> None:
     write_figure(draw_simulation(eye), tmp_path / "eye.png")
     image = cv2.imread(str(tmp_path / "eye.png"), cv2.IMREAD_COLOR).astype(int)
-    left, right = image[:, : image.shape[1] // 2], image[:, image.shape[1] // 2 :]
+    left = image[:, : image.shape[1] // 2]
+    right = image[:, image.shape[1] // 2 :]
     blue, green, red = np.moveaxis(left, -1, 0)
     assert (
         np.count_nonzero((red > 190) & (green < 110) & (blue < 60)) > 200

@@ -85,11 +85,10 @@ def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
     plain = replace(STUDY, form=st.FormStudy(), eye=st.EyeStudy(density_kg_m3=0.0))
     eye = replace(EYE, iop_pa=0.0)
     forces_n = (0.0, 1e-4)
-    (rest, bent), (linear_rest, linear) = (
-        BentSections(eye, plain)(forces_n),
-        LinearSections(eye, plain)(forces_n),
-    )
-    moved, linear_moved = bent.outer - rest.outer, linear.outer - linear_rest.outer
+    (rest, bent) = BentSections(eye, plain)(forces_n)
+    (linear_rest, linear) = LinearSections(eye, plain)(forces_n)
+    moved = bent.outer - rest.outer
+    linear_moved = linear.outer - linear_rest.outer
     assert np.abs(moved - linear_moved).max() < 0.005 * np.abs(linear_moved).max()
 
 
@@ -109,7 +108,8 @@ def test_linear_mechanics_refuses_an_eye_that_it_does_not_support() -> None:
 def test_the_phantom_command_bends_a_sealed_eye_that_stiffens_and_tells_form_tissue_and_pressures(
     tmp_path: Path, capsys
 ) -> None:
-    study, out = tmp_path / "study.toml", tmp_path / "eye"
+    study = tmp_path / "study.toml"
+    out = tmp_path / "eye"
     own = replace(
         STUDY, mechanics=st.MechanicsStudy(), tissue=st.TissueStudy(stiffening=8.0)
     )
@@ -133,10 +133,8 @@ def test_the_phantom_command_bends_a_sealed_eye_that_stiffens_and_tells_form_tis
     )
     assert run([*arguments, "--mechanics", "finite-strain", "--json"]) == 0
     captured = capsys.readouterr()
-    answer, truth = (
-        json.loads(captured.out),
-        json.loads((out / "truth.json").read_text()),
-    )
+    answer = json.loads(captured.out)
+    truth = json.loads((out / "truth.json").read_text())
     assert captured.err == ""
     assert answer["mechanics"] == truth["mechanics"]["kind"] == "finite-strain"
     assert truth["form"]["semi_axes"] == [1.04, 1.0, 0.96]
@@ -188,10 +186,8 @@ MOVING = st.PhantomStudy(
     eye_saccade_rad=st.Range(min=0.0, max=radians(1.0)),
 )
 UNEVEN = st.FormStudy(wave=(st.eye.WaveStudy(amplitude_fraction=0.12, degree=3),))
-SMALL, GRADED = (
-    st.OctStudy(columns=64, rows=48),
-    st.MeshStudy(kind="graded", core=4, rings=6),
-)
+SMALL = st.OctStudy(columns=64, rows=48)
+GRADED = st.MeshStudy(kind="graded", core=4, rings=6)
 TURNED_STUDY = st.Study(
     oct=SMALL, mesh=GRADED, mechanics=STUDY.mechanics, form=UNEVEN, phantom=MOVING
 )
@@ -234,9 +230,7 @@ def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) 
     assert largest_um(still[-1], expected[-1]) > 15.0
 
 
-def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_each_axis() -> (
-    None
-):
+def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_each_axis():
     """Three walls, flat, at 1, 1.2 and 0.9 mm: a turn by half the reach about one axis goes half the way."""
     lateral = np.linspace(-8e-3, 8e-3, 81)
 

@@ -10,7 +10,8 @@ from scleraforce.learning.classifier import Samples
 from scleraforce.library import Library
 from scleraforce.study import NetworkStudy
 
-ROWS, COLUMNS = 12, 10
+ROWS = 12
+COLUMNS = 10
 
 if find_spec("torch") is None:  # the extra `train` is not installed
     collect_ignore_glob = ["test_*.py"]

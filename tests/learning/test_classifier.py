@@ -45,10 +45,8 @@ def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror
     target = rng.integers(0, 3, size=300)
     slices[np.arange(300), target * 4, :4] = 255 * rng.integers(0, 2, size=(300, 4))
     slices[np.arange(300), target * 4, 4] = 255
-    left, right = (
-        classifier.Samples(slices, target),
-        classifier.Samples(slices[:, :, ::-1].copy(), target),
-    )
+    left = classifier.Samples(slices, target)
+    right = classifier.Samples(slices[:, :, ::-1].copy(), target)
     studies = (replace(small, mirror=mirror, epochs=8) for mirror in (True, False))
     mirrored, plain = (
         classifier.fit(study, left, right).curves.validation_accuracy[-1]
@@ -88,7 +86,8 @@ def test_equal_seeds_and_training_samples_give_equal_weights_and_leave_pytorch_u
 ) -> None:
     monkeypatch.setattr("scleraforce.learning.classifier.CLASSIFIER_THREADS", threads)
     torch.set_num_threads(1)
-    before, (training, validation) = torch.get_rng_state(), bars
+    before = torch.get_rng_state()
+    (training, validation) = bars
     flipped = classifier.Samples(validation.slices, 2 - validation.target)
     first, again, unseen = (
         classifier.fit(small, training, other)
@@ -108,8 +107,10 @@ def test_equal_seeds_and_training_samples_give_equal_weights_and_leave_pytorch_u
 
 
 def test_it_learns_and_reports_the_figures_of_the_returned_network(bars, small) -> None:
-    fitted, (_, validation) = classifier.fit(replace(small, epochs=12), *bars), bars
-    curves, first = fitted.curves, fitted.weights[0].reshape(-1, 12, 10)
+    fitted = classifier.fit(replace(small, epochs=12), *bars)
+    (_, validation) = bars
+    curves = fitted.curves
+    first = fitted.weights[0].reshape(-1, 12, 10)
     assert len(curves.training_loss) == len(curves.validation_accuracy) == 12
     assert curves.validation_accuracy[-1] > 0.97
     assert 0.8 < curves.training_accuracy[-1] <= 1.0  # during training, with dropout
@@ -153,7 +154,8 @@ def test_the_file_is_repeatable_and_answers_as_the_rounded_network_at_half_the_s
     np.testing.assert_allclose(
         network.probabilities(bars[1].slices), by_torch, atol=1e-5
     )
-    rounded, slices = classifier.with_half_weights(network), bars[1].slices
+    rounded = classifier.with_half_weights(network)
+    slices = bars[1].slices
     content = classifier.classifier_bytes(
         rounded, SIZE, {"seed": "7", "dataset_sha256": "ab"}
     )
@@ -234,7 +236,8 @@ def store(tmp_path_factory) -> Path:
 def test_the_reader_takes_the_folder_and_knows_its_modulus_data_study_and_accuracy(
     store: Path, tmp_path: Path
 ) -> None:
-    dataset, ticks = open_dataset(store), list[int]()
+    dataset = open_dataset(store)
+    ticks = list[int]()
     record = train_classifier(dataset, tmp_path / "model", progress=ticks.append)
     assert len(ticks) == 6
     reader = load_model(tmp_path / "model")

@@ -164,10 +164,8 @@ def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
 @pytest.mark.slow
 def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
     dataset = open_dataset(made)
-    study, columns = (
-        dataset.study,
-        {name: dataset.read(name) for name in vars(plan_dataset(dataset.study))},
-    )
+    study = dataset.study
+    columns = {name: dataset.read(name) for name in vars(plan_dataset(dataset.study))}
     for sample in (0, 130, 252, 253, 464):
         row = {name: values[sample] for name, values in columns.items()}
         mesh = build_mesh(study.eye.radius_m, row["thickness_m"], 4, 1, 1, 2)
@@ -287,10 +285,9 @@ def test_a_special_file_within_a_begun_data_set_is_refused(tmp_path):
 
 def test_a_chunk_that_would_decode_to_more_than_a_chunk_takes_no_memory(copy):
     whole = Zstd().encode(np.zeros((200, 40, 140), np.uint8))
-    zeros, last_zeros = (
-        bytes.fromhex("02001000"),
-        bytes.fromhex("03001000"),
-    )  # 2**17 of them
+    # 2**17 of them
+    zeros = bytes.fromhex("02001000")
+    last_zeros = bytes.fromhex("03001000")
     for bomb, damage in (
         (Zstd().encode(np.zeros(2**28, np.uint8)), "at least 268435456, got 1120000"),
         (240 * bytes(whole), "at least 268800000, got 1120000"),
@@ -391,10 +388,8 @@ def study():
 
 def one_by_one(study, library, plan, sample):
     """Cut and fill one sample as a section is cut and filled anywhere else."""
-    thickness, ratio = (
-        plan.thickness_m[sample : sample + 1],
-        np.array([study.eye.iop_pa / MODULUS_PA]),
-    )
+    thickness = plan.thickness_m[sample : sample + 1]
+    ratio = np.array([study.eye.iop_pa / MODULUS_PA])
     plane = float(plan.gap_m[sample]), float(plan.tilt_rad[sample])
     beside = library.for_contact(float(plan.polar_rad[sample]))
     force_ratio = plan.force_n[sample : sample + 1] / MODULUS_PA

@@ -39,10 +39,8 @@ def study_of(folder: Path) -> Study:
 
 @pytest.mark.slow
 def test_the_intervals_of_the_shipped_reader_are_measured_as_today() -> None:
-    library, network = (
-        load_library(SHIPPED_READER / "library.npz"),
-        (SHIPPED_READER / "model.onnx").read_bytes(),
-    )
+    library = load_library(SHIPPED_READER / "library.npz")
+    network = (SHIPPED_READER / "model.onnx").read_bytes()
     now = fingerprint.interval_fingerprint(study_of(SHIPPED_READER), library, network)
     assert set(now) == INTERVALS
     assert not moved_since(SHIPPED_READER, now), "run `make model`"
@@ -68,9 +66,7 @@ def test_another_seed_moves_all_of_a_fingerprint() -> None:
     assert moved_since(SHIPPED_WALL_FINDER, now) == sorted(now)
 
 
-def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tolerance() -> (
-    None
-):
+def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tolerance():
     values = 1e-7 * np.sin(np.arange(1000.0))
     before = {"a": fingerprint.item(values)}
     assert moved(before, {"a": fingerprint.item(values * (1.0 + 1e-8))}) == []
@@ -98,10 +94,8 @@ def check_sections(study: Study, wanted: Study, target: str, *names: str) -> Non
 def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_and_small(
     folder: Path,
 ) -> None:
-    reader, target = (
-        load_force_reader(folder),
-        "model" if folder == SHIPPED_READER else "living",
-    )
+    reader = load_force_reader(folder)
+    target = "model" if folder == SHIPPED_READER else "living"
     wanted = Study() if folder == SHIPPED_READER else parse_study(preset_toml("living"))
     sections = "eye", "needle", "slice", "classes", "calibration", "library", "reader"
     check_sections(reader.study, wanted, target, *sections)

@@ -62,23 +62,26 @@ def network(seed: int = 1) -> raw_reader.RawReaderNetwork:
 
 
 def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
-    outer, inner = (
-        20,
-        33,
-    )  # rows of 50 µm: from the middle of the one to the middle of the other
+    # rows of 50 µm: from the middle of the one to the middle of the other
+    outer = 20
+    inner = 33
     logits = torch.full((1, 2, 80, 72), -50.0)
-    logits[0, 0, outer], logits[0, 1, inner] = 50.0, 50.0
+    logits[0, 0, outer] = 50.0
+    logits[0, 1, inner] = 50.0
     cut = network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
     assert cut.shape == (40, 140)
     expected = np.zeros(40)
-    expected[10], expected[11:16], expected[16] = 0.75, 1.0, 0.75
+    expected[10] = 0.75
+    expected[11:16] = 1.0
+    expected[16] = 0.75
     np.testing.assert_allclose(
         cut, np.repeat(expected[:, None], 140, axis=1), atol=1e-5
     )
     logits = torch.full(
         (1, 2, 80, 72), -50.0
     )  # an unsure one makes a share and keeps the mean thickness
-    logits[0, 0, [18, 22]], logits[0, 1, 36] = 5.0, 50.0
+    logits[0, 0, [18, 22]] = 5.0
+    logits[0, 1, 36] = 50.0
     cut = network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
     assert cut[:, 70].sum() * TINY.slice.pixel_m == pytest.approx(
         (36 - 20) * 50e-6, rel=1e-4
@@ -89,7 +92,8 @@ def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
 
 
 def test_the_graph_answers_as_the_network_does() -> None:
-    made, rng = network(), np.random.default_rng(2)
+    made = network()
+    rng = np.random.default_rng(2)
     frames = rng.uniform(-0.4, 1.4, (3, 80, 144)).astype(np.float32)
     given = rng.normal(size=(3, len(GIVEN))).astype(np.float32)
     content = force_bytes(made, {"who": "me"})
@@ -191,15 +195,13 @@ def test_frames_are_bright_between_their_boundaries_and_dark_above(
     source: raw_reader.RawSource,
 ) -> None:
     plain = raw_reader.RawSource(source.library, study_with()).chunk(1, COUNT)
-    row, pairs = (
-        np.arange(80)[:, None],
-        plain.frames.reshape(COUNT, 80, 72, 2).mean(axis=3),
-    )
-    outer, inner = plain.boundary_rows[:, :1], plain.boundary_rows[:, 1:]
-    inside, above = (
-        (row > outer + 1.0) & (row < inner - 1.0),
-        (row < outer - 1.5) & (row > 8),
-    )  # below the line
+    row = np.arange(80)[:, None]
+    pairs = plain.frames.reshape(COUNT, 80, 72, 2).mean(axis=3)
+    outer = plain.boundary_rows[:, :1]
+    inner = plain.boundary_rows[:, 1:]
+    # below the line
+    inside = (row > outer + 1.0) & (row < inner - 1.0)
+    above = (row < outer - 1.5) & (row > 8)
     assert np.nanmean(pairs[inside]) > 0.6
     assert abs(pairs[above].mean()) < 0.05
 
@@ -215,7 +217,8 @@ def test_a_needle_crosses_its_share_and_lies_within_its_diameter(
     nearest, trained = STUDY.reader.gap_m.bounds
     gap_m = 0.5 * trained * (1.0 + many.given[:, gap])
     stated = many.given[:, GIVEN.index("gap known")] > 0.0
-    rng, raw = np.random.default_rng(1), STUDY.raw_reader
+    rng = np.random.default_rng(1)
+    raw = STUDY.raw_reader
     largest_m = raw.needle_gap_fraction * raw.needle_diameter_m.bounds[1]
     share = 0.5 * 0.85 * nearest / largest_m
     assert (gap_m[stated] < 0.85 * nearest).mean() == pytest.approx(share, abs=0.1)
@@ -227,7 +230,8 @@ def test_a_needle_crosses_its_share_and_lies_within_its_diameter(
 
 
 def test_the_tip_touches_the_wall() -> None:
-    window, rng = FrameWindow.of(STUDY.raw_reader), np.random.default_rng(4)
+    window = FrameWindow.of(STUDY.raw_reader)
+    rng = np.random.default_rng(4)
     depth = np.full((1, 2, window.columns), 1.5e-3)
     optics = [raw_reader.draw_optics(STUDY, 0.0, rng)]
     (shaft,) = raw_reader.draw_shafts(

@@ -63,8 +63,10 @@ def network(seed: int = 1) -> reader.ReaderNetwork:
 
 def test_the_loss_is_likelihood_and_place_written_out() -> None:
     rng = np.random.default_rng(2)
-    mixtures, places = rng.normal(size=(5, 9)), rng.normal(size=5)
-    forces, truth = rng.uniform(0.0, 1.0, 5), rng.normal(size=5)
+    mixtures = rng.normal(size=(5, 9))
+    places = rng.normal(size=5)
+    forces = rng.uniform(0.0, 1.0, 5)
+    truth = rng.normal(size=5)
     expected = []
     for row, place, force, true in zip(mixtures, places, forces, truth, strict=True):
         weights = np.exp(row[:3]) / np.exp(row[:3]).sum()
@@ -151,7 +153,8 @@ def test_training_learns_and_is_the_same_with_any_number_of_processes(source) ->
 def test_mirror_images_are_learned_from_where_left_and_right_are_drawn_alike(
     source, lateral_m, drawn
 ) -> None:
-    samples, asked = source.chunk(1, 40), list[int]()
+    samples = source.chunk(1, 40)
+    asked = list[int]()
 
     def draw(number: int):
         asked.append(number)
@@ -204,10 +207,8 @@ def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(
     assert "| `youngs_modulus_mpa` | 0.15 to 0.65 |" in card
     assert f"{record['metrics']['mae_mn']:.2f} mN" in card
     with np.load(tmp_path / "model/library.npz") as stored:
-        curves_m, stiffness = (
-            float(stored["curves_error_m"]),
-            float(stored["stiffness_error"]),
-        )
+        curves_m = float(stored["curves_error_m"])
+        stiffness = float(stored["stiffness_error"])
     assert model.record["library"] == {"curves_m": curves_m, "stiffness": stiffness}
     assert f"off by at most {1e6 * curves_m:.2g} µm" in card
 

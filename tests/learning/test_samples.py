@@ -25,7 +25,8 @@ from scleraforce.library.unknowns import (
 )
 from scleraforce.study import ReaderStudy, SliceStudy, fixed
 
-READER, SLICE = ReaderStudy(), SliceStudy()
+READER = ReaderStudy()
+SLICE = SliceStudy()
 
 
 @pytest.fixture(scope="module")
@@ -64,8 +65,10 @@ def test_the_pressure_under_the_needle_solves_the_law_of_the_globe_that_was_draw
     eyes, library
 ) -> None:
     some = slice(0, 300)
-    resting, size = eyes.iop_pa[some] / eyes.modulus_pa[some], eyes.size[some]
-    ratio, thickness = eyes.iop_ratio[some], eyes.thickness_m[some] / size
+    resting = eyes.iop_pa[some] / eyes.modulus_pa[some]
+    size = eyes.size[some]
+    ratio = eyes.iop_ratio[some]
+    thickness = eyes.thickness_m[some] / size
     force = eyes.force_n[some] / (eyes.modulus_pa[some] * size**2)
     volume = (
         library.displaced_m3(
@@ -137,18 +140,18 @@ def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_po
     count = 60
     drawn = draw_samples(bulged, plain, SLICE, count, np.random.default_rng(8))
     eyes = draw_eyes(bulged, plain, count, np.random.default_rng(8))
-    agreeing, upright = [], []
+    agreeing = []
+    upright = []
     for n in range(count):
         unknown = np.zeros(len(NAMES))
-        thickness, ratio = eyes.thickness_m[n : n + 1], eyes.iop_ratio[n : n + 1]
+        thickness = eyes.thickness_m[n : n + 1]
+        ratio = eyes.iop_ratio[n : n + 1]
         unknown[TIP] = bulged.tips(
             thickness, ratio, eyes.force_n[n : n + 1] / eyes.modulus_pa[n]
         )[0]
         unknown[[LATERAL, DEPTH, GAP, THICKNESS]] = 0.4e-3, 0.5e-3, 0.6e-3, thickness[0]
-        unknown[MODULUS], unknown[IOP] = (
-            np.log(eyes.modulus_pa[n]),
-            np.log(ratio[0] * eyes.modulus_pa[n]),
-        )
+        unknown[MODULUS] = np.log(eyes.modulus_pa[n])
+        unknown[IOP] = np.log(ratio[0] * eyes.modulus_pa[n])
         for pole, shares in (
             (pole_directions(0.7, eyes.direction_rad[n]), agreeing),
             ((0.0, 0.0), upright),
@@ -177,7 +180,8 @@ def test_a_library_without_eyes_of_the_study_is_refused(library) -> None:
 
 
 def test_the_stiffest_tissue_is_the_librarys_which_may_have_no_other(library) -> None:
-    rng, always = np.random.default_rng(4), replace(READER, stiffening_share=1.0)
+    rng = np.random.default_rng(4)
+    always = replace(READER, stiffening_share=1.0)
     for most in (10.0, 30.0, 33.0):
         held = made_up_library(most)
         assert max(

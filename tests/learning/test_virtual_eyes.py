@@ -78,7 +78,8 @@ def eye(library) -> VirtualEye:
 
 def test_even_walls_have_no_form_and_uneven_ones_are_as_uneven_as_said() -> None:
     rng = np.random.default_rng(0)
-    thickness_m, radius_m = np.full(4000, 0.6e-3), np.full(4000, 12e-3)
+    thickness_m = np.full(4000, 0.6e-3)
+    radius_m = np.full(4000, 12e-3)
     from_contact_m = np.tile(np.linspace(-6e-3, 6e-3, 13), (4000, 1))
     even = draw_forms(thickness_m, radius_m, np.zeros(4000, dtype=bool), rng)
     np.testing.assert_array_equal(added_depths(even, radius_m, from_contact_m), 0.0)
@@ -92,7 +93,8 @@ def test_even_walls_have_no_form_and_uneven_ones_are_as_uneven_as_said() -> None
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> None:
-    nothing, across_m = np.zeros(1), np.linspace(-6e-3, 6e-3, 2401)
+    nothing = np.zeros(1)
+    across_m = np.linspace(-6e-3, 6e-3, 2401)
     at_limbus = {
         "limbus_m": np.array([side * 3e-3]),
         "limbus_rad": np.array([0.2]),
@@ -143,12 +145,11 @@ def test_forces_drift_away_from_the_librarys_with_the_dent(eye: VirtualEye) -> N
 
 def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces:
     """Labels of a force log of the virtual laboratory, freed of the sensor's zero."""
-    phantom, force = Study().phantom, LOGGED_INFO.force
+    phantom = Study().phantom
+    force = LOGGED_INFO.force
     assert force is not None
-    pushes, sensor = (
-        plan_pushes(tuple(forces_n.tolist()), phantom, rng),
-        sample_sensor(phantom, rng),
-    )
+    pushes = plan_pushes(tuple(forces_n.tolist()), phantom, rng)
+    sensor = sample_sensor(phantom, rng)
     axis = ("fx", "fy", "fz").index(force.axis)
     path = path_of_pushes(pushes, ELASTIC)
     log = sense(
@@ -165,7 +166,9 @@ def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces
 @pytest.mark.slow
 def test_labels_have_the_errors_of_a_force_log_and_their_size() -> None:
     rng = np.random.default_rng(11)
-    shared, own, stated = [], [], []
+    shared = []
+    own = []
+    stated = []
     for labels, eyes in ((virtual_eyes.label_forces, 1000), (logged_forces, 100)):
         forces_n = rng.uniform(0.0, 60e-3, (eyes, FRAMES))
         found = [labels(of_eye, rng) for of_eye in forces_n]
@@ -197,22 +200,16 @@ def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(
 
 
 @pytest.mark.usefixtures("_still_base")
-def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_then_given_other_eyes() -> (
-    None
-):
-    library, study = (
-        made_up_library(),
-        replace(EXACT, reader=replace(EXACT.reader, stiffening_share=0.4)),
-    )
+def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_then_given_other_eyes():
+    library = made_up_library()
+    study = replace(EXACT, reader=replace(EXACT.reader, stiffening_share=0.4))
     eyes = [
         draw_eye(study, library, 0, np.random.default_rng(seed)) for seed in range(60)
     ]
     stiff = [eye for eye in eyes if eye.model.library.stiffening > 0.0]
     assert 15 <= len(stiff) <= 34
-    soft, rng = (
-        next(eye for eye in eyes if eye.model.library.stiffening == 0.0),
-        np.random.default_rng(2),
-    )
+    soft = next(eye for eye in eyes if eye.model.library.stiffening == 0.0)
+    rng = np.random.default_rng(2)
     assert not any(
         virtual_eyes.of_population(soft, EXACT, rng).stiffening for _ in range(20)
     )
@@ -270,16 +267,12 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
     """A few percent of drift is expected; of more than that as much is learnt as the forces' zero leaves open."""
     monkeypatch.setattr(virtual_eyes, "label_forces", without_rests)
     drifting = replace(eye, drift=drift)
-    near, smoothing_m = (
-        library.for_contact(eye.wall.polar_rad),
-        EXACT.calibration.surface_smoothing_m,
-    )
+    near = library.for_contact(eye.wall.polar_rad)
+    smoothing_m = EXACT.calibration.surface_smoothing_m
 
     def error_n(stated: Known, frames: Sequence[VirtualFrame]) -> float:
-        prior, boundaries = (
-            prior_of(stated, EXACT.reader),
-            [frame.boundaries for frame in frames],
-        )
+        prior = prior_of(stated, EXACT.reader)
+        boundaries = [frame.boundaries for frame in frames]
         fits = (
             fit_boundaries(near, seen.lateral_m, seen.depth_m, prior, smoothing_m)
             for seen in boundaries
@@ -289,7 +282,8 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
             np.mean([abs(fit.force_n - frame.force_n) for fit, frame in pairs if fit])
         )
 
-    errors_n, growths = [], []
+    errors_n = []
+    growths = []
     for seed in (6, 7):
         frames = draw_frames(drifting, EXACT, 12, np.random.default_rng(seed))
         known, left = calibrated(
@@ -308,7 +302,8 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
 def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_at_others(
     library, eye
 ) -> None:
-    largest_n, gaps = list[float](), list[float]()
+    largest_n = list[float]()
+    gaps = list[float]()
     for seed in range(6):
         known, left = virtual_eyes.calibrated_otherwise(
             eye, EXACT, library, np.random.default_rng(seed)
@@ -372,7 +367,8 @@ def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(
         )
         return {entry.method: entry.score for entry in found}
 
-    once, twice = scores(1.0), scores(2.0)
+    once = scores(1.0)
+    twice = scores(2.0)
     assert twice["network"] == once["network"]
     assert twice["fit"] == pytest.approx(0.5 * once["fit"], rel=1e-9)
 
@@ -381,11 +377,9 @@ def test_a_calibration_gets_the_zeros_covariance_and_its_frames_times(
     eye: VirtualEye, library, monkeypatch
 ) -> None:
     given = list[Any]()
-    begin, step, frames = (
-        virtual_eyes.begin,
-        virtual_eyes.step,
-        draw_frames(eye, EXACT, 5, np.random.default_rng(6)),
-    )
+    begin = virtual_eyes.begin
+    step = virtual_eyes.step
+    frames = draw_frames(eye, EXACT, 5, np.random.default_rng(6))
     monkeypatch.setattr(
         virtual_eyes,
         "begin",
@@ -451,7 +445,8 @@ def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
     rng = np.random.default_rng(2)
     of_new = []
     for _ in range(12):
-        scores, others = drawn(rng, 200, 6), drawn(rng, 200, 6)
+        scores = drawn(rng, 200, 6)
+        others = drawn(rng, 200, 6)
         factors = virtual_eyes.trait_factors(scores)["fit"]["own E"]
 
         def held(entries: list[Score], trait: str, given: dict[str, float]) -> float:
@@ -505,9 +500,7 @@ def walls(count: int, bend_per_m: float = 80.0) -> np.ndarray:
     return np.repeat(np.stack([outer, outer + 0.6e-3])[None], count, axis=0)
 
 
-def test_smoothing_moves_a_bent_surface_by_half_its_variance_times_the_curvature() -> (
-    None
-):
+def test_smoothing_moves_a_bent_surface_by_half_its_variance_times_the_curvature():
     smoothing_m = 0.18e-3
     seen = disturb(
         walls(1, 200.0),
@@ -532,9 +525,7 @@ def test_a_surface_that_leaves_at_the_bottom_is_seen_too_high_and_then_lost() ->
     assert 0.05e-3 < reached.mean() < 0.12e-3
 
 
-def test_the_surface_lies_higher_where_it_faces_the_light_and_the_wall_ends_where_it_did() -> (
-    None
-):
+def test_the_surface_lies_higher_where_it_faces_the_light_and_the_wall_ends_where_it_did():
     true = walls(3000)
     shining = (
         disturb(

@@ -96,10 +96,8 @@ def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only() -> N
         ).item()
 
     assert loss_at(10.0) < loss_at(11.0) < loss_at(14.0) < loss_at(20.0)
-    logits, nowhere = (
-        torch.zeros(1, 2, FINDER.rows, 4),
-        torch.full((1, 2, 4), float("nan")),
-    )
+    logits = torch.zeros(1, 2, FINDER.rows, 4)
+    nowhere = torch.full((1, 2, 4), float("nan"))
 
     def loss_without_wall(wall: list[float], judged: torch.Tensor) -> float:
         return wall_finder.finder_loss(

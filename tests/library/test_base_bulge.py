@@ -70,7 +70,8 @@ def test_the_pole_lies_behind_the_contact_along_the_meridian() -> None:
 def test_the_needle_s_force_moves_the_dent_as_in_three_dimensions(
     polar_deg: float,
 ) -> None:
-    contact, force_ratio = Contact(polar_rad=float(np.radians(polar_deg))), 1e-7
+    contact = Contact(polar_rad=float(np.radians(polar_deg)))
+    force_ratio = 1e-7
     wall = LinearWall(graded_mesh(RADIUS_M, 0.6e-3, contact), 0.45)
     displacement = force_ratio * wall.needle_cnc([contact], 0.35e-3)[0]
     tip = displacement[
@@ -120,7 +121,9 @@ def calibrating(constants: EyeConstants, lateral: np.ndarray) -> LibraryEye:
 
 
 def test_calibration_and_fit_see_the_same_section() -> None:
-    lateral, constants, unknown = np.arange(-6e-3, 6.01e-3, 0.1e-3), stated(0.8), eye()
+    lateral = np.arange(-6e-3, 6.01e-3, 0.1e-3)
+    constants = stated(0.8)
+    unknown = eye()
     model = calibrating(constants, lateral)
     theirs = model.curves([stated_wall(constants, 0.3e6, 1e-9, 0.6)])[0]
     even = formed_wall(Walls(model.library), unknown[0])
@@ -135,7 +138,9 @@ def test_calibration_and_fit_see_the_same_section() -> None:
 
 
 def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
-    library, pole, unknown = analytic_library(), np.array([-0.3, 0.4]), eye(2e-3)
+    library = analytic_library()
+    pole = np.array([-0.3, 0.4])
+    unknown = eye(2e-3)
     force_ratio = library.forces(THICKNESS, np.array([1e-3]), np.array([2e-3]))
     pushed = base_push(force_ratio, THICKNESS, library.poisson_ratio)[0] * pole
     shifted = unknown.copy()
@@ -154,7 +159,8 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
 
 
 def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> None:
-    lateral, uneven = np.linspace(-6e-3, 6e-3, 121), []
+    lateral = np.linspace(-6e-3, 6e-3, 121)
+    uneven = []
     for constants in (stated(0.0), stated(None)):
         depth = calibrating(constants, lateral).curves(
             [stated_wall(constants, 0.3e6, 0.01, 0.6)]

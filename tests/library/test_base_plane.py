@@ -44,11 +44,9 @@ def forces_beside_the_pole(thickness, ratio, polar, tips):
 @pytest.mark.slow
 def test_a_needle_beside_the_pole_meets_a_wall_that_is_stiffer_as_in_three_dimensions():
     """By 2 %: 3-D finite strain gives 0.46 to 0.60 of the mean of all directions."""
-    tips, polar, modulus_pa = (
-        np.array([1e-3, 2e-3, 3e-3]),
-        float(np.radians(52.0)),
-        0.3e6,
-    )
+    tips = np.array([1e-3, 2e-3, 3e-3])
+    polar = float(np.radians(52.0))
+    modulus_pa = 0.3e6
     study = Study(
         mesh=MeshStudy(kind="graded", core=4, rings=8), eye=EyeStudy(density_kg_m3=0.0)
     )
@@ -75,10 +73,8 @@ def test_forces_behind_the_limbus_agree_with_polar_path_until_dents_run_into_the
     library,
 ):
     """At 55 deg the base is 7 mm from the needle: dents beyond 4 mm begin to run into it."""
-    tips, polar = (
-        np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4e-3, 4.6e-3]),
-        float(np.radians(LARGEST_POLAR_DEG)),
-    )
+    tips = np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4e-3, 4.6e-3])
+    polar = float(np.radians(LARGEST_POLAR_DEG))
     for thickness, ratio in ((0.55e-3, 6e-4), (0.78e-3, 3e-3)):
         expected = forces_beside_the_pole(thickness, ratio, polar, tips)
         found = library.for_contact(polar).forces(
@@ -90,7 +86,8 @@ def test_forces_behind_the_limbus_agree_with_polar_path_until_dents_run_into_the
 
 def test_the_library_answers_for_its_contact():
     library = analytic_library()
-    wall, tip = (np.array([0.6e-3]), np.array([1e-3])), np.array([2e-3])
+    wall = (np.array([0.6e-3]), np.array([1e-3]))
+    tip = np.array([2e-3])
     for polar in (0.0, 0.3, 0.61):
         beside = library.for_contact(polar)
         expected = stiffness(polar) * force_ratio(*wall, tip)
@@ -107,9 +104,11 @@ def test_the_library_answers_for_its_contact():
 
 
 def test_a_contact_beside_the_pole_displaces_more_by_its_force_times_its_rise() -> None:
-    library, tips = analytic_library(nodes=41), np.linspace(1e-4, 3e-3, 7)
+    library = analytic_library(nodes=41)
+    tips = np.linspace(1e-4, 3e-3, 7)
     walls = np.full(7, 0.6e-3), np.full(7, 8e-4)
-    pole, beside = library.for_contact(0.0), library.for_contact(0.6)
+    pole = library.for_contact(0.0)
+    beside = library.for_contact(0.6)
     rise = contact_rises(library.undented_tpbnc, np.zeros(1), RADIUS_M)[
         0
     ]  # the same at all angles
@@ -141,7 +140,9 @@ def test_a_dent_s_volume_is_the_force_times_the_rise_and_the_work_s_slope_by_the
     iop_ratio: float,
 ) -> None:
     """The identity behind `contact_rise`, on the pole, where everything is known: dV = F w' + d/dp (work)."""
-    step, tips, size = 0.02, np.linspace(0.05e-3, 1.5e-3, 30), MeridianSize(48, 1)
+    step = 0.02
+    tips = np.linspace(0.05e-3, 1.5e-3, 30)
+    size = MeridianSize(48, 1)
     ratios = [iop_ratio * (1 + share) for share in (-step, 0.0, step)]
     paths = [
         axisymmetric_path(

@@ -69,7 +69,8 @@ def test_a_predicted_wall_is_the_same(globe: KnownGlobe, smoothing_m: float) -> 
     for _ in range(40):
         unknown = drawn(rng)
         looked_at = walls, unknown, places
-        arrays, loops = fit_arrays.predict_wall(*looked_at), predict_wall(*looked_at)
+        arrays = fit_arrays.predict_wall(*looked_at)
+        loops = predict_wall(*looked_at)
         np.testing.assert_array_equal(loops.seen, arrays.seen)
         np.testing.assert_allclose(loops.depth_m, arrays.depth_m, rtol=0, atol=2e-9)
         np.testing.assert_allclose(loops.slope, arrays.slope, rtol=0, atol=1e-4)
@@ -80,7 +81,8 @@ def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
     unknown[[TIP, ROTATION]] = 7e-3, 0.6
     far = Places(np.concatenate([LATERAL_M * 1.8] * 2), BOTH.boundary)
     looked_at = Walls(LIBRARY), unknown, far
-    arrays, loops = fit_arrays.predict_wall(*looked_at), predict_wall(*looked_at)
+    arrays = fit_arrays.predict_wall(*looked_at)
+    loops = predict_wall(*looked_at)
     assert 0 < np.count_nonzero(arrays.seen) < len(arrays.seen)
     np.testing.assert_array_equal(loops.seen, arrays.seen)
     np.testing.assert_allclose(
@@ -90,18 +92,18 @@ def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
 
 def test_derivatives_at_an_end_of_the_library_are_differences_inwards() -> None:
     inner = drawn(np.random.default_rng(7))
-    inner[SIZE], highest = (
-        0.0,
-        LIBRARY.iop_ratio_ends(np.array([inner[THICKNESS]]))[1][0],
-    )
+    highest = LIBRARY.iop_ratio_ends(np.array([inner[THICKNESS]]))[1][0]
+    inner[SIZE] = 0.0
     ends = {
         TIP: LIBRARY.tip_m[-1],
         THICKNESS: LIBRARY.thickness_m[-1],
         IOP: inner[MODULUS] + np.log(highest),
     }
     for which, step in {TIP: 2e-6, THICKNESS: 1e-6, IOP: 1e-3}.items():
-        at_end, before = inner.copy(), inner.copy()
-        at_end[which], before[which] = ends[which], ends[which] - step
+        at_end = inner.copy()
+        before = inner.copy()
+        at_end[which] = ends[which]
+        before[which] = ends[which] - step
         found, less = (
             predict_wall(Walls(LIBRARY), unknown, BOTH) for unknown in (at_end, before)
         )
@@ -128,7 +130,8 @@ DISCREPANCY = ForceDiscrepancy(
 def test_the_fit_of_a_frame_is_a_minimum_as_good_as_the_truth_with_its_posterior(
     globe: KnownGlobe,
 ) -> None:
-    rng, library = np.random.default_rng(5), bulging(LIBRARY)
+    rng = np.random.default_rng(5)
+    library = bulging(LIBRARY)
     for tip_m in (0.2e-3, 1.2e-3, 3.5e-3):
         truth = middling_eye(
             tip_m,
@@ -177,7 +180,8 @@ def test_fits_in_several_threads_are_the_same_to_the_last_bit() -> None:
 
 def check_fit(truth: np.ndarray, left: float, *frame: Any) -> None:
     """Check a fit: no wall near it, and not the true one, has a cost that is lower by more than `left`."""
-    problem, loops = plain_fit.problem_of(*frame), fit_boundaries(*frame)
+    problem = plain_fit.problem_of(*frame)
+    loops = fit_boundaries(*frame)
     assert loops is not None
     assert loops.loss <= problem.evaluate(truth)[1]
     near = (
@@ -209,7 +213,8 @@ def states(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_curves_forces_and_volumes_are_products_of_splines() -> None:
-    state, tables = states(40), LIBRARY.tables
+    state = states(40)
+    tables = LIBRARY.tables
     curves = library_arrays.values_at(LIBRARY, tables.curves, *state).reshape(
         40, 2, -1, 2
     )

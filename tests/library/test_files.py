@@ -51,7 +51,8 @@ def test_a_library_survives_the_file_and_the_bytes_are_the_same_each_time(
     assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
     found = load_library(tmp_path / "one.npz")
     for item in (entry for entry in fields(library) if entry.init):
-        values, known = getattr(found, item.name), getattr(library, item.name)
+        values = getattr(found, item.name)
+        known = getattr(library, item.name)
         assert item.name in REDUCED or np.array_equal(values, known), item.name
         assert type(values) is type(known)
         assert np.asarray(values).dtype == np.asarray(known).dtype
@@ -63,7 +64,8 @@ def test_walls_and_factors_differ_by_the_file_s_stated_error_and_states_between_
 ):
     path = tmp_path / "library.npz"
     saved = save_library(whole, path)
-    found, rng = load_library(path), np.random.default_rng(2)
+    found = load_library(path)
+    rng = np.random.default_rng(2)
     with np.load(path) as entries:
         stated = float(entries["curves_error_m"]), float(entries["stiffness_error"])
     arrays = [
@@ -98,7 +100,8 @@ def test_tissue_of_every_stiffening_survives_the_file(nodes, tmp_path):
     found = load_library(tmp_path / "one.npz")
     np.testing.assert_array_equal(found.walls.stiffening, whole.walls.stiffening)
     for stiffening in (*whole.walls.stiffening.tolist(), 0.5, 5.0, 18.0):
-        one, other = found.for_stiffening(stiffening), whole.for_stiffening(stiffening)
+        one = found.for_stiffening(stiffening)
+        other = whole.for_stiffening(stiffening)
         for name in ("force_ratio_tpd", "displaced_tpd", "undented_tpbnc"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
         assert one.curves_tpdbnc().dtype == np.float32
@@ -126,7 +129,8 @@ def test_rounding_at_many_parts_of_a_reduced_basis_does_not_add_up():
 
 @pytest.mark.parametrize("kind", STEP_TYPES)
 def test_no_step_of_any_size_is_lost_by_differences_that_wrap_around(kind):
-    ends, rng = np.iinfo(kind), np.random.default_rng(3)
+    ends = np.iinfo(kind)
+    rng = np.random.default_rng(3)
     steps = rng.integers(ends.min, ends.max, (5 * 7 * 2, 6), dtype=kind, endpoint=True)
     steps[::3] = rng.choice(
         np.array([ends.min, -1, 0, 1, ends.max], dtype=kind), steps[::3].shape
@@ -201,7 +205,8 @@ def test_an_archive_that_is_not_deflated_encrypted_or_too_large_is_refused(
     library, tmp_path, monkeypatch
 ):
     """Deflated entries are small: their stated size is checked before they are read."""
-    path, most = tmp_path / "library.npz", 2**22
+    path = tmp_path / "library.npz"
+    most = 2**22
 
     def plain(entry, data):
         return entry.filename, data, ZIP_STORED

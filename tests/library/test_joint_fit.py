@@ -30,8 +30,10 @@ from scleraforce.library.joint_fit import (
 )
 from scleraforce.models import LIBRARY_FILE, SHIPPED_READER
 
-TRUE_PA, TIPS_M = 0.3e6, tuple(1e-3 * np.linspace(0.3, 3.2, 8))
-COMPLIANCE_M_PER_N, SHIFT_M = 0.02, 0.3e-3
+TRUE_PA = 0.3e6
+TIPS_M = tuple(1e-3 * np.linspace(0.3, 3.2, 8))
+COMPLIANCE_M_PER_N = 0.02
+SHIFT_M = 0.3e-3
 LIBRARY = load_library(SHIPPED_READER / LIBRARY_FILE).for_contact(0.6)
 WALLS = Walls(LIBRARY)
 
@@ -47,7 +49,8 @@ def eye_of(tips_m: tuple[float, ...]) -> list[np.ndarray]:
 def shown(
     tips_m: tuple[float, ...] = TIPS_M, *, travel: bool = False
 ) -> tuple[ShownFrame, ...]:
-    rng, frames = np.random.default_rng(5), []
+    rng = np.random.default_rng(5)
+    frames = []
     for unknown in eye_of(tips_m):
         depth_bc = noisy_boundaries(predict_wall(WALLS, unknown, BOTH), 2e-6, rng)
         gone = (
@@ -102,20 +105,16 @@ def test_the_same_frames_once_more_do_not_halve_the_variance() -> None:
     assert once.log_modulus[1] / twice.log_modulus[1] < 1.3
 
 
-def test_the_estimate_is_where_the_cost_is_least_and_does_not_depend_on_the_order() -> (
-    None
-):
+def test_the_estimate_is_where_the_cost_is_least_and_does_not_depend_on_the_order():
     found = fitted(shown())
     turned = fit_jointly(
         LIBRARY, shown()[::-1], prior(), RANGES, 0.0, found.own[::-1], found.shared
     )
     assert turned.log_modulus == pytest.approx(found.log_modulus, abs=0.02)
     problem = joint_fit._Problem(LIBRARY, shown(), prior(), RANGES, 0.0)
-    problem.noise, problem.resting_m, problem.growing_m = (
-        found.noise,
-        found.resting_m,
-        found.growing_m,
-    )
+    problem.noise = found.noise
+    problem.resting_m = found.resting_m
+    problem.growing_m = found.growing_m
     problem.precision = problem.weights_precision()
     for sign in (-1.0, 1.0):
         moved = found.shared.copy()
@@ -133,7 +132,8 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
         iop_pa=1.1 * exp(log(270.0)),
     )
     problem = joint_fit._Problem(LIBRARY, [frame], known, RANGES, 0.0)
-    shared, own = problem.mean.copy(), eye_of(TIPS_M)[5][OWN] * 1.01
+    shared = problem.mean.copy()
+    own = eye_of(TIPS_M)[5][OWN] * 1.01
     shared[[*range(len(SHARED))]] = np.where(
         SHARED == at.MODULUS, log(0.31e6), shared[: len(SHARED)]
     )
@@ -164,18 +164,19 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
 def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix() -> None:
     """Oracle: the whole normal matrix of shared and own unknowns, solved at once."""
     problem = joint_fit._Problem(LIBRARY, shown()[:3], prior(), RANGES, 0.0)
-    shared, own = (
-        problem.mean.copy(),
-        np.array([unknown[OWN] for unknown in eye_of(TIPS_M)[:3]]),
-    )
+    shared = problem.mean.copy()
+    own = np.array([unknown[OWN] for unknown in eye_of(TIPS_M)[:3]])
     seen = [
         problem.look(frame, shared, one)
         for frame, one in zip(problem.frames, own, strict=True)
     ]
     _, normal, gradient = problem.prior(shared)
-    count, each = len(shared), len(OWN)
-    whole, right = np.zeros((count + 3 * each,) * 2), np.zeros(count + 3 * each)
-    whole[:count, :count], right[:count] = normal, gradient
+    count = len(shared)
+    each = len(OWN)
+    whole = np.zeros((count + 3 * each,) * 2)
+    right = np.zeros(count + 3 * each)
+    whole[:count, :count] = normal
+    right[:count] = gradient
     for number, one in enumerate(seen):
         places = np.r_[:count, count + number * each : count + (number + 1) * each]
         whole[np.ix_(places, places)] += one.normal
@@ -189,7 +190,8 @@ def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix() -> None:
 
 
 def test_travel_makes_the_modulus_surer_and_finds_compliance_and_shift() -> None:
-    without, found = fitted(shown()), fitted(shown(travel=True))
+    without = fitted(shown())
+    found = fitted(shown(travel=True))
     assert found.log_modulus[1] < without.log_modulus[1]
     assert abs(found.log_modulus[0] - log(TRUE_PA)) < 2.0 * found.log_modulus[1]
     sd = np.sqrt(np.diag(found.covariance))
@@ -211,11 +213,9 @@ def test_one_known_force_counts_in_the_same_posterior() -> None:
 
 def test_a_known_change_of_the_pressure_is_followed() -> None:
     """Half of the frames at twice the pressure; taken for one pressure they would contradict one another."""
-    rng, frames, unknowns = (
-        np.random.default_rng(6),
-        list[ShownFrame](),
-        list[np.ndarray](),
-    )
+    rng = np.random.default_rng(6)
+    frames = list[ShownFrame]()
+    unknowns = list[np.ndarray]()
     for number, tip_m in enumerate(TIPS_M):
         iop_pa = 270.0 * (1 + number % 2)
         unknown = middling_eye(tip_m, log_iop=log(iop_pa))

@@ -65,7 +65,8 @@ def test_the_gradient_is_that_of_the_loss() -> None:
     problem = Parabola(
         observed(np.random.default_rng(0).normal(0, 3 * SD_M, len(LATERAL_M)))
     )
-    at, steps = TRUE * 1.01, np.array([1e-9, 1e-6, 1e-3])
+    at = TRUE * 1.01
+    steps = np.array([1e-9, 1e-6, 1e-3])
     _, gradient = problem.normal_equations(at, problem.depth(at))
     for axis, step in enumerate(steps):
         move = step * np.eye(3)[axis]

@@ -131,9 +131,7 @@ def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent() -> None:
             assert fit.force_n == pytest.approx(true_n(truth), abs=1.5e-3)
 
 
-def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilities() -> (
-    None
-):
+def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilities():
     for tip_m, log_size in (
         (0.1e-3, 0.0),
         (0.8e-3, 0.0),
@@ -158,8 +156,10 @@ def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -
     """Repeated here: the edge lies higher where the surface faces the light. Without, forces were 1 mN off."""
     truth = eye(tip_m, shine_m=0.0)
     force = true_n(truth)
-    even, off = boundaries(truth), []
-    slope, found = np.gradient(even[0], LATERAL_M), []
+    even = boundaries(truth)
+    off = []
+    slope = np.gradient(even[0], LATERAL_M)
+    found = []
     for shine_m in (0.0, SHINE_MEAN_M, SHINE_MEAN_M + 2 * SHINE_SD_M):
         seen = even - np.array([[shine_m], [0.0]]) * np.exp(-((slope / 0.115) ** 2))
         fit = fitted(truth, seen)
@@ -177,7 +177,8 @@ def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -
 @pytest.mark.slow
 def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
     rng = np.random.default_rng(3)
-    inside, off = [], []
+    inside = []
+    off = []
     for _ in range(60):
         truth = drawn_eye(rng)
         known = known_eye(truth)
@@ -193,11 +194,9 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
 
 def test_unknown_values_of_the_eye_widen_the_interval() -> None:
     truth = eye(1.2e-3)
-    depth, all_known, width = (
-        boundaries(truth, 8e-6, np.random.default_rng(5)),
-        known_eye(truth),
-        {},
-    )
+    depth = boundaries(truth, 8e-6, np.random.default_rng(5))
+    all_known = known_eye(truth)
+    width = {}
     for missing in ("nothing", "modulus", "iop_pa", "thickness_m", "gap_m"):
         known = (
             all_known if missing == "nothing" else replace(all_known, **{missing: None})
@@ -213,9 +212,7 @@ def log_width(fit: BoundaryFit) -> float:
     return float(np.diff(np.log(fit.interval_n))[0])
 
 
-def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_interval() -> (
-    None
-):
+def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_interval():
     truth = eye(1.5e-3)
     depth = boundaries(truth, 4e-6, np.random.default_rng(12))
     exact = ForceDiscrepancy(
@@ -240,9 +237,7 @@ def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_inte
     )
 
 
-def test_stretches_where_the_choroid_is_taken_for_the_walls_end_are_not_outliers() -> (
-    None
-):
+def test_stretches_where_the_choroid_is_taken_for_the_walls_end_are_not_outliers():
     truth = eye(0.1e-3)
     depth = boundaries(truth, 3e-6, np.random.default_rng(7))
     clean = fitted(truth, depth.copy())
@@ -279,9 +274,7 @@ def test_the_outer_boundary_is_enough_and_a_few_columns_are_not() -> None:
     assert fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(Known(), RANGES)) is None
 
 
-def test_an_inner_boundary_of_another_layer_does_not_change_the_known_thickness() -> (
-    None
-):
+def test_an_inner_boundary_of_another_layer_does_not_change_the_known_thickness():
     truth = eye(1.5e-3)
     depth = boundaries(truth, 6e-6, np.random.default_rng(9))
     sound = fitted(truth, depth)

@@ -62,7 +62,8 @@ def test_light_sees_the_first_part_of_a_wall_that_folds_back() -> None:
 
 
 def test_the_oracle_smooths_by_a_gaussian_average() -> None:
-    outer, sd_m = bowl(4000)[0], 60e-6
+    outer = bowl(4000)[0]
+    sd_m = 60e-6
     depth, _, _ = smoothed(
         outer, Places(LATERAL_M, np.zeros(len(LATERAL_M), dtype=np.intp), sd_m)
     )

@@ -28,7 +28,8 @@ PRIOR = prior_of(replace(KNOWN, gap_m=None), UNKNOWN_GAP)
 def seen_planes(
     planes: tuple[Plane, ...], *wall: object, noise_m: float = 0.0
 ) -> list[SeenPlane]:
-    rng, found = np.random.default_rng(7), []
+    rng = np.random.default_rng(7)
+    found = []
     for plane in planes:
         section = cut_wall(plane, *wall)
         depth = np.stack(
@@ -161,12 +162,12 @@ def test_a_plane_alone_and_one_that_shows_too_little() -> None:
     assert fit_planes(LIBRARY, [planes[0], few]) == ((), None)
 
 
-def test_two_planes_that_cross_tell_the_lean_of_a_needle_and_parallel_ones_do_not() -> (
-    None
-):
-    tilt, shaft = np.array([0.05, -0.03]), np.tan([0.3, -0.2])
+def test_two_planes_that_cross_tell_the_lean_of_a_needle_and_parallel_ones_do_not():
+    tilt = np.array([0.05, -0.03])
+    shaft = np.tan([0.3, -0.2])
     place = SpatialPlace((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), tuple(tilt), (0.0, 0.0))
-    normal, needle = np.append(np.tan(tilt), 1.0), np.append(shaft, 1.0)
+    normal = np.append(np.tan(tilt), 1.0)
+    needle = np.append(shaft, 1.0)
     lean = np.arccos(normal @ needle / np.linalg.norm(normal) / np.linalg.norm(needle))
     for directions, tells in (((0.4, 1.7), True), ((0.0, 0.1), False), ((0.4,), False)):
         angles = [

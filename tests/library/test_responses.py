@@ -142,10 +142,8 @@ def test_a_library_that_does_not_fit_together_is_refused(library):
 def test_the_pressure_of_a_sealed_globe_is_the_lowest_that_solves_its_law(library, law):
     rng = np.random.default_rng(6)
     t, p = draw_walls(rng, 400)
-    tip, globe = (
-        rng.uniform(0.0, 3e-3, 400),
-        Globe(law, np.exp(rng.uniform(*np.log([1e5, 1e8]), 400))),
-    )
+    tip = rng.uniform(0.0, 3e-3, 400)
+    globe = Globe(law, np.exp(rng.uniform(*np.log([1e5, 1e8]), 400)))
     found = iop_ratio_at_dent(library, t, p, tip, globe)
     ratios = np.geomspace(1e-3, 0.21, 20_001)[:, None] * t / library.radius_m
     missing = (

@@ -16,7 +16,9 @@ from scleraforce.units import SI_PER_UNIT
 pytestmark = pytest.mark.slow
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
-RADIUS, NU, NEEDLE = 12e-3, 0.45, 0.35e-3
+RADIUS = 12e-3
+NU = 0.45
+NEEDLE = 0.35e-3
 DENTS_M = 1e-3 * np.array([0.3, 0.8, 1.4, 2.0])
 GRID = LibraryStudy(
     thickness_m=Range(min=0.45e-3, max=0.9e-3),

@@ -89,7 +89,8 @@ def true_force_n(unknown: np.ndarray) -> float:
 
 def coverage(seed: int, drawn: KnownGlobe, given: str) -> float:
     """The share of `EYES` eyes whose 90 % interval holds the force; their moduli are found 2 % off."""
-    rng, inside = np.random.default_rng(seed), 0
+    rng = np.random.default_rng(seed)
+    inside = 0
     for _ in range(EYES):
         truth, k = drawn_eye(rng, drawn)
         globe = (
@@ -97,7 +98,8 @@ def coverage(seed: int, drawn: KnownGlobe, given: str) -> float:
             if given == "rigidity"
             else drawn
         )
-        depth, known = boundaries(truth, rng), known_eye(truth, globe)
+        depth = boundaries(truth, rng)
+        known = known_eye(truth, globe)
         modulus = replace(
             known.modulus, mean_pa=known.modulus.mean_pa * (1.0 + 0.02 * rng.normal())
         )
@@ -123,7 +125,8 @@ def test_intervals_of_sealed_walls_hold_the_force_for_any_knowledge_of_the_globe
 
 def test_unknown_values_of_a_globe_widen_the_interval() -> None:
     truth = eye(0.8e-3, 0.2)
-    depth, force = boundaries(truth, np.random.default_rng(6)), true_force_n(truth)
+    depth = boundaries(truth, np.random.default_rng(6))
+    force = true_force_n(truth)
     stated = known_globe("sealed", 0.2 * REFERENCE_RIGIDITY)
     fits = [
         fitted(depth, known_eye(truth, globe)) for globe in (stated, SEALED, UNKNOWN)
@@ -146,7 +149,8 @@ def test_unknown_values_of_a_globe_widen_the_interval() -> None:
 
 def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
     """The standard deviation of the force at the true dent over a grid of (ln E, k), weighted by the known eye."""
-    globe, modulus = known.globe, known.modulus
+    globe = known.globe
+    modulus = known.modulus
     scores = np.stack(
         np.meshgrid(np.linspace(-3.5, 3.5, 41), np.linspace(-3.5, 3.5, 41)), axis=-1
     ).reshape(-1, 2)
@@ -162,10 +166,8 @@ def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
     solved = np.isfinite(
         sample[:, at.PRESSURE]
     )  # elsewhere, far out, the pressure runs away
-    forces, weights = (
-        force_n(Walls(LIBRARY, globe), sample[solved]),
-        np.exp(-0.5 * (scores[solved] ** 2).sum(axis=1)),
-    )
+    forces = force_n(Walls(LIBRARY, globe), sample[solved])
+    weights = np.exp(-0.5 * (scores[solved] ** 2).sum(axis=1))
     mean = np.average(forces, weights=weights)
     return float(np.sqrt(np.average((forces - mean) ** 2, weights=weights)))
 
@@ -184,9 +186,7 @@ def calibrated(modulus_sd: float, rigidity_sd: float, correlation: float) -> Kno
     )
 
 
-def test_the_force_is_as_sure_as_the_correlation_of_a_calibrated_modulus_and_rigidity_allows() -> (
-    None
-):
+def test_the_force_is_as_sure_as_the_correlation_of_a_calibrated_modulus_and_rigidity_allows():
     truth = eye(0.8e-3, 0.2)
     depth = predict_wall(SEALED_WALLS, truth, BOTH).depth_m.reshape(2, -1)
     certain = calibrated(0.01, 1e-4, 0.0)

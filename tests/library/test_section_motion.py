@@ -75,13 +75,12 @@ def drawn(seed: int, tension: float) -> np.ndarray:
 def test_sections_agree_with_the_fit_s_prediction(
     tension: float, median_m: float, nearly_all_m: float
 ) -> None:
-    library, unknown = bulging(analytic_library()), drawn(3, tension)
+    library = bulging(analytic_library())
+    unknown = drawn(3, tension)
     size = np.exp(unknown[:, SIZE])
     place = unknown[:, THICKNESS] / size, np.exp(unknown[:, IOP] - unknown[:, MODULUS])
-    walls, gap_m = (
-        library.at_tip(*place, unknown[:, TIP] / size),
-        unknown[:, GAP] / size,
-    )
+    walls = library.at_tip(*place, unknown[:, TIP] / size)
+    gap_m = unknown[:, GAP] / size
     framing = Framing(
         *(unknown[:, which] for which in (LATERAL, DEPTH)), size, unknown[:, ROTATION]
     )

@@ -39,11 +39,9 @@ def fine_mesh(thickness_m):
 def test_the_section_is_that_of_the_general_cut_of_a_mesh(plane):
     """The wall of the analytic eye as nodal displacements of a 3-D mesh: within what its elements can follow."""
     gap_m, tilt_rad, direction_rad = plane
-    thickness_m, tip_m, contact = (
-        0.5e-3,
-        1.5e-3,
-        Contact(polar_rad=0.3, azimuth_rad=0.7),
-    )
+    thickness_m = 0.5e-3
+    tip_m = 1.5e-3
+    contact = Contact(polar_rad=0.3, azimuth_rad=0.7)
     mesh = fine_mesh(thickness_m)
     deep = RADIUS_M - mesh.points_nc @ contact.normal
     across = (
@@ -77,7 +75,8 @@ def test_the_section_is_that_of_the_general_cut_of_a_mesh(plane):
 
 def test_the_highest_point_agrees_with_the_section_s():
     rng = np.random.default_rng(0)
-    gap, tilt = rng.uniform(0.0, 1.2e-3, 40), rng.uniform(-0.2, 0.2, 40)
+    gap = rng.uniform(0.0, 1.2e-3, 40)
+    tilt = rng.uniform(-0.2, 0.2, 40)
     walls = curves(rng.uniform(0.4e-3, 0.9e-3, 40), 1e-3, rng.uniform(0.0, 5e-3, 40))
     expected = [
         cut_surfaces(*row).outer[:, 1].min()
@@ -152,7 +151,9 @@ def test_slices_show_the_cut_section_but_for_centres_on_its_boundary(turn_rad):
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.05])
 def test_a_wall_that_hangs_over_is_drawn_by_its_contour(turn_rad):
-    walls, gap, tilt = folded_walls(), np.array([0.5e-3]), np.array([0.03])
+    walls = folded_walls()
+    gap = np.array([0.5e-3])
+    tilt = np.array([0.03])
     framing = Framing(
         np.array([0.2e-3]), np.array([0.0]), np.array([1.0]), np.array([turn_rad])
     )

@@ -18,7 +18,8 @@ def test_values_and_slopes_agree_with_scipys_not_a_knot_spline():
     for count in (4, 5, 8):
         nodes = NODES[:count]
         values = np.random.default_rng(0).normal(size=count)
-        spline, oracle = CubicSpline(nodes), SciPySpline(nodes, values)
+        spline = CubicSpline(nodes)
+        oracle = SciPySpline(nodes, values)
         coefficients = spline.coefficients(values)
         places = np.linspace(nodes[0], nodes[-1], 101)
         assert evaluate(spline, coefficients, places) == pytest.approx(
@@ -80,9 +81,8 @@ def test_the_first_of_several_states_is_found(seed):
 
 def test_just_below_a_peak_between_two_tips_the_state_before_the_peak_counts():
     tip = np.array([0.0, 1.0, 2.0, 9.0])
-    path, peak = (
-        np.array([[0.0, 1.0, 1.0, 8.0, 1.0, 1.0, -1.0, 2.0]]),
-        1.25,
-    )  # forces, slopes
+    # forces, slopes
+    path = np.array([[0.0, 1.0, 1.0, 8.0, 1.0, 1.0, -1.0, 2.0]])
+    peak = 1.25
     assert first_crossing(tip, path, np.array([peak - 1e-3]))[0] < 1.5
     assert first_crossing(tip, path, np.array([peak + 1e-3]))[0] > 2.0

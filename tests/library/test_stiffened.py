@@ -57,10 +57,8 @@ def test_walls_between_the_stiffenings_agree_with_walls_of_that_tissue(
     found = library.for_stiffening(stiffening)
     for wall in WALLS:
         wanted = path_of(*wall, stiffening)
-        thickness_m, tip_m = (
-            np.full(len(PLAN.tip_m), PLAN.thickness_m[wall[0]]),
-            PLAN.tip_m,
-        )
+        thickness_m = np.full(len(PLAN.tip_m), PLAN.thickness_m[wall[0]])
+        tip_m = PLAN.tip_m
         ratio = PLAN.tension[wall[1]] * thickness_m / PLAN.radius_m
         states = found.at_tip(thickness_m, ratio, tip_m)
         off = np.abs(states.force_ratio[1:] / wanted.force_ratio_m2[1:] - 1.0)
@@ -86,10 +84,8 @@ def test_walls_of_a_stiffening_that_the_library_holds_are_the_solved_ones(
 ) -> None:
     for unit in (0, 16 + 6, 2 * 16 + 11, 3 * 16 + 15):
         b, *place = PLAN.place(unit)
-        found, solved = (
-            library.for_stiffening(float(PLAN.stiffening[b])),
-            solve_path(PLAN, unit),
-        )
+        found = library.for_stiffening(float(PLAN.stiffening[b]))
+        solved = solve_path(PLAN, unit)
         np.testing.assert_array_equal(
             found.force_ratio_tpd[tuple(place)], solved.force_d
         )

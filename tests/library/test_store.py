@@ -42,7 +42,8 @@ STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=1
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A library written path by path, without workers: the reference of the others."""
-    path, plan = tmp_path_factory.mktemp("made") / "library.zarr", plan_library(STUDY)
+    path = tmp_path_factory.mktemp("made") / "library.zarr"
+    plan = plan_library(STUDY)
     assert plan.units == UNITS
     store = create_library(path, plan)
     for unit in range(UNITS):
@@ -74,7 +75,8 @@ def script(folder, body):
 
 
 def test_a_library_is_read_as_it_was_solved(made):
-    library, plan = open_library(made), plan_library(STUDY)
+    library = open_library(made)
+    plan = plan_library(STUDY)
     assert library.thickness_m == pytest.approx(plan.thickness_m)
     assert (library.radius_m, library.poisson_ratio, library.needle_radius_m) == (
         12e-3,
@@ -83,10 +85,8 @@ def test_a_library_is_read_as_it_was_solved(made):
     )
     for number in (0, 7, 19, 20, 53, 79):
         force_d, displaced_d, curves_dbnc = solve_analytic(plan, number)
-        of_tissue, place = (
-            library.for_stiffening(plan.stiffening[number // 20]),
-            divmod(number % 20, 5),
-        )
+        of_tissue = library.for_stiffening(plan.stiffening[number // 20])
+        place = divmod(number % 20, 5)
         assert np.array_equal(of_tissue.force_ratio_tpd[place], force_d)
         assert np.array_equal(of_tissue.displaced_tpd[place], displaced_d)
         assert np.array_equal(of_tissue.curves_tpdbnc()[place], curves_dbnc)
@@ -96,7 +96,8 @@ def test_a_library_is_read_as_it_was_solved(made):
 
 @pytest.mark.slow
 def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
-    path, rest = tmp_path / "library.zarr", []
+    path = tmp_path / "library.zarr"
+    rest = []
     with pytest.raises(KeyboardInterrupt):
         build_library(
             STUDY, path, workers=2, progress=interrupting(3, []), solve=solve_analytic
@@ -117,8 +118,10 @@ def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.slow
 def test_a_worker_of_a_cluster_that_is_killed_changes_no_byte(made, tmp_path):
-    cluster, done = Cluster(tmp_path), []
-    victim, _ = cluster.worker(), cluster.worker()
+    cluster = Cluster(tmp_path)
+    done = []
+    victim = cluster.worker()
+    _ = cluster.worker()
 
     def kill_half_way(count):
         done.append(count)
@@ -227,11 +230,10 @@ def test_a_path_that_fails_and_a_worker_that_dies_end_the_build(tmp_path):
 
 def test_the_default_covers_what_it_says():
     plan = plan_library(Study())
-    lowest, highest = 0.5 * 133.322 / 0.8e6, 5.0 * 133.322 / 0.12e6
-    lowest_tension, highest_tension = (
-        lowest * 12e-3 / plan.thickness_m[-1],
-        highest * 12e-3 / plan.thickness_m[0],
-    )
+    lowest = 0.5 * 133.322 / 0.8e6
+    highest = 5.0 * 133.322 / 0.12e6
+    lowest_tension = lowest * 12e-3 / plan.thickness_m[-1]
+    highest_tension = highest * 12e-3 / plan.thickness_m[0]
     assert plan.tension[0] < lowest_tension < highest_tension < plan.tension[-1]
     assert plan.grid.max_force_ratio_m2 == pytest.approx(60e-3 / 0.12e6)
     assert (np.diff(plan.tip_m, 2) > 0.0).all()

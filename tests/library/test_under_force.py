@@ -36,7 +36,8 @@ def test_the_pressure_is_that_at_the_dent_which_the_force_makes(law: str) -> Non
     thickness, resting, dents, globe = sealed_eyes(law)
     expected = iop_ratio_at_dent(LIBRARY, thickness, resting, dents, globe)
     stays = np.isfinite(expected)
-    walls, rate = (thickness[stays], resting[stays]), np.asarray(globe.rate)[stays]
+    walls = (thickness[stays], resting[stays])
+    rate = np.asarray(globe.rate)[stays]
     forces = LIBRARY.forces(walls[0], expected[stays], dents[stays])
     first = np.isclose(
         reached_tips(LIBRARY, walls[0], expected[stays], forces),

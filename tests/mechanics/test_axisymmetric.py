@@ -43,7 +43,8 @@ from scleraforce.mechanics.meridian import (
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 
-RADIUS, NEEDLE = 12e-3, 0.35e-3
+RADIUS = 12e-3
+NEEDLE = 0.35e-3
 IOP_RATIO = 266.0 / 0.38e6
 RIGIDITY = (
     0.03 * SI_PER_UNIT["mmhg13_per_ul"][1]
@@ -76,7 +77,8 @@ def test_tangent_is_the_derivative_of_the_residual_to_second_order(
     wall, u = dented
     pressure = 20.0 * IOP_RATIO  # high, that its part of the tangent would be missed
     direction = 1e-6 * np.random.default_rng(1).normal(size=u.shape)
-    solve, rest = wall.factor(u, pressure), wall.residual(u, pressure)
+    solve = wall.factor(u, pressure)
+    rest = wall.residual(u, pressure)
     errors = [
         np.linalg.norm(
             solve(wall.residual(u + step * direction, pressure) - rest)
@@ -287,13 +289,11 @@ def gradient_operator(solid: ElementTables) -> Floats:
     """G (element, point, 5, 18) with dF = G du, F in the order rr, rz, zr, zz, tt."""
     r, z, around = np.moveaxis(solid.shapes_epgn, 2, 0)
     G = np.zeros((*r.shape[:2], 5, 9, 2))
-    (
-        G[:, :, 0, :, 0],
-        G[:, :, 1, :, 0],
-        G[:, :, 2, :, 1],
-        G[:, :, 3, :, 1],
-        G[:, :, 4, :, 0],
-    ) = r, z, r, z, around
+    G[:, :, 0, :, 0] = r
+    G[:, :, 1, :, 0] = z
+    G[:, :, 2, :, 1] = r
+    G[:, :, 3, :, 1] = z
+    G[:, :, 4, :, 0] = around
     return G.reshape(*r.shape[:2], 5, 18)
 
 
@@ -310,21 +310,18 @@ def bent(mesh: MeridianMesh) -> Floats:
     """Strains of some 15 % with rotation and noise on them, none of them across the axis."""
     r, z = mesh.points_nc.T
     noise = np.random.default_rng(1).normal(size=mesh.points_nc.shape) * 5e-6
-    outward, up = (
-        0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0),
-        0.2 * r - 0.08 * z + noise[:, 1],
-    )
+    outward = 0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0)
+    up = 0.2 * r - 0.08 * z + noise[:, 1]
     return np.stack([outward, up], axis=1).ravel()
 
 
 def test_forces_and_tangent_are_the_derivatives_of_the_energy(
     mesh: MeridianMesh,
 ) -> None:
-    u, solid = bent(mesh), meridian.solid_of_revolution(mesh, NU, B)
-    volumes_ep, moved = (
-        solid.mu_ep / lame_constants(1.0, NU)[1],
-        np.random.default_rng(3).normal(size=u.shape),
-    )
+    u = bent(mesh)
+    solid = meridian.solid_of_revolution(mesh, NU, B)
+    volumes_ep = solid.mu_ep / lame_constants(1.0, NU)[1]
+    moved = np.random.default_rng(3).normal(size=u.shape)
     F = deformation(solid, u + 1j * STEP * moved)
     assert np.all(np.linalg.det(F.real) > 0.1)
     work = np.sum(volumes_ep * energy(F, B).imag) / STEP
@@ -340,10 +337,8 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(
 
 
 def test_a_vanishing_stiffening_is_the_neo_hookean_solid(mesh: MeridianMesh) -> None:
-    u, (flat, faint) = (
-        bent(mesh),
-        (meridian.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300)),
-    )
+    u = bent(mesh)
+    (flat, faint) = (meridian.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300))
     np.testing.assert_allclose(
         meridian.nodal_forces(faint, u), meridian.nodal_forces(flat, u), rtol=1e-12
     )
@@ -379,7 +374,8 @@ def mirrored(mesh: MeridianMesh) -> Floats:
 def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
     mesh: MeridianMesh, displaced: Callable[[MeridianMesh], Floats]
 ) -> None:
-    solid, u = meridian.solid_of_revolution(mesh, NU), displaced(mesh)
+    solid = meridian.solid_of_revolution(mesh, NU)
+    u = displaced(mesh)
     F = deformation(solid, u)
     inverted_e = np.any(
         (np.linalg.det(F[..., :2, :2]) <= 0.0) | (F[..., 2, 2] <= 0.0), axis=1
@@ -398,10 +394,9 @@ def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
 def test_tissue_that_is_stretched_too_far_is_not_finite(
     mesh: MeridianMesh, share: float, finite: bool
 ) -> None:
-    stretched, log_ratio = (
-        0.5 * mesh.points_nc.ravel(),
-        3.0 * np.log(1.5),
-    )  # by a half in every direction
+    # by a half in every direction
+    stretched = 0.5 * mesh.points_nc.ravel()
+    log_ratio = 3.0 * np.log(1.5)
     strain = strain_measure(np.array(3.0 * 1.5**2 - 3.0), np.array(log_ratio), NU)
     solid = meridian.solid_of_revolution(
         mesh, NU, share * LARGEST_EXPONENT / float(strain)
@@ -449,7 +444,8 @@ def test_on_the_pole_nothing_changes() -> None:
 @pytest.mark.slow
 def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
     contact = Contact(polar_rad=np.radians(45.0))
-    iop_ratio, force_ratio = IOP_RATIO, 2e-9
+    iop_ratio = IOP_RATIO
+    force_ratio = 2e-9
     wall = LinearWall(graded_mesh(RADIUS, 0.8e-3, contact), NU)
     displacement_nc = (
         iop_ratio * wall.pressure_nc

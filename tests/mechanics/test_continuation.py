@@ -13,11 +13,11 @@ from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.globe import Globe
 from scleraforce.study.eye import RIGIDITY_LAWS
 
-HALF_SPAN, HEIGHT = 1.0, 0.2
-SOFT, FAR = (
-    0.01,
-    {"max_tip_m": 2.0, "largest_step_m": 0.02},
-)  # softer than the truss's steepest descent
+HALF_SPAN = 1.0
+HEIGHT = 0.2
+# softer than the truss's steepest descent
+SOFT = 0.01
+FAR = {"max_tip_m": 2.0, "largest_step_m": 0.02}
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +101,12 @@ def test_a_path_that_may_end_where_it_is_lost_keeps_what_was_found() -> None:
     assert path.force.max() == pytest.approx(peak, rel=0.01)  # there the tip turns back
 
 
-def test_the_end_of_a_path_is_found_to_a_32nd_of_its_largest_step_and_not_sought_closer() -> (
-    None
-):
+def test_the_end_of_a_path_is_found_to_a_32nd_of_its_largest_step_and_not_sought_closer():
     largest_m = 0.05
     apex = HEIGHT * (1.0 - np.linspace(1.0, 0.0, 100_001))
     turn_m = np.max(apex + truss_force(apex) / SOFT)  # of the tip
-    truss, ends = Truss(SOFT), FAR | {"largest_step_m": largest_m}
+    truss = Truss(SOFT)
+    ends = FAR | {"largest_step_m": largest_m}
     path = trace(truss, np.zeros(2), 0.0, as_far_as_found=True, **ends)
     assert 0.0 < turn_m - path.tip_m[-1] < largest_m / 32.0
     ended_early = len(truss.factored)
@@ -167,13 +166,16 @@ class SealedSprings:
 def test_a_sealed_linear_structure_takes_the_exact_force_and_pressure(law: str) -> None:
     random = np.random.default_rng(3)
     root = random.normal(size=(6, 6))
-    K, g, b = root @ root.T + np.eye(6), random.normal(size=6), random.normal(size=6)
+    K = root @ root.T + np.eye(6)
+    g = random.normal(size=6)
+    b = random.normal(size=6)
     needle = np.linalg.solve(K, b)
-    b, needle = (
-        -np.sign(g @ needle) * b,
-        -np.sign(g @ needle) * needle,
-    )  # it displaces volume
-    tips, pressure, globe = np.array([0.1, 0.4, 1.0]), 0.3, Globe(law, 0.7)
+    # it displaces volume
+    b = -np.sign(g @ needle) * b
+    needle = -np.sign(g @ needle) * needle
+    tips = np.array([0.1, 0.4, 1.0])
+    pressure = 0.3
+    globe = Globe(law, 0.7)
     springs = SealedSprings(K, g, b, b, [])
     start = pressurise(springs, pressure)
     np.testing.assert_allclose(start, pressure * np.linalg.solve(K, g), rtol=1e-8)
@@ -192,9 +194,7 @@ def test_a_sealed_linear_structure_takes_the_exact_force_and_pressure(law: str) 
     )
 
 
-def test_tips_that_do_not_ascend_from_above_zero_and_a_path_without_an_end_are_refused() -> (
-    None
-):
+def test_tips_that_do_not_ascend_from_above_zero_and_a_path_without_an_end_are_refused():
     for tips, fault in (
         ([], "tips"),
         ([0.0, 0.1], "tips"),

@@ -35,7 +35,11 @@ from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2, to_si
 
-R, T, NU, E, IOP = 12e-3, 0.8e-3, 0.45, 0.3e6, 266.0
+R = 12e-3
+T = 0.8e-3
+NU = 0.45
+E = 0.3e6
+IOP = 266.0
 CONTACT = Contact(polar_rad=np.radians(35.0))
 LOADS = {"youngs_modulus_pa": E, "iop_pa": IOP, "density_kg_m3": 1100.0}
 # A needle wide enough for a mesh of 6 quads.
@@ -127,14 +131,17 @@ def thick_sphere_error(divisions: int) -> float:
 
 @pytest.mark.slow
 def test_a_thick_sphere_under_pressure_swells_as_its_radial_equation_says() -> None:
-    coarse, fine = thick_sphere_error(4), thick_sphere_error(8)
+    coarse = thick_sphere_error(4)
+    fine = thick_sphere_error(8)
     assert fine < 2e-3
     assert np.log2(coarse / fine) > 2.5
 
 
 def test_every_state_balances_its_loads() -> None:
     """Reactions of the base against needle, weight, and the pressure on the opening that the deformed wall closes."""
-    path, mesh, wall = coarse_path(), coarse_mesh(), coarse_wall()
+    path = coarse_path()
+    mesh = coarse_mesh()
+    wall = coarse_wall()
     weight_nc = 1100.0 * STANDARD_GRAVITY_M_S2 * gravity_load(mesh, volume_points(mesh))
     needle_nc = needle_at(mesh, CONTACT, WIDE).load_nc
     for force_n, displacement_nc in zip(
@@ -161,7 +168,8 @@ def test_every_state_balances_its_loads() -> None:
 def test_a_tangent_factored_in_single_precision_solves_as_one_in_double(
     size: float,
 ) -> None:
-    path, wall = coarse_path(), coarse_wall()
+    path = coarse_path()
+    wall = coarse_wall()
     problem = WallEquilibrium(wall, needle_at(coarse_mesh(), CONTACT, WIDE), E, 1100.0)
     deep = path.displacement_snc[-1].ravel()[wall.free]
     loads_uk = size * np.random.default_rng(3).normal(size=(len(wall.free), 2))
@@ -207,10 +215,9 @@ def test_only_ratios_to_the_modulus_matter() -> None:
 
 
 @pytest.mark.slow
-def test_the_pressure_of_a_sealed_globe_follows_the_volume_that_the_dent_displaces() -> (
-    None
-):
-    path, inner = coarse_path(GLOBE), coarse_wall().inner
+def test_the_pressure_of_a_sealed_globe_follows_the_volume_that_the_dent_displaces():
+    path = coarse_path(GLOBE)
+    inner = coarse_wall().inner
     assert path.pressures_pa[0] == pytest.approx(IOP)
     assert np.all(np.diff(path.pressures_pa) > 0.0)
     opened = coarse_path()
@@ -311,9 +318,7 @@ PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 UL = 1e-9
 
 
-def test_the_cube_root_of_the_pressure_rises_by_003_a_microlitre_in_enucleated_human_eyes() -> (
-    None
-):
+def test_the_cube_root_of_the_pressure_rises_by_003_a_microlitre_in_enucleated_human_eyes():
     globe = sealed_globe(0.03 * PER_UL)  # van der Werff 1981
     assert globe.pressure(to_si(2.0, "mmhg"), 32.0 * UL) == pytest.approx(
         to_si((2.0 ** (1 / 3) + 0.96) ** 3, "mmhg")
@@ -323,9 +328,7 @@ def test_the_cube_root_of_the_pressure_rises_by_003_a_microlitre_in_enucleated_h
     assert globe.stiffness(to_si(15.0, "mmhg")) * UL == pytest.approx(73.0, abs=0.1)
 
 
-def test_the_logarithmic_law_is_friedenwalds_and_has_the_slope_of_its_rigidity_at_15_mmhg() -> (
-    None
-):
+def test_the_logarithmic_law_is_friedenwalds_and_has_the_slope_of_its_rigidity_at_15_mmhg():
     globe = sealed_globe(0.0407 * PER_UL, "logarithmic")
     ten_ul = globe.pressure(to_si(15.0, "mmhg"), 10.0 * UL) / to_si(15.0, "mmhg")
     assert np.log10(ten_ul) == pytest.approx(
@@ -342,7 +345,8 @@ def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(
     law: str,
 ) -> None:
     globe = sealed_globe(0.02 * PER_UL, law)
-    resting, volumes = np.full(5, 300.0), np.linspace(0.0, 40.0, 5) * UL
+    resting = np.full(5, 300.0)
+    volumes = np.linspace(0.0, 40.0, 5) * UL
     pressures = globe.pressure(resting, volumes)
     assert (np.diff(pressures) > 0.0).all()
     assert pressures[0] == pytest.approx(300.0)
@@ -361,9 +365,7 @@ def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(
     np.testing.assert_allclose(over_pa, pressures)
 
 
-def test_an_open_globe_keeps_its_pressure_and_a_dent_outwards_takes_no_other_below_0() -> (
-    None
-):
+def test_an_open_globe_keeps_its_pressure_and_a_dent_outwards_takes_no_other_below_0():
     assert not OPEN_GLOBE.is_sealed
     assert sealed_globe(0.0) == OPEN_GLOBE
     assert OPEN_GLOBE.pressure(266.0, 1e-7) == pytest.approx(266.0)
@@ -399,7 +401,8 @@ def test_no_such_law_and_no_rigidity_that_is_not_finite() -> None:
 def test_a_leaking_globe_loses_the_displaced_volume_with_its_time_constant(
     law: str,
 ) -> None:
-    globe, time_s = sealed_globe(0.02 * PER_UL, law), 0.5 * np.arange(200)
+    globe = sealed_globe(0.02 * PER_UL, law)
+    time_s = 0.5 * np.arange(200)
     pushed = np.where(time_s < 40.0, 1.0, 0.0)
 
     def pressed(push: float, leaked_m3: float) -> float:
@@ -474,10 +477,8 @@ def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
 
 @pytest.mark.slow
 def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> None:
-    cap, away = (
-        st.eye.RegionStudy(modulus_ratio=1.4),
-        Contact(polar_rad=radians(80), azimuth_rad=OBLIQUE.azimuth_rad + pi),
-    )
+    cap = st.eye.RegionStudy(modulus_ratio=1.4)
+    away = Contact(polar_rad=radians(80), azimuth_rad=OBLIQUE.azimuth_rad + pi)
     plain, near, far = (
         bent(study).tip_m(FORCE_N)
         for study in (
@@ -497,17 +498,13 @@ def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
     """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about (1.1)^2 as stiff."""
     wave = st.eye.WaveStudy(amplitude_fraction=0.1, degree=1, **asdict(OBLIQUE))
     uneven = with_form(st.FormStudy(wave=(wave,)))
-    even, thick = (
-        bent(WEIGHTLESS).tip_m(FORCE_N),
-        bent(WEIGHTLESS, thickness_m=0.88e-3).tip_m(FORCE_N),
-    )
+    even = bent(WEIGHTLESS).tip_m(FORCE_N)
+    thick = bent(WEIGHTLESS, thickness_m=0.88e-3).tip_m(FORCE_N)
     assert bent(uneven).tip_m(FORCE_N) == pytest.approx(thick, rel=0.02)
     assert thick < 0.9 * even
 
 
-def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the_other() -> (
-    None
-):
+def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the_other():
     contact = replace(
         OBLIQUE, azimuth_rad=0.0
     )  # in the plane y = 0, in which the mesh is its own mirror image
@@ -563,10 +560,8 @@ def test_progress_ends_at_one() -> None:
 
 @pytest.mark.slow
 def test_an_eye_on_a_bed_is_a_whole_globe_that_gives_way() -> None:
-    held, lying = (
-        bent(WEIGHTLESS),
-        bent(replace(WEIGHTLESS, supports=st.SupportsStudy(kind="bed"))),
-    )
+    held = bent(WEIGHTLESS)
+    lying = bent(replace(WEIGHTLESS, supports=st.SupportsStudy(kind="bed")))
     assert lying.mesh.points_nc[:, 2].min() < -0.9 * 12e-3
     below = lying.mesh.points_nc[:, 2] < -6e-3
     pushed_nc = lying.displacement_nc(FORCE_N) - lying.displacement_nc(0.0)
@@ -577,5 +572,6 @@ def test_an_eye_on_a_bed_is_a_whole_globe_that_gives_way() -> None:
 
 def test_straps_hold_a_clamped_eye_a_little_more() -> None:
     firm = st.SupportsStudy(kind="straps", strap_stiffness_n_per_m=2e4)
-    held, strapped = bent(COARSEST), bent(replace(COARSEST, supports=firm))
+    held = bent(COARSEST)
+    strapped = bent(replace(COARSEST, supports=firm))
     assert 0.9 * held.tip_m(FORCE_N) < strapped.tip_m(FORCE_N) < held.tip_m(FORCE_N)

@@ -21,7 +21,8 @@ from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
 from scleraforce.study import FormStudy, parse_study
 from scleraforce.study.eye import CorneaStudy, RegionStudy, WaveStudy
 
-R, T = 12e-3, 0.6e-3
+R = 12e-3
+T = 0.6e-3
 CONTACT = Contact(polar_rad=radians(35), azimuth_rad=0.7)
 AXES = (1.06, 0.97, 0.94)
 WAVY = FormStudy(
@@ -43,7 +44,8 @@ def back_on_the_axes(mesh: HexMesh, axes: tuple[float, ...]) -> np.ndarray:
     outer = np.linalg.norm(sphere, axis=1) > 0.9999 * R
     target = sphere[outer] * axes
     moved = base[outer]
-    shift, aim = moved.mean(axis=0), target.mean(axis=0)
+    shift = moved.mean(axis=0)
+    aim = target.mean(axis=0)
     u, _, vt = np.linalg.svd(
         (moved - shift).T @ (target - aim)
     )  # Kabsch: the best rotation
@@ -58,12 +60,11 @@ def test_a_plain_form_leaves_the_wall_unchanged() -> None:
     np.testing.assert_array_equal(element_modulus(eye, FormStudy()), 1.0)
 
 
-def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_for() -> (
-    None
-):
+def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_for():
     mesh = form_mesh(graded_mesh(R, T, CONTACT), FormStudy(semi_axes=AXES), CONTACT)
     own = back_on_the_axes(mesh, AXES)
-    outer, inner = own[np.unique(mesh.outer_qn)], own[np.unique(mesh.inner_qn)]
+    outer = own[np.unique(mesh.outer_qn)]
+    inner = own[np.unique(mesh.inner_qn)]
     np.testing.assert_allclose(
         np.sum((outer / np.multiply(AXES, R)) ** 2, axis=1), 1.0, rtol=1e-12
     )
@@ -118,7 +119,8 @@ def test_the_volume_is_that_of_the_form(form: FormStudy) -> None:
         normal, axis=-1
     )  # Nanson: area of the ellipsoid over that of the sphere
     h2 = 1.0 / np.sum(d**2 / axes**2, axis=-1)
-    total, product = axes**2 @ np.ones(3), np.prod(axes**2)
+    total = axes**2 @ np.ones(3)
+    product = np.prod(axes**2)
     mean = (total - np.sum((axes * d) ** 2, axis=-1)) * h2**1.5 / (2 * product)
     gauss = h2**2 / product
     t = T * thickness_factor(form, d)
@@ -147,9 +149,7 @@ def test_thickness_waves_are_legendre_polynomials_of_the_angle_to_their_axis() -
     )
 
 
-def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge() -> (
-    None
-):
+def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge():
     cornea = RegionStudy(
         modulus_ratio=0.6, half_angle_rad=asin(5.75 / 12), edge_rad=radians(4)
     )
@@ -171,10 +171,9 @@ def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge
     assert per_point.shape == (len(eye.cells_en), 27)
     assert per_point.min() == pytest.approx(0.6)
     assert per_point.max() == 1.0
-    stretched, mesh = (
-        FormStudy(AXES, region=(cornea,)),
-        graded_mesh(R, T, CONTACT),
-    )  # regions are of the sphere
+    # regions are of the sphere
+    stretched = FormStudy(AXES, region=(cornea,))
+    mesh = graded_mesh(R, T, CONTACT)
     modulus_ep = element_modulus(form_mesh(mesh, stretched, CONTACT), stretched)
     np.testing.assert_array_equal(modulus_ep, element_modulus(mesh, stretched))
     volumes = volume_points(eye).volumes_ep
@@ -197,7 +196,8 @@ def test_a_form_out_of_range_is_refused() -> None:
 
 CORNEA = CorneaStudy()
 FLAT = CorneaStudy(radius_m=16e-3, limbus_radius_m=6e-3)
-LIMBUS_RAD, HALF_EDGE_RAD = asin(5.75 / 12), 1.0 / 12
+LIMBUS_RAD = asin(5.75 / 12)
+HALF_EDGE_RAD = 1.0 / 12
 CENTRE_M = sqrt(12**2 - 5.75**2) * 1e-3 - sqrt(7.8**2 - 5.75**2) * 1e-3
 
 
@@ -206,9 +206,7 @@ def meridian(angles_rad: np.ndarray) -> np.ndarray:
     return np.stack([np.sin(angles_rad), 0 * angles_rad, np.cos(angles_rad)], axis=-1)
 
 
-def test_the_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_globe() -> (
-    None
-):
+def test_the_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_globe():
     inside = np.linspace(0.0, LIMBUS_RAD - HALF_EDGE_RAD, 9)
     points, normals = corneal_surface(meridian(inside), CORNEA, R)
     centre = np.array([0.0, 0.0, CENTRE_M])
@@ -272,10 +270,8 @@ def test_the_wall_behind_a_cornea_has_sound_elements_even_thickness_and_its_cont
     sphere = graded_mesh(R, T, contact, core=8, rings=20, whole=whole)
     form = FormStudy(cornea=CORNEA)
     mesh = form_mesh(sphere, form, contact)
-    outer, inner = (
-        mesh.points_nc[np.unique(mesh.outer_qn)],
-        mesh.points_nc[np.unique(mesh.inner_qn)],
-    )
+    outer = mesh.points_nc[np.unique(mesh.outer_qn)]
+    inner = mesh.points_nc[np.unique(mesh.inner_qn)]
     np.testing.assert_allclose(np.linalg.norm(outer - inner, axis=1), T, rtol=1e-12)
     sizes = volume_points(mesh).volumes_ep / volume_points(sphere).volumes_ep
     assert sizes.min() > 0.5  # every Jacobian is positive, and far from 0
@@ -297,10 +293,8 @@ def test_the_volume_of_the_wall_is_that_of_the_surface() -> None:
     points, normals = corneal_surface(meridian(angles), CORNEA, R)
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)
-    middle, across = (
-        0.5 * (points[1:] + points[:-1]),
-        0.5 * (normals[1:] + normals[:-1]),
-    )
+    middle = 0.5 * (points[1:] + points[:-1])
+    across = 0.5 * (normals[1:] + normals[:-1])
     along = (
         np.sum(np.diff(normals, axis=0) * step, axis=1) / length**2
     )  # principal curvatures
@@ -317,10 +311,8 @@ def test_semi_axes_stretch_the_cornea_too_and_waves_act_on_its_wall() -> None:
     both = form_mesh(
         plain, FormStudy((1.05, 1.0, 0.97), (wave,), cornea=CORNEA), contact
     )
-    outer, inner = (
-        both.points_nc[np.unique(both.outer_qn)],
-        both.points_nc[np.unique(both.inner_qn)],
-    )
+    outer = both.points_nc[np.unique(both.outer_qn)]
+    inner = both.points_nc[np.unique(both.inner_qn)]
     up = plain.points_nc[np.unique(plain.outer_qn), 2] / R
     np.testing.assert_allclose(
         np.linalg.norm(outer - inner, axis=1), T * (1.0 + 0.1 * up), rtol=1e-12

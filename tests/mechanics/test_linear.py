@@ -30,7 +30,9 @@ from speed.solvers.calculix import (
     is_installed,
 )
 
-R, NU, E = 12e-3, 0.45, 0.25e6
+R = 12e-3
+NU = 0.45
+E = 0.25e6
 NEEDLE = 0.35e-3
 CONTACT = Contact(polar_rad=np.radians(35.0))
 
@@ -88,13 +90,12 @@ def observed_order(divisions: list[int], **kind: object) -> float:
 
     A smooth problem: two opposite pushes on the poles of a whole sphere. (The edge of a clamped base is singular.)
     """
-    pole, energies = Contact(polar_rad=0.0), []
+    pole = Contact(polar_rad=0.0)
+    energies = []
     for n in divisions:
         mesh = wall_mesh(R, 2e-3, divisions=n, level=0, **kind)
-        wall, load = (
-            LinearWall(mesh, NU, symmetric_base(mesh)),
-            gaussian_load(mesh, pole, 3e-3),
-        )
+        wall = LinearWall(mesh, NU, symmetric_base(mesh))
+        load = gaussian_load(mesh, pole, 3e-3)
         energies.append(0.5 * np.sum(load * wall.solve_one(load)))
     coarse, fine = np.diff(energies)
     assert 0.0 < fine < coarse  # a displacement method approaches the energy from below
@@ -121,7 +122,8 @@ def lame_error(divisions: int, **kind: object) -> float:
 
     u_r = p a^3 / (E (b^3 - a^3)) ((1 - 2 nu) r + (1 + nu) b^3 / (2 r^2)); Timoshenko and Goodier, sec. 136.
     """
-    b, a = R, R - 4e-3
+    b = R
+    a = R - 4e-3
     mesh = build_mesh(
         b, b - a, divisions=divisions, level=0, layers=divisions // 4, **kind
     )
@@ -132,7 +134,8 @@ def lame_error(divisions: int, **kind: object) -> float:
 
 
 def test_thick_sphere_under_pressure_swells_as_lame_says() -> None:
-    coarse, fine = lame_error(4), lame_error(8)
+    coarse = lame_error(4)
+    fine = lame_error(8)
     assert fine < 2e-3
     assert np.log2(coarse / fine) > 3.0
 
@@ -188,7 +191,9 @@ def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:
 
 
 T = 0.8e-3
-IOP_PA, DENSITY_KG_M3, FORCE_N = 266.0, 1100.0, 0.03
+IOP_PA = 266.0
+DENSITY_KG_M3 = 1100.0
+FORCE_N = 0.03
 TURNED = Contact(polar_rad=np.radians(35.0), azimuth_rad=0.4)
 
 
@@ -275,7 +280,8 @@ def elements_of(mesh: HexMesh, shift: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize("kind", MESHES)
 def test_answers_agree_with_the_full_matrix(kind: str, shift: float) -> None:
     mesh = MESHES[kind]
-    held_nc, elements = held(mesh), elements_of(mesh, shift)
+    held_nc = held(mesh)
+    elements = elements_of(mesh, shift)
     free = np.flatnonzero(~held_nc.ravel())
     K = stiffness_matrix(mesh, elements).toarray()[np.ix_(free, free)]
     assert (np.linalg.eigvalsh(K)[0] < 0.0) == (shift > 0.0)
@@ -295,7 +301,8 @@ def test_answers_agree_with_the_full_matrix(kind: str, shift: float) -> None:
 
 def test_single_precision_is_exact_to_its_rounding() -> None:
     mesh = MESHES["27 nodes"]
-    held_nc, elements = held(mesh), elements_of(mesh)
+    held_nc = held(mesh)
+    elements = elements_of(mesh)
     load = np.random.default_rng(1).normal(size=np.count_nonzero(~held_nc))
     exact, single = (
         factored(mesh, held_nc, values) for values in (elements, elements.astype("f4"))

@@ -32,7 +32,9 @@ from scleraforce.mechanics.loads import (
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.study import SupportsStudy
 
-R, T, NEEDLE = 12e-3, 0.5e-3, 0.35e-3
+R = 12e-3
+T = 0.5e-3
+NEEDLE = 0.35e-3
 KINDS = {"8 nodes": {"order": 1}, "27 nodes": {"order": 2}}
 CONTACTS = [
     Contact(polar_rad=0.0),
@@ -116,7 +118,8 @@ def test_a_needle_that_reaches_over_the_base_is_an_input_error(
 def test_the_gaussian_load_of_r1_is_normalised_and_has_the_mean_of_its_weight(
     mesh: HexMesh,
 ) -> None:
-    contact, spread = CONTACTS[1], 2e-3
+    contact = CONTACTS[1]
+    spread = 2e-3
     load = gaussian_load(mesh, contact, spread)
     np.testing.assert_allclose(load.sum(axis=0), -contact.normal, atol=1e-13)
     # On a sphere |x - R d|^2 = 2 R^2 (1 - c), so the weight is exp(k c) and the mean of c is coth k - 1/k.
@@ -157,7 +160,8 @@ def test_the_disc_is_round_and_centred_on_the_contact_as_seen_along_the_axis(
     angle_deg: float,
 ) -> None:
     """Shape functions of second order reproduce first moments of the load exactly and second ones nearly."""
-    mesh, axis = build_mesh(R, 0.5e-3, divisions=20), tilted(np.radians(angle_deg))
+    mesh = build_mesh(R, 0.5e-3, divisions=20)
+    axis = tilted(np.radians(angle_deg))
     load = needle_at(mesh, LEANING, NEEDLE, axis).load_nc
     np.testing.assert_allclose(load.sum(axis=0), axis, atol=1e-12)
     across = np.cross(axis, LEANING.parallel) / np.linalg.norm(
@@ -180,7 +184,8 @@ def test_a_form_moves_the_disc_with_its_surface() -> None:
 
 
 def test_the_tip_is_the_displacement_at_the_contact_along_the_axis() -> None:
-    mesh, axis = build_mesh(R, 1e-3, divisions=6), tilted(0.1)
+    mesh = build_mesh(R, 1e-3, divisions=6)
+    axis = tilted(0.1)
     inward = np.array([0.2, -0.1, 0.7])
     assert np.sum(tip_at(mesh, LEANING, axis) * inward) == pytest.approx(inward @ axis)
     # A field that grows along the wall shows that the point is the contact.
@@ -239,7 +244,8 @@ def test_the_tangent_is_the_derivative_where_the_edge_is_held_or_stays_in_its_pl
     mesh, inner = surface(kind)
     held = support(mesh)
     held[mesh.base_nodes, 2] = True
-    u, direction = noise(mesh, 0, held), noise(mesh, 1, held)
+    u = noise(mesh, 0, held)
+    direction = noise(mesh, 1, held)
     nodes = mesh.cells_en.shape[1]
     elements = np.zeros((len(mesh.cells_en), 3, nodes, 3, nodes))
     inner.add_tangent(elements, u, 2.5)
@@ -259,7 +265,8 @@ def test_the_tangent_is_the_derivative_where_the_edge_is_held_or_stays_in_its_pl
 def test_the_forces_are_the_derivative_of_the_volume(support) -> None:
     mesh, inner = surface()
     held = support(mesh)
-    u, direction = noise(mesh, 3, held), 1e-3 * noise(mesh, 4, held)
+    u = noise(mesh, 3, held)
+    direction = 1e-3 * noise(mesh, 4, held)
     change = (inner.volume(u + direction) - inner.volume(u - direction)) / 2
     assert change == pytest.approx(np.sum(inner.forces(u) * direction), rel=1e-6)
 
@@ -273,9 +280,12 @@ def test_the_volume_is_that_of_the_half_sphere_and_scales_with_its_cube() -> Non
     )
 
 
-THICKER, NU, E = 0.8e-3, 0.45, 0.3e6
+THICKER = 0.8e-3
+NU = 0.45
+E = 0.3e6
 CONTACT = Contact(polar_rad=np.radians(35.0))
-NORMAL, SHEAR = 1.4e6, 0.04e6
+NORMAL = 1.4e6
+SHEAR = 0.04e6
 UNLOADED = {
     "youngs_modulus_pa": E,
     "iop_pa": 0.0,
@@ -299,7 +309,8 @@ def energy(springs: Springs, displacement_nc: np.ndarray) -> float:
 
 def test_the_beds_stiffness_is_that_of_the_integrals_over_the_half_sphere() -> None:
     """Along z: integral of k cos^2 + s sin^2; along x: of k sin^2 cos^2(azimuth) + ...; both over 2 pi R^2."""
-    mesh, area = globe(rings=10), 2 * np.pi * R**2
+    mesh = globe(rings=10)
+    area = 2 * np.pi * R**2
     bed = elastic_bed(mesh, NORMAL, SHEAR)
     for axis in np.eye(
         3
@@ -335,7 +346,8 @@ def test_a_half_sphere_has_no_bed() -> None:
 def test_four_straps_hold_along_their_meridians() -> None:
     """Naive sum over many points of each insertion's arc."""
     mesh = globe(rings=12)
-    straps, expected = rectus_straps(mesh, 20.0, 0.3), 0.0
+    straps = rectus_straps(mesh, 20.0, 0.3)
+    expected = 0.0
     motion = np.array([0.3, -0.5, 0.8])
     for polar, azimuth, width in INSERTIONS.values():
         azimuths = 0.3 + azimuth + np.linspace(-0.5, 0.5, 2001) * width / np.sin(polar)
@@ -396,9 +408,7 @@ def test_a_globe_on_a_bed_balances_the_needle_with_the_beds_force() -> None:
     )
 
 
-def test_a_very_stiff_bed_clamps_and_a_wall_of_one_modulus_is_that_of_another_with_scaled_springs() -> (
-    None
-):
+def test_a_very_stiff_bed_clamps_and_a_wall_of_one_modulus_is_that_of_another_with_scaled_springs():
     mesh = globe(core=2, rings=4)
     bed = elastic_bed(mesh, NORMAL, SHEAR)
     load_nc = needle_loads(mesh, [CONTACT], 0.35e-3)[0]
@@ -439,11 +449,10 @@ def test_the_pressure_of_a_sealed_globe_on_a_bed_follows_the_law() -> None:
 
 
 def test_a_studys_springs_follow_its_kind() -> None:
-    mesh, u = globe(), np.random.default_rng(1).normal(size=globe().points_nc.shape)
-    bed, straps = (
-        elastic_bed(mesh, 2e6, 0.1e6).forces(u),
-        rectus_straps(mesh, 30.0, 0.5).forces(u),
-    )
+    mesh = globe()
+    u = np.random.default_rng(1).normal(size=globe().points_nc.shape)
+    bed = elastic_bed(mesh, 2e6, 0.1e6).forces(u)
+    straps = rectus_straps(mesh, 30.0, 0.5).forces(u)
     expected = {"bed": bed, "straps": straps, "bed-and-straps": bed + straps}
     study = SupportsStudy(
         bed_stiffness_pa_per_m=2e6,

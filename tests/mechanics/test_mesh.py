@@ -102,12 +102,14 @@ def test_the_volume_of_curved_elements_converges_with_fourth_order() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_node_is_on_its_sphere_and_rays_pass_through_the_wall(kind: str) -> None:
-    t, layers = 0.6e-3, 3
+    t = 0.6e-3
+    layers = 3
     mesh = build_mesh(R, t, divisions=4, level=1, layers=layers, **KINDS[kind])
     radii = np.linalg.norm(mesh.points_nc, axis=1)
     spheres = R - t * np.linspace(0, 1, mesh.order * layers + 1)
     assert np.abs(radii[:, None] - spheres).min(axis=1).max() < 1e-17
-    outer, inner = mesh.points_nc[mesh.outer_qn], mesh.points_nc[mesh.inner_qn]
+    outer = mesh.points_nc[mesh.outer_qn]
+    inner = mesh.points_nc[mesh.inner_qn]
     np.testing.assert_allclose(inner / (R - t), outer / R, atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(outer, axis=2), R, rtol=1e-15)
 
@@ -172,7 +174,8 @@ def test_a_mesh_that_does_not_exist_is_an_input_error() -> None:
 
 def naive_catmull_clark_vertex(surface: QuadSurface, vertex: int) -> np.ndarray:
     """The rule of Catmull and Clark for one old vertex, straight from its definition."""
-    points, quads = surface.points_vc, surface.quads_qv.tolist()
+    points = surface.points_vc
+    quads = surface.quads_qv.tolist()
     mine = [q for q in quads if vertex in q]
     sides = [frozenset((q[k], q[(k + 1) % 4])) for q in mine for k in range(4)]
     at_vertex = {side for side in sides if vertex in side}
@@ -264,10 +267,9 @@ def directions(count: int, whole: bool = False) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_elements_are_positive_fill_the_shell_and_share_their_nodes(kind: str) -> None:
-    linear, far = (
-        kind == "8 nodes",
-        8e-2 if kind == "8 nodes" else 5e-4,
-    )  # far elements are large
+    # far elements are large
+    linear = kind == "8 nodes"
+    far = 8e-2 if kind == "8 nodes" else 5e-4
     shells = [
         (
             build_mesh(R, t, layers=2, **KINDS[kind]),
@@ -305,7 +307,8 @@ def test_the_grading_follows_the_contact_and_turns_with_its_azimuth() -> None:
     assert sizes[distance < 1e-3].max() < 0.4e-3
     assert sizes[distance > 8e-3].min() > 0.7e-3
     straight = graded_mesh(R, T, Contact(polar_rad=contact.polar_rad))
-    s, c = np.sin(1.0), np.cos(1.0)
+    s = np.sin(1.0)
+    c = np.cos(1.0)
     turned = straight.points_nc @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(mesh.points_nc, turned, atol=1e-15)
 
@@ -403,7 +406,8 @@ def same_mesh(study: Study, other: MeshStudy, contact: Contact, *, alone: bool) 
 
 
 def test_an_automatic_mesh_is_graded_for_one_contact_alone_or_a_bed() -> None:
-    graded, even = MeshStudy(kind="graded"), MeshStudy(kind="hexahedra")
+    graded = MeshStudy(kind="graded")
+    even = MeshStudy(kind="hexahedra")
     assert same_mesh(Study(), graded, CONTACT, alone=True)
     assert same_mesh(
         Study(supports=SupportsStudy(kind="bed")), graded, CONTACT, alone=False

@@ -29,7 +29,9 @@ from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 from scleraforce.mechanics.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.neo_hookean import FibreLaw, NeoHookeanSolid, fibre_law
 
-R, T, B = 12e-3, 1e-3, 12.0
+R = 12e-3
+T = 1e-3
+B = 12.0
 ORDERS = (1, 2)
 
 
@@ -43,10 +45,8 @@ def distorted(order: int = 2, **size: int) -> HexMesh:
 def large_displacement(mesh: HexMesh) -> np.ndarray:
     """A smooth field with strains of some 20 % and rotations, and noise on every node."""
     random = np.random.default_rng(1)
-    linear, quadratic = (
-        random.normal(size=(3, 3)) * 0.15,
-        random.normal(size=(3, 3, 3)) * 0.08 / R,
-    )
+    linear = random.normal(size=(3, 3)) * 0.15
+    quadratic = random.normal(size=(3, 3, 3)) * 0.08 / R
     x = mesh.points_nc
     return (
         x @ linear
@@ -105,8 +105,10 @@ def test_small_strains_follow_hookes_law_and_a_rigid_rotation_costs_no_force(
     order: int,
 ) -> None:
     mesh = distorted(order)
-    factor, points = random_factor(mesh), volume_points(mesh)
-    solid, large = NeoHookeanSolid(mesh, NU, factor), large_displacement(mesh)
+    factor = random_factor(mesh)
+    points = volume_points(mesh)
+    solid = NeoHookeanSolid(mesh, NU, factor)
+    large = large_displacement(mesh)
     scaled = replace(points, volumes_ep=points.volumes_ep * factor)
     K = stiffness_matrix(mesh, element_stiffness(scaled, LAMBDA, MU))
     assert (
@@ -128,11 +130,10 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy_at_any_deformation
     order: int,
 ) -> None:
     mesh = distorted(order)
-    points, factor_ep = volume_points(mesh), random_factor(mesh)
-    u_nc, moved_nc = (
-        large_displacement(mesh),
-        np.random.default_rng(3).normal(size=mesh.points_nc.shape),
-    )
+    points = volume_points(mesh)
+    factor_ep = random_factor(mesh)
+    u_nc = large_displacement(mesh)
+    moved_nc = np.random.default_rng(3).normal(size=mesh.points_nc.shape)
 
     def gradient(field_nc: NDArray) -> NDArray:
         return np.einsum(
@@ -160,9 +161,7 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy_at_any_deformation
     assert abs(K - K.T).max() < 1e-13 * abs(K).max()
 
 
-def test_a_vanishing_stiffening_is_the_neo_hookean_solid_and_the_first_order_is_that_of_the_law() -> (
-    None
-):
+def test_a_vanishing_stiffening_is_the_neo_hookean_solid_and_the_first_order_is_that_of_the_law():
     mesh = distorted()
     u_nc = large_displacement(mesh)
     soft, tiny, small, double = (
@@ -192,7 +191,8 @@ def test_the_strain_measure_is_twice_the_energy_over_mu() -> None:
 
 def test_a_wall_turned_inside_out_has_no_forces_and_no_tangent() -> None:
     mesh = distorted()
-    solid, inverted = NeoHookeanSolid(mesh, NU), -1.5 * mesh.points_nc
+    solid = NeoHookeanSolid(mesh, NU)
+    inverted = -1.5 * mesh.points_nc
     assert np.all(np.isnan(solid.forces(inverted)))
     with pytest.raises(SolverError, match="inside out"):
         solid.tangents(inverted)
@@ -205,16 +205,16 @@ def test_a_wall_turned_inside_out_has_no_forces_and_no_tangent() -> None:
 
 def test_tangents_in_single_precision_are_exact_to_its_rounding() -> None:
     mesh = distorted()
-    solid, u = (
-        NeoHookeanSolid(mesh, NU, random_factor(mesh), stiffening=2.0),
-        large_displacement(mesh),
-    )
-    exact, single = solid.tangents(u), solid.tangents(u, np.float32)
+    solid = NeoHookeanSolid(mesh, NU, random_factor(mesh), stiffening=2.0)
+    u = large_displacement(mesh)
+    exact = solid.tangents(u)
+    single = solid.tangents(u, np.float32)
     assert single.dtype == np.float32
     np.testing.assert_allclose(single, exact, atol=3e-6 * np.abs(exact).max())
 
 
-RADIUS, NEEDLE = 12e-3, 0.35e-3
+RADIUS = 12e-3
+NEEDLE = 0.35e-3
 RIGHT_ANGLE = 0.5 * np.pi
 
 
@@ -286,9 +286,7 @@ def test_a_balloon_has_the_radius_of_its_closed_form_also_beyond_the_neo_hookean
     )
 
 
-def test_a_step_that_overflows_the_exponential_is_too_long_and_a_shorter_one_is_taken() -> (
-    None
-):
+def test_a_step_that_overflows_the_exponential_is_too_long_and_a_shorter_one_is_taken():
     """Silently: pytest makes an error of a warning."""
     wall, per_tension = thin_sphere(200.0)
     pressure = 3.0 * per_tension
@@ -327,7 +325,10 @@ def test_a_soft_eye_that_bursts_at_living_pressure_holds_where_it_stiffens() -> 
 def test_an_eye_that_stiffens_is_the_same_in_three_dimensions_and_of_revolution(
     globe: Globe,
 ) -> None:
-    b, modulus_pa, iop_pa, thickness_m = 20.0, 0.4e6, 266.0, 0.6e-3
+    b = 20.0
+    modulus_pa = 0.4e6
+    iop_pa = 266.0
+    thickness_m = 0.6e-3
     contact = Contact(polar_rad=0.0)
     mesh = graded_mesh(RADIUS, thickness_m, contact, core=4, rings=10)
     solid = FiniteWall(mesh, NU, stiffening=b).load_path(
@@ -434,7 +435,8 @@ def fibre_energy(F: NDArray, mesh: HexMesh, law: FibreLaw) -> NDArray:
 
 def test_forces_and_tangents_are_the_derivatives_of_the_energy() -> None:
     mesh = build_mesh(R, 1e-3, divisions=4, level=0, layers=2)
-    points, random = volume_points(mesh), np.random.default_rng(1)
+    points = volume_points(mesh)
+    random = np.random.default_rng(1)
     factor_ep = random.uniform(0.6, 1.4, points.volumes_ep.shape)
     u_nc = (
         mesh.points_nc @ (random.normal(size=(3, 3)) * 0.12)
@@ -487,7 +489,8 @@ def test_a_rotation_costs_no_force_and_no_fibres_are_the_isotropic_solid() -> No
 
 def test_a_thick_fibred_sphere_swells_under_pressure_as_the_closed_form_says() -> None:
     """u = A r^m + B r^n with m, n = -1/2 +- sqrt(1/4 + 2 (C11 + C12 - C13)/C33) (Lekhnitskii, sec. 62)."""
-    outer, inner = R, R - 4e-3
+    outer = R
+    inner = R - 4e-3
     law = fibre_law(NU, 8.0, 1.0)
     mesh = build_mesh(outer, outer - inner, divisions=8, level=0, layers=2)
     held_nc = symmetric_base(mesh)

@@ -11,10 +11,8 @@ from scleraforce.errors import InputError
 from scleraforce.mechanics.material import PronySeries, driven_back, line_weights
 
 TISSUE = PronySeries((0.12, 0.15), (1.2, 12.0))
-TURNS_S, TURNS_N = (
-    np.array([0.0, 2.0, 3.0, 9.0, 9.5, 14.0, 20.0]),
-    np.array([0.0, 0.0, 0.03, 0.03, 0.05, 0.02, 0.04]),
-)
+TURNS_S = np.array([0.0, 2.0, 3.0, 9.0, 9.5, 14.0, 20.0])
+TURNS_N = np.array([0.0, 0.0, 0.03, 0.03, 0.05, 0.02, 0.04])
 
 
 def uneven_times(count: int = 400) -> np.ndarray:
@@ -32,7 +30,8 @@ def felt(tissue: PronySeries, time_s: np.ndarray) -> np.ndarray:
 
 
 def test_a_ramp_and_hold_follow_the_closed_form() -> None:
-    rise_s, hold_s = 0.7, np.array([0.0, 0.3, 2.0, 11.0, 80.0])
+    rise_s = 0.7
+    hold_s = np.array([0.0, 0.3, 2.0, 11.0, 80.0])
     expected = np.full(len(hold_s), 1.0)
     for share, tau_s in zip(TISSUE.shares, TISSUE.times_s, strict=True):
         lag = (
@@ -53,7 +52,8 @@ def test_a_fast_rise_leaves_the_share_g() -> None:
 
 def test_the_felt_force_agrees_with_a_solver_of_differential_equations() -> None:
     tau = np.array(TISSUE.times_s)
-    memory, ends = np.zeros(2), []
+    memory = np.zeros(2)
+    ends = []
     for begin_s, end_s in pairwise(TURNS_S):  # the solver does not see the corners
         solved = solve_ivp(
             lambda t, m: (path(t) - m) / tau,
@@ -68,10 +68,12 @@ def test_the_felt_force_agrees_with_a_solver_of_differential_equations() -> None
 
 
 def test_the_felt_force_agrees_with_the_convolution() -> None:
-    time_s, slopes = uneven_times(), np.diff(TURNS_N) / np.diff(TURNS_S)
+    time_s = uneven_times()
+    slopes = np.diff(TURNS_N) / np.diff(TURNS_S)
     felt_n = felt(TISSUE, time_s)
     for index in (150, 250, 390):
-        now_s, expected = time_s[index], 0.0
+        now_s = time_s[index]
+        expected = 0.0
         for begin_s, end_s, slope in zip(
             TURNS_S[:-1], TURNS_S[1:], slopes, strict=True
         ):
@@ -86,9 +88,7 @@ def test_the_felt_force_agrees_with_the_convolution() -> None:
         assert felt_n[index] == pytest.approx(expected, abs=1e-12)
 
 
-def test_elastic_force_and_memory_come_back_from_the_felt_force_for_each_candidate() -> (
-    None
-):
+def test_elastic_force_and_memory_come_back_from_the_felt_force_for_each_candidate():
     time_s = uneven_times()
     shares = np.array([TISSUE.shares, (0.0, 0.0)])
     felt_n = felt(TISSUE, time_s)
@@ -126,9 +126,11 @@ def test_tissue_without_shares_feels_the_elastic_force() -> None:
 @pytest.mark.parametrize("x", [1e-12, 1e-6, 0.9e-3, 1.1e-3, 0.5, 40.0])
 def test_weights_keep_their_digits(x: float) -> None:
     old, kept, new = line_weights(np.array([x]), (1.0,))[0, :, 0]
-    term, exact_new = x / 2, 0.0
+    term = x / 2
+    exact_new = 0.0
     for power in range(3, 200):  # 1 - q = x/2! - x^2/3! + ...
-        exact_new, term = exact_new + term, -term * x / power
+        exact_new = exact_new + term
+        term = -term * x / power
     assert new == pytest.approx(exact_new if x < 5.0 else 1.0 - 1.0 / x, rel=1e-11)
     assert old + kept + new == pytest.approx(1.0, rel=1e-15)
 

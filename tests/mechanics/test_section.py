@@ -19,7 +19,8 @@ from scleraforce.mechanics.section import cut_sections, fill_section, slice_wind
 from scleraforce.mechanics.shapes import shape_values
 from scleraforce.study import FormStudy, SliceStudy
 
-RADIUS, THICKNESS = 12e-3, 6e-4
+RADIUS = 12e-3
+THICKNESS = 6e-4
 MICRON = 1e-6
 
 
@@ -39,11 +40,9 @@ def planes(count, seed=0):
         contact = Contact(
             polar_rad=rng.uniform(0.0, 1.1), azimuth_rad=rng.uniform(0.0, 2 * np.pi)
         )
-        gap_m, direction_rad, tilt_rad = (
-            rng.uniform(0.0, 1.5e-3),
-            rng.uniform(-np.pi, np.pi),
-            rng.uniform(-0.5, 0.5),
-        )
+        gap_m = rng.uniform(0.0, 1.5e-3)
+        direction_rad = rng.uniform(-np.pi, np.pi)
+        tilt_rad = rng.uniform(-0.5, 0.5)
         yield ScanPlane(
             contact, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad
         )
@@ -64,7 +63,8 @@ def in_space(curve, plane):
 
 def distance_to_contour(points, contour):
     """Distance of each point to a closed polyline, by the definition."""
-    start, edge = contour, np.roll(contour, -1, axis=0) - contour
+    start = contour
+    edge = np.roll(contour, -1, axis=0) - contour
     square = np.maximum(np.sum(edge**2, axis=1), 1e-30)
     nearest = np.full(len(points), np.inf)
     for corner, along, length in zip(start, edge, square, strict=True):
@@ -162,7 +162,8 @@ def dent(mesh, plane):
 def bumps(mesh, plane, *parts):
     """Smooth displacements about the contact: (direction, size, lateral centre, width), all in m."""
     from_origin = mesh.points_nc - plane.origin(RADIUS)
-    lateral, offset = from_origin @ plane.lateral, from_origin @ plane.offset
+    lateral = from_origin @ plane.lateral
+    offset = from_origin @ plane.offset
     total = np.zeros_like(mesh.points_nc)
     for direction, size, centre, width in parts:
         total += (
@@ -235,7 +236,8 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
         points = (weights @ moved[cell]) @ axes
         for tetrahedron in points[np.concatenate(tetrahedra)]:
             h = tetrahedron[:, 2]
-            above, below = tetrahedron[h >= 0], tetrahedron[h < 0]
+            above = tetrahedron[h >= 0]
+            below = tetrahedron[h < 0]
             if len(above) and len(below):
                 polygon = [
                     a + (b - a) * a[2] / (a[2] - b[2]) for a in above for b in below

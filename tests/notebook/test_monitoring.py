@@ -83,7 +83,8 @@ def test_a_monitor_that_cannot_start_is_one_clear_line(tmp_path: Path) -> None:
 
 
 def test_a_block_that_fails_ends_its_monitor(tmp_path: Path) -> None:
-    folder, seen = monitor_folder(tmp_path), []
+    folder = monitor_folder(tmp_path)
+    seen = []
 
     def fail() -> None:
         with sf.monitor(folder / "reader", second_opinion=False) as running:

@@ -51,7 +51,8 @@ def test_an_array_is_read_as_the_reader_reads_it() -> None:
 
 
 def test_a_result_prints_as_one_short_line() -> None:
-    reader, blank = force_reader(), np.zeros_like(FRAME)
+    reader = force_reader()
+    blank = np.zeros_like(FRAME)
     answers = [reader.read(pixels, SCALE, KNOWN) for pixels in (FRAME, blank)]
     walls = [segment(pixels, **SIZE) for pixels in (FRAME, blank)]
     lines = [
@@ -243,15 +244,14 @@ def test_it_writes_what_the_command_writes(sources: list[Path], tmp_path: Path) 
     assert recording.frames == command.frames
     assert recording.info.oct == command.info.oct
     for part in ("eye", "needle", "force"):
-        mine, theirs = (
-            vars(getattr(recording.info, part)),
-            vars(getattr(command.info, part)),
-        )
+        mine = vars(getattr(recording.info, part))
+        theirs = vars(getattr(command.info, part))
         assert mine == {
             key: pytest.approx(value, rel=1e-12) if isinstance(value, float) else value
             for key, value in theirs.items()
         }
-    written, by_command = contents(tmp_path / "r"), contents(tmp_path / "s")
+    written = contents(tmp_path / "r")
+    by_command = contents(tmp_path / "s")
     assert set(written) == set(by_command)
     assert [
         name

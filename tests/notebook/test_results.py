@@ -78,7 +78,8 @@ def test_columns_that_a_masked_array_masks_are_not_judged_and_leave_no_edge() ->
     torn = np.ma.masked_array(FRAMES[1].copy(), np.zeros(FRAMES[1].shape, dtype=bool))
     torn.data[:, 100:140] = 4095
     torn[7, 100:140] = np.ma.masked  # one pixel of a column is enough
-    answer, whole = read(torn), read(FRAMES[1])
+    answer = read(torn)
+    whole = read(FRAMES[1])
     rows = answer.segmentation.outer_row
     assert np.isnan(rows[100:140]).all()
     off = np.abs(rows - whole.segmentation.outer_row)
@@ -205,7 +206,8 @@ def test_a_missing_package_is_named_with_its_extra(monkeypatch) -> None:
 class Balance(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
-        self.open, self.text = [], ""
+        self.open = []
+        self.text = ""
 
     def handle_starttag(self, tag, _attrs) -> None:
         self.open += [] if tag == "img" else [tag]

@@ -118,14 +118,17 @@ def read_through_spaces(
     data: bytes, cuts: list[int], decoder: igtl.Decoder
 ) -> list[igtl.PeerEvent]:
     """As a socket fills what is lent: pieces of the sizes of `cuts` in turn, as far as there is room."""
-    events, place, turn = [], 0, 0
+    events = []
+    place = 0
+    turn = 0
     while place < len(data) and not decoder.broken:
         room = decoder.space()
         assert room
         piece = data[place : place + min(len(room), cuts[turn % len(cuts)])]
         room[: len(piece)] = piece
         events += decoder.received(len(piece))
-        place, turn = place + len(piece), turn + 1
+        place = place + len(piece)
+        turn = turn + 1
     return events
 
 
@@ -278,10 +281,13 @@ def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
     for place, value in changes:
         changed[place] = value
     data = bytes(changed[:end])
-    at_once, lent, pieces = igtl.Decoder(4096), igtl.Decoder(4096), igtl.Decoder(4096)
+    at_once = igtl.Decoder(4096)
+    lent = igtl.Decoder(4096)
+    pieces = igtl.Decoder(4096)
     events = at_once.feed(data)
     assert comparable(read_through_spaces(data, cuts, lent)) == comparable(events)
-    fed, place = [], 0
+    fed = []
+    place = 0
     while place < end and not pieces.broken:
         step = cuts[len(fed) % len(cuts)]
         fed.append(pieces.feed(data[place : place + step]))

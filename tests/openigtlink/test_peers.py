@@ -43,7 +43,8 @@ def read_by_pyigtl(data: bytes):
 def written_by_pyigtl(message, version: int) -> Received:
     message.header_version = version
     if version > 1:
-        message.message_id, message.metadata = 9, {"eye": "left", "probe": "b"}
+        message.message_id = 9
+        message.metadata = {"eye": "left", "probe": "b"}
     (event,) = Decoder().feed(message.pack())
     assert isinstance(event, Received)  # its CRC is right
     assert event.header.version == version
@@ -74,10 +75,8 @@ def test_images_are_read_and_written(dtype: np.dtype, version: int) -> None:
 def test_its_image_becomes_a_frame_with_the_pixels_of_its_matrix() -> None:
     """Columns 0.003 * 5 mm apart, rows 0.001 * 3 mm, in a plane that lies askew."""
     matrix = np.eye(4)
-    matrix[:3, 0], matrix[:3, 1] = (
-        0.003 * np.array([3.0, 0.0, 4.0]),
-        0.001 * np.array([1.0, -2.0, 2.0]),
-    )
+    matrix[:3, 0] = 0.003 * np.array([3.0, 0.0, 4.0])
+    matrix[:3, 1] = 0.001 * np.array([1.0, -2.0, 2.0])
     pixels = np.arange(60, dtype=np.int16).reshape(1, 6, 10)
     message = pyigtl.ImageMessage(pixels, ijk_to_world_matrix=matrix, timestamp=1234.5)
     image = written_by_pyigtl(message, 1).message

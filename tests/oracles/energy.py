@@ -41,7 +41,8 @@ def radial_displacement(
         return MU * (own - 1 / own) + LAMBDA * np.log(along * across**2) / own
 
     def slope(r: float, y: np.ndarray) -> list[float]:
-        along, across = y[1], y[0] / r
+        along = y[1]
+        across = y[0] / r
         by_along = (
             MU * (1 + 1 / along**2)
             + LAMBDA * (1 - np.log(along * across**2)) / along**2

@@ -18,11 +18,9 @@ FORM_STEP = 1e-7  # m
 
 def predict_wall(walls: Walls, unknown: Floats, places: Places) -> Placed:
     """Return the boundaries at places, without derivatives."""
-    state, size, library = (
-        library_place(walls, unknown[None]),
-        np.exp(unknown[at.SIZE]),
-        walls.library,
-    )
+    state = library_place(walls, unknown[None])
+    size = np.exp(unknown[at.SIZE])
+    library = walls.library
     curves = (
         values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
     )
@@ -39,7 +37,8 @@ def predict_wall(walls: Walls, unknown: Floats, places: Places) -> Placed:
         depths_along(inner, places.lateral_m[places.outer :]),
     )
     depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
-    form, from_contact_m = unknown[at.FORM], places.lateral_m - unknown[at.LATERAL]
+    form = unknown[at.FORM]
+    from_contact_m = places.lateral_m - unknown[at.LATERAL]
     ends = [
         at.form_depths(form, from_contact_m + step, places.is_inner)
         for step in (0.5 * FORM_STEP, -0.5 * FORM_STEP)
@@ -61,8 +60,10 @@ def ring_motion(
     `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each. The motion is
     straight between places of the section.
     """
-    library, (thickness, ratio, _) = walls.library, place
-    angles, is_inner = library.node_angles(), np.array([[0], [1]])
+    library = walls.library
+    (thickness, ratio, _) = place
+    angles = library.node_angles()
+    is_inner = np.array([[0], [1]])
     stations = np.sin(angles[-1]) * np.linspace(
         -1.0, 1.0, 2 * int(np.ceil(angles[-1] / STATION_RAD)) + 3
     )
@@ -76,7 +77,8 @@ def ring_motion(
     )
     pushed = base_push(library.forces(*place), thickness, library.poisson_ratio)
     bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
-    low, high = bulge[:, is_inner, left], bulge[:, is_inner, left + 1]
+    low = bulge[:, is_inner, left]
+    high = bulge[:, is_inner, left + 1]
     at_rings: Floats = low + share[..., None] * (high - low)
     return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
 
@@ -116,7 +118,8 @@ def _cut_side(
     curves_sbnc: Floats, gap: Floats
 ) -> tuple[Floats, Floats, NDArray[np.intp]]:
     """Return the right side's lateral places and depths, and the first node beyond the plane (sample, boundary, 1)."""
-    distance, depth = curves_sbnc[..., 0], curves_sbnc[..., 1]
+    distance = curves_sbnc[..., 0]
+    depth = curves_sbnc[..., 1]
     square = distance**2 - gap**2
     beyond = np.maximum.accumulate(square > 0.0, axis=2)
     first = np.argmax(beyond, axis=2, keepdims=True)
@@ -131,7 +134,8 @@ def _cut_side(
 
 def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Depth, slope and whether it is seen, of an outer boundary under a Gaussian: Gauss and Hermite's three points."""
-    lateral, apart = places.lateral_m[: places.outer], np.sqrt(3.0) * places.smoothing_m
+    lateral = places.lateral_m[: places.outer]
+    apart = np.sqrt(3.0) * places.smoothing_m
     found = depths_along(
         outer, (lateral + np.array([[-apart], [0.0], [apart]])).ravel()
     )
@@ -143,12 +147,12 @@ def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.
 
 def off_the_law(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats]:
     """Return the error of pressures against their globe's law, and its standard deviation, (sample,) each."""
-    known, volume = walls.globe, displaced_m3(walls, unknown_su)
-    mean, spread = known.globe(known.mean), known.globe(known.sd)
-    pressure, resting = (
-        np.exp(unknown_su[:, at.PRESSURE]),
-        np.exp(unknown_su[:, at.IOP]),
-    )
+    known = walls.globe
+    volume = displaced_m3(walls, unknown_su)
+    mean = known.globe(known.mean)
+    spread = known.globe(known.sd)
+    pressure = np.exp(unknown_su[:, at.PRESSURE])
+    resting = np.exp(unknown_su[:, at.IOP])
     off = mean.level(pressure) - mean.level(resting) - mean.rate * volume
     return off, np.hypot(
         spread.rate * volume, LEAST_SD * mean.level_slope(resting) * resting
@@ -157,7 +161,8 @@ def off_the_law(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats]:
 
 def displaced_m3(walls: Walls, unknown_su: Floats) -> Floats:
     """Return the volume that the dent displaces, (sample,), m^3."""
-    library, state = walls.library, library_place(walls, unknown_su)
+    library = walls.library
+    state = library_place(walls, unknown_su)
     return np.exp(3.0 * unknown_su[:, at.SIZE]) * values_at(
         library, library.tables.volumes, *state
     )
@@ -165,7 +170,8 @@ def displaced_m3(walls: Walls, unknown_su: Floats) -> Floats:
 
 def library_place(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats, Floats]:
     """Return thickness, pressure over E and tip of samples in the library's size, kept within its ranges."""
-    library, size = walls.library, np.exp(unknown_su[:, at.SIZE])
+    library = walls.library
+    size = np.exp(unknown_su[:, at.SIZE])
     thickness = np.clip(
         unknown_su[:, at.THICKNESS] / size,
         library.thickness_m[0],

@@ -44,10 +44,8 @@ class Problem:
 
     def evaluate(self, unknown: Floats) -> tuple[Placed, float]:
         """The prediction and its cost."""
-        placed, away = (
-            predict_wall(self.walls, unknown, self.columns.places),
-            unknown - self.prior.mean,
-        )
+        placed = predict_wall(self.walls, unknown, self.columns.places)
+        away = unknown - self.prior.mean
         heavy = away[HEAVY] / (search_loops.HEAVY_CAUCHY * self.prior.sd[HEAVY])
         away[HEAVY] = 0.0
         known = (
@@ -64,7 +62,8 @@ class Problem:
     ) -> tuple[Floats, Floats]:
         """The normal matrix (unknown, unknown) and the gradient (unknown,)."""
         normal, gradient = self.columns.normal_equations(placed, scale)
-        precision, away = self.prior.precision.copy(), unknown - self.prior.mean
+        precision = self.prior.precision.copy()
+        away = unknown - self.prior.mean
         precision[HEAVY, HEAVY] /= (
             1.0
             + (away[HEAVY] / (search_loops.HEAVY_CAUCHY * self.prior.sd[HEAVY])) ** 2
@@ -93,25 +92,22 @@ class Problem:
 
     def spread(self, unknown: Floats, placed: Placed, scale: float = 1.0) -> Floats:
         """The matrix from standard normal numbers to draws about the unknowns (unknown, number)."""
-        normal, sd = self.normal_equations(unknown, placed, scale)[0], self.prior.sd
+        normal = self.normal_equations(unknown, placed, scale)[0]
+        sd = self.prior.sd
         return np.asarray(
             sd[:, None] * np.linalg.inv(np.linalg.cholesky(sd[:, None] * normal * sd)).T
         )
 
     def drawn_forces(self, unknown: Floats, spread_uz: Floats) -> Floats:
         """Forces drawn from the posterior."""
-        normal, (level_z, growth_z) = (
-            _standard_normal(len(unknown) + 2),
-            _standard_normal(2, seed=1).T,
-        )
+        normal = _standard_normal(len(unknown) + 2)
+        (level_z, growth_z) = _standard_normal(2, seed=1).T
         drawn = unknown + normal[:, :-2] @ spread_uz.T
         drawn[:, at.TIP] = np.maximum(drawn[:, at.TIP], 0.0)
         known = self.walls.globe
         if known.can_be_sealed:
-            volume, resting_pa = (
-                fit_arrays.displaced_m3(self.walls, drawn),
-                np.exp(drawn[:, at.IOP]),
-            )
+            volume = fit_arrays.displaced_m3(self.walls, drawn)
+            resting_pa = np.exp(drawn[:, at.IOP])
             ends = [
                 np.log(known.globe(k).pressure(resting_pa, volume))
                 for k in (known.lowest, known.highest)
@@ -162,7 +158,8 @@ def fit_at(problem: Problem, unknown: Floats) -> BoundaryFit:
     """The fit that these unknowns are, with its uncertainty."""
     placed, cost = problem.evaluate(unknown)
     residual = np.where(placed.seen, np.abs(problem.columns.residual(placed)), np.inf)
-    misfit, law = robust_spread(residual), law_of(problem.walls.globe)
+    misfit = robust_spread(residual)
+    law = law_of(problem.walls.globe)
     spread_uz = problem.spread(
         unknown,
         placed,
@@ -170,10 +167,8 @@ def fit_at(problem: Problem, unknown: Floats) -> BoundaryFit:
     )
     draws_n = problem.drawn_forces(unknown, spread_uz)
     low_n, force, high_n = np.quantile(draws_n, [0.05, 0.5, 0.95])
-    iop_pa, radius_m = (
-        np.exp(unknown[law.pressure]),
-        problem.walls.library.radius_m * np.exp(unknown[at.SIZE]),
-    )
+    iop_pa = np.exp(unknown[law.pressure])
+    radius_m = problem.walls.library.radius_m * np.exp(unknown[at.SIZE])
     below_m = problem.columns.residual(placed) * fit_frame.INNER_SD_M
     layer = (
         (problem.columns.places.boundary == 1)

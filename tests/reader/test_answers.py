@@ -121,9 +121,7 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
     assert agreed.interval_n == dict(agreed.readings)["fit"].interval_n
 
 
-def test_a_contact_outside_the_training_is_withdrawn_from_whichever_method_sees_it_there() -> (
-    None
-):
+def test_a_contact_outside_the_training_is_withdrawn_from_whichever_method_sees_it_there():
     for lateral_m in (-2.5e-3, 1.6e-3):
         found = answer(image(wall_section(tip_of(0.015), lateral_m=lateral_m)))
         assert withdrawn(found).startswith(
@@ -160,13 +158,9 @@ def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
     assert len({cut.tobytes() for cut in cuts}) == len(SHIFTS)
 
 
-def test_an_eye_outside_the_training_is_withdrawn_from_although_one_could_calibrate_on_it() -> (
-    None
-):
-    stiff, frame = (
-        Modulus(mean_pa=0.9e6, sd_pa=1e3, source="own"),
-        image(wall_section(tip_of(0.002))),
-    )
+def test_an_eye_outside_the_training_is_withdrawn_from_although_one_could_calibrate_on_it():
+    stiff = Modulus(mean_pa=0.9e6, sd_pa=1e3, source="own")
+    frame = image(wall_section(tip_of(0.002)))
     for name, value in (
         ("modulus", stiff),
         ("iop_pa", 3000.0),
@@ -250,9 +244,7 @@ def test_a_limbus_at_a_false_scale_is_not_read_as_a_dent() -> None:
         assert dict(found.readings)["fit"].force_n > 0.02
 
 
-def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_from() -> (
-    None
-):
+def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_from():
     model = force_reader()
     model.study = replace(
         STUDY, reader=replace(STUDY.reader, thickness_m=Range(min=0.3e-3, max=0.9e-3))
@@ -280,7 +272,8 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
 
 
 def test_narrow_frames_are_read_by_the_fit_alone_with_wider_intervals() -> None:
-    force_n, widths = 0.015, []
+    force_n = 0.015
+    widths = []
     for width_m in (15e-3, 10e-3, 5e-3, 4.5e-3):
         scanner = replace(STUDY.oct, width_m=width_m)
         frame = image(wall_section(tip_of(force_n), lateral_m=0.0), scanner=scanner)
@@ -295,9 +288,7 @@ def test_narrow_frames_are_read_by_the_fit_alone_with_wider_intervals() -> None:
     assert widths == sorted(widths)
 
 
-def test_a_reading_that_is_not_a_number_never_passes_and_as_a_check_is_a_warning() -> (
-    None
-):
+def test_a_reading_that_is_not_a_number_never_passes_and_as_a_check_is_a_warning():
     frame = image(wall_section(tip_of(0.015)))
     for broken in (
         {"force_n": nan},
@@ -340,21 +331,16 @@ def test_two_methods_so_far_apart_that_no_class_is_left_give_no_answer() -> None
 
 
 def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_show_enough() -> None:
-    tip_m, softness = (
-        4.2e-3,
-        2.0,
-    )  # of an eye half as stiff, under half the IOP: the same shape at half the force
+    # of an eye half as stiff, under half the IOP: the same shape at half the force
+    tip_m = 4.2e-3
+    softness = 2.0
     frame = image(wall_section(tip_m, surface_m=0.4e-3))
     wall = (np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA]), np.array([tip_m]))
-    force_n, modulus_pa = (
-        float(LIBRARY.forces(*wall)[0]) * MODULUS_PA / softness,
-        MODULUS_PA / softness,
-    )
+    force_n = float(LIBRARY.forces(*wall)[0]) * MODULUS_PA / softness
+    modulus_pa = MODULUS_PA / softness
     modulus = Modulus(mean_pa=modulus_pa, sd_pa=0.01 * modulus_pa, source="own")
-    soft, ends_n = (
-        replace(KNOWN, modulus=modulus, iop_pa=IOP_PA / softness),
-        (0.9 * force_n, 1.1 * force_n),
-    )
+    soft = replace(KNOWN, modulus=modulus, iop_pa=IOP_PA / softness)
+    ends_n = (0.9 * force_n, 1.1 * force_n)
     agreeing = Reading(
         probabilities=(0.0, 0.5, 0.5),
         force_n=force_n,
@@ -381,14 +367,10 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_show_enough() ->
     assert wide.interval_n[1] > 0.03
 
 
-def test_a_dent_of_which_the_flanks_alone_are_in_view_is_read_unless_the_network_doubts_its_class() -> (
-    None
-):
+def test_a_dent_of_which_the_flanks_alone_are_in_view_is_read_unless_the_network_doubts_its_class():
     tip_m = 6.5e-3
-    frame, wall = (
-        image(wall_section(tip_m, surface_m=1.2e-3)),
-        np.array([[THICKNESS_M], [IOP_PA / MODULUS_PA], [tip_m]]),
-    )
+    frame = image(wall_section(tip_m, surface_m=1.2e-3))
+    wall = np.array([[THICKNESS_M], [IOP_PA / MODULUS_PA], [tip_m]])
     assert np.isfinite(find_wall(frame, SCALE).outer_row).mean() < 0.4
     force_n = float(LIBRARY.forces(*wall)[0]) * MODULUS_PA
     higher = replace(

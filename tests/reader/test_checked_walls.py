@@ -94,10 +94,8 @@ def test_a_classifier_checks_its_walls_too(
 ) -> None:
     frame = image(wall_section(tip_of(0.02)))
     path = write_model(tmp_path / "tiny", STUDY).path
-    checked, alone = (
-        load_classifier(path, finder=blind),
-        load_classifier(path, finder=None),
-    )
+    checked = load_classifier(path, finder=blind)
+    alone = load_classifier(path, finder=None)
     assert alone.read(frame, SCALE).usable
     assert not checked.read(frame, SCALE).usable
     assert checked.read(frame, SCALE).reason.startswith(SAID)
@@ -168,7 +166,8 @@ LAYER_M = 140e-6
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One frame of the analytic wall at 15 mN, under a layer."""
-    path, rng = tmp_path_factory.mktemp("layered") / "eye", np.random.default_rng(1)
+    path = tmp_path_factory.mktemp("layered") / "eye"
+    rng = np.random.default_rng(1)
     over = sample_conjunctiva(
         replace(CLEAN, conjunctiva_thickness_m=fixed(LAYER_M)), rng
     )
@@ -186,10 +185,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_commands_and_python_look_below_a_layer(
     recording, places, blind, capsys, tmp_path
 ) -> None:
-    frame, modulus = (
-        recording / "frames" / "1.png",
-        ("--youngs-modulus-mpa", MODULUS_PA / 1e6),
-    )
+    frame = recording / "frames" / "1.png"
+    modulus = ("--youngs-modulus-mpa", MODULUS_PA / 1e6)
     (found,) = frames_of(capsys, "segment", recording, "--out", tmp_path / "a")
     assert found["thickness_um"] == pytest.approx(1e6 * THICKNESS_M, rel=0.06)
     (read,) = frames_of(capsys, "classify", places["model"], frame, *modulus)
@@ -274,18 +271,15 @@ def test_all_readings_of_a_frame_are_one(
         toml.write_text(text.replace("[needle]", "[needle]\nlean_rad = 0.4"))
         rows = [f"{file},{n}e-1\n" for n, file in enumerate(FILES)]
         (small_recording / "frames.csv").write_text("".join(["file,time_s\n", *rows]))
-    model, paths = (
-        sf.load_model("default"),
-        [small_recording / "frames" / file for file in FILES],
-    )
+    model = sf.load_model("default")
+    paths = [small_recording / "frames" / file for file in FILES]
     answers = [sf.read(model, path) for path in paths]
     assert [answer.usable for answer in answers] == [True, True, True, False]
     info = read_recording(small_recording).info
-    known, scale = known_of_recording(info), PixelScale.of(info.oct)
-    evaluated, history = (
-        sf.evaluate(model, small_recording).frames,
-        History.unknown(known, 60e-3),
-    )
+    known = known_of_recording(info)
+    scale = PixelScale.of(info.oct)
+    evaluated = sf.evaluate(model, small_recording).frames
+    history = History.unknown(known, 60e-3)
     for n, (answer, other, path) in enumerate(
         zip(answers, evaluated, paths, strict=True)
     ):
@@ -310,10 +304,8 @@ def test_all_readings_of_a_frame_are_one(
                 other.answer.segmentation.usable,
                 other.answer.segmentation.reason,
             )
-    read, sequence = (
-        ["read", "default", *paths],
-        ["evaluate", "default", small_recording],
-    )
+    read = ["read", "default", *paths]
+    sequence = ["evaluate", "default", small_recording]
     for command, expected in (
         (read, answers),
         (sequence, [frame.answer for frame in evaluated]),

@@ -55,10 +55,8 @@ def write_recording(
     """Six frames, 4 s apart, each in the middle of a push; the fourth shows nothing."""
     rng = np.random.default_rng(4)
     (path / "frames").mkdir(parents=True)
-    scan, needle = (
-        replace(LOGGED_INFO.oct, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS),
-        NeedleInfo(gauge=22, slice_gap_m=gap_m),
-    )
+    scan = replace(LOGGED_INFO.oct, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS)
+    needle = NeedleInfo(gauge=22, slice_gap_m=gap_m)
     info = RecordingInfo(
         EyeInfo(eye, thickness_m=6e-4), scan, needle, LOGGED_INFO.force
     )
@@ -77,10 +75,8 @@ def write_recording(
             f * (np.abs(time_s - 5 - 6 * n) < 2.0) for n, f in enumerate(FORCES_N)
         )
         log = np.zeros((len(time_s), 7))
-        log[:, 0], log[:, 3] = (
-            time_s,
-            0.1 - force_n + rng.normal(0.0, 1e-4, len(time_s)),
-        )
+        log[:, 0] = time_s
+        log[:, 3] = 0.1 - force_n + rng.normal(0.0, 1e-4, len(time_s))
         header = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
         np.savetxt(
             path / "forces.csv",
@@ -154,10 +150,8 @@ def test_frames_after_a_puncture_in_the_readings_are_left_out_up_to_the_end_of_t
     places, reader
 ) -> None:
     times_s = np.arange(300) / 100.0
-    corners_s, corners_n = (
-        [0.0, 0.5, 0.503, 1.2, 1.25, 2.0, 2.1],
-        [0.01, 0.03, 0.008, 0.008, 0.0, 0.0, 0.02],
-    )
+    corners_s = [0.0, 0.5, 0.503, 1.2, 1.25, 2.0, 2.1]
+    corners_n = [0.01, 0.03, 0.008, 0.008, 0.0, 0.0, 0.02]
     found = read_as(
         places["silent"], times_s, np.interp(times_s, corners_s, corners_n), reader
     )
@@ -233,10 +227,8 @@ def test_a_recording_that_was_read_is_not_read_again(
     recording = read_recording(shutil.copytree(places["a"], tmp_path / "a"))
     (recording.path / "frames.csv").unlink()
     (recording.path / "forces.csv").unlink()
-    found, again = (
-        evaluate_recordings(reader, [recording]),
-        evaluate_recordings(reader, [places["a"]]),
-    )
+    found = evaluate_recordings(reader, [recording])
+    again = evaluate_recordings(reader, [places["a"]])
     assert [frame.recording for frame in found.frames] == [str(recording.path)] * len(
         FORCES_N
     )
@@ -273,16 +265,15 @@ def test_frames_that_calibrated_are_known_by_their_content_and_not_scored(
     places, reader, tmp_path: Path
 ) -> None:
     """A renamed copy is marked; another recording's frame of the same eye and name is not."""
-    names, file = ("1.png", "2.png"), tmp_path / "calibration.json"
+    names = ("1.png", "2.png")
+    file = tmp_path / "calibration.json"
     digests = {
         name: frame_digest(read_frame(places["a"] / "frames" / name)) for name in names
     }
     used = [{"file": name, "sha256": digest} for name, digest in digests.items()]
     file.write_text(calibration_text(eyes={"eye a": {"frames": used}}))
-    copy, other = (
-        shutil.copytree(places["a"], tmp_path / "copy"),
-        shutil.copytree(places["a"], tmp_path / "other"),
-    )
+    copy = shutil.copytree(places["a"], tmp_path / "copy")
+    other = shutil.copytree(places["a"], tmp_path / "other")
     (copy / "frames" / "1.png").rename(copy / "frames" / "renamed.png")
     (copy / "frames.csv").write_text(
         (copy / "frames.csv").read_text().replace("1.png", "renamed.png")

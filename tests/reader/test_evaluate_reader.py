@@ -144,7 +144,8 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
         f"stranger is not in {places['calibration']}, which has 1 eye (mine): read with the pop"
         in note
     )
-    mine, other = both.frames[:5], both.frames[5:]
+    mine = both.frames[:5]
+    other = both.frames[5:]
     assert not any(
         "population" in warning for frame in mine for warning in frame.answer.warnings
     )
@@ -251,7 +252,8 @@ def test_the_command_prints_forces_in_millinewtons(
     assert result["mae_mn"] == pytest.approx(1e3 * both.mae_n)
     assert result["coverage"] == both.coverage.value
     assert result["usable"]["accuracy"] == 1.0
-    frame, blank = result["frames"][2], result["frames"][4]
+    frame = result["frames"][2]
+    blank = result["frames"][4]
     assert frame["predicted_force_mn"] == pytest.approx(22.0, abs=1.0)
     low, high = frame["interval_mn"]
     assert low < 22.0 < high
@@ -299,7 +301,8 @@ def test_intervals_are_stretched_to_hold_on_recordings(
         (row["eyes"], row["readings"]) == (1, 3) and row["factor"] >= 1.0
         for row in changes.values()
     )
-    before, after = load_model(places["model"]), load_model(out)
+    before = load_model(places["model"])
+    after = load_model(out)
     assert after.record["intervals"]["source"] == "recordings of mine"
     modulus = Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own")
     one_frame = replace(NO_DISCREPANCY, widest_gap=1.0)
@@ -316,7 +319,9 @@ def test_intervals_are_stretched_to_hold_on_recordings(
 def test_intervals_take_a_reader_only_and_none_of_the_other_options(
     places, tmp_path: Path, capsys
 ) -> None:
-    mine, model, out = places["mine"], places["model"], tmp_path / "new"
+    mine = places["mine"]
+    model = places["model"]
+    out = tmp_path / "new"
     for words, message in (
         ((model, "--out", out, "--mechanics", "linear"), "--intervals"),
         ((model, "--out", model), "exists already"),

@@ -28,7 +28,8 @@ def calibrated(seed: int = 0) -> KnownRelaxation:
 
 
 def follow(known: KnownRelaxation, path: NeedlePath, times_s: np.ndarray):
-    history, answers = History.unknown(Known(relaxation=known), MOST_N), []
+    history = History.unknown(Known(relaxation=known), MOST_N)
+    answers = []
     for time_s, elastic_n in zip(times_s, path.elastic_n(times_s), strict=True):
         answer, history = history.read(
             read_as(float(elastic_n)), BOUNDS_N, float(time_s)
@@ -38,7 +39,8 @@ def follow(known: KnownRelaxation, path: NeedlePath, times_s: np.ndarray):
 
 
 def test_a_dense_sequence_from_rest_with_known_shares_gives_the_felt_force() -> None:
-    path, times_s = NeedlePath(CORNERS_S, CORNERS_N, TISSUE), np.arange(0.1, 24.0, 0.1)
+    path = NeedlePath(CORNERS_S, CORNERS_N, TISSUE)
+    times_s = np.arange(0.1, 24.0, 0.1)
     rest = replace(
         DECLARED, before_n=(0.0, 0.0), before_covariance_n2=((0.0, 0.0), (0.0, 0.0))
     )
@@ -58,10 +60,8 @@ def test_a_dense_sequence_from_rest_with_known_shares_gives_the_felt_force() -> 
 
 
 def test_an_unknown_history_is_forgotten_and_its_interval_narrows() -> None:
-    path, times_s = (
-        NeedlePath((0.0, 0.5, 60.0), (0.0, 0.03, 0.03), TISSUE),
-        np.arange(0.6, 60.0, 0.1),
-    )
+    path = NeedlePath((0.0, 0.5, 60.0), (0.0, 0.03, 0.03), TISSUE)
+    times_s = np.arange(0.6, 60.0, 0.1)
     answers = follow(DECLARED, path, times_s)
     widths = np.array(
         [answer.interval_n[1] - answer.interval_n[0] for answer in answers]
@@ -103,7 +103,9 @@ def test_frames_held_as_in_the_calibration_need_no_history() -> None:
     rng = np.random.default_rng(5)
     pushes, path = pushed(TISSUE, rng, FORCES_N[::-1])
     frame_s = np.array([push.frame_s for push in pushes])
-    known, errors, inside = calibrated(), [], []
+    known = calibrated()
+    errors = []
+    inside = []
     for alone in (False, True):
         history = History.unknown(Known(relaxation=known), MOST_N)
         for time_s, elastic_n, true_n in zip(
@@ -119,9 +121,7 @@ def test_frames_held_as_in_the_calibration_need_no_history() -> None:
     assert np.mean(inside) > 0.8
 
 
-def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_calibration() -> (
-    None
-):
+def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_calibration():
     path = NeedlePath((0.0, 0.5, 60.0), (0.0, 0.03, 0.03), TISSUE)
     known = calibrated()
     nothing = (0.0,) * len(known.shares)
@@ -173,7 +173,8 @@ def test_the_readings_of_each_method_are_turned_as_the_answer_is() -> None:
 
 
 def test_a_needle_that_has_let_go_feels_nothing() -> None:
-    path, times_s = NeedlePath(CORNERS_S, CORNERS_N, TISSUE), np.arange(0.1, 24.0, 0.1)
+    path = NeedlePath(CORNERS_S, CORNERS_N, TISSUE)
+    times_s = np.arange(0.1, 24.0, 0.1)
     off = (times_s > 15.5) & (times_s < 17.9)
     forces_n = np.array(
         [answer.force_n for answer in follow(calibrated(), path, times_s)]
@@ -222,10 +223,9 @@ def test_a_monitor_that_starts_late_holds_every_history_and_forgets_it() -> None
         assert widths[-1] < 0.35 * widths[0]
 
 
-def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been() -> (
-    None
-):
-    before_s, after_s = np.arange(0.0, 0.1, 0.01), np.arange(8.0, 30.0, 0.1)
+def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been():
+    before_s = np.arange(0.0, 0.1, 0.01)
+    after_s = np.arange(8.0, 30.0, 0.1)
     for path in random_paths(20):
         _, history = watched(before_s, path, History.monitored(TISSUE_KNOWN, MOST_N))
         for gap_s in (
@@ -241,7 +241,8 @@ def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been
 
 
 def test_the_median_of_a_monitor_that_starts_at_rest_is_the_felt_force() -> None:
-    path, times_s = NeedlePath(CORNERS_S, CORNERS_N, TISSUE), np.arange(0.1, 24.0, 0.01)
+    path = NeedlePath(CORNERS_S, CORNERS_N, TISSUE)
+    times_s = np.arange(0.1, 24.0, 0.01)
     answers, _ = watched(times_s, path, History.monitored(TISSUE_KNOWN, MOST_N))
     assert [answer.force_n for answer in answers] == pytest.approx(
         path.felt_n(times_s), abs=0.05e-3
@@ -326,7 +327,8 @@ def test_a_needle_that_leans_feels_the_force_along_it(
     leaning, _ = History.unknown(replace(known, relaxation=relaxation), MOST_N).read(
         elastic, BOUNDS_N
     )
-    (low_n, high_n), force_n = upright.interval_n, upright.force_n
+    (low_n, high_n) = upright.interval_n
+    force_n = upright.force_n
     assert leaning.force_n == pytest.approx(factor * force_n)
     if not others:
         assert leaning.interval_n == pytest.approx((factor * low_n, factor * high_n))
@@ -345,9 +347,7 @@ def test_a_needle_that_leans_feels_the_force_along_it(
     )
 
 
-def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_contradict_it() -> (
-    None
-):
+def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_contradict_it():
     seen = 30 * DEG
     assert Lean.of(Known(), -seen) == Lean.of(Known(lean_rad=(seen, seen)), None)
     assert Lean.of(Known(modulus=OWN), seen) == Lean((seen, seen))
@@ -380,7 +380,8 @@ DENT_M3 = 10e-9
 def test_a_dent_that_stays_leaks_in_dense_sequences_and_in_sparse_ones_whose_holds_are_known(
     every_s: float,
 ) -> None:
-    leak, rests_pa = Leak(LEAKING), []
+    leak = Leak(LEAKING)
+    rests_pa = []
     times_s = np.arange(0.0, 30.0, every_s).tolist()
     for time_s in times_s:
         (answer,), leak = leak.read(lambda now: (shown(now.iop_pa),), time_s, every_s)

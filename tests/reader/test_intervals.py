@@ -67,10 +67,8 @@ def test_the_quantile_of_some_eyes_holds_on_others() -> None:
 
 
 def test_the_quantile_weighs_eyes_alike_and_counts_a_new_one() -> None:
-    few, many = (
-        of_fit({str(eye): 0.5 for eye in range(99)}),
-        of_fit({"long": 9.0}) * 10_000,
-    )
+    few = of_fit({str(eye): 0.5 for eye in range(99)})
+    many = of_fit({"long": 9.0}) * 10_000
     assert conformal_quantile([*few, *many]) == pytest.approx(0.5)
     assert conformal_quantile(few[:4] + many) == pytest.approx(9.0)
     assert conformal_quantile(
@@ -82,9 +80,7 @@ def test_the_quantile_weighs_eyes_alike_and_counts_a_new_one() -> None:
     )  # 0.9 (10 + 1)/10 of them, not 0.9
 
 
-def test_stretches_count_what_held_before_and_are_of_all_readings_with_one_kind_of_modulus() -> (
-    None
-):
+def test_stretches_count_what_held_before_and_are_of_all_readings_with_one_kind_of_modulus():
     did = ((0.5, "open"), (1.0, "open"), (1.5, "taut"), (3.0, "taut"))
     scores = [
         Score("fit", ("own E", kind, "light"), str(eye % 3), value)
@@ -187,7 +183,8 @@ FIT = drawn_fit(np.linspace(0.0, 3e-2, 11))
 
 
 def test_traits_follow_the_causes_of_errors() -> None:
-    force_n, uneven = FIT.force_n, replace(FIT, misfit_m=20e-6)
+    force_n = FIT.force_n
+    uneven = replace(FIT, misfit_m=20e-6)
     assert traits_of(Known(modulus=OWN, globe=OPEN), force_n, FIT) == ("own E", "open")
     assert traits_of(Known(modulus=OWN, globe=OPEN), force_n, uneven) == (
         "own E",
@@ -222,9 +219,7 @@ def test_traits_follow_the_causes_of_errors() -> None:
     )
 
 
-def test_forces_beyond_the_calibration_s_and_wide_gaps_have_traits_of_their_own() -> (
-    None
-):
+def test_forces_beyond_the_calibration_s_and_wide_gaps_have_traits_of_their_own():
     taut = replace(FIT, tension=0.1)
     gentle = Known(
         modulus=OWN,
@@ -290,16 +285,15 @@ def test_every_trait_of_a_reading_may_have_a_factor() -> None:
         }
 
 
-def test_factors_come_from_the_record_are_multiplied_and_are_one_where_it_has_none() -> (
-    None
-):
+def test_factors_come_from_the_record_are_multiplied_and_are_one_where_it_has_none():
     record = {
         "intervals": {
             "fit": {"own E": {"open": 0.5, "uneven": 1.5}},
             "network": {"other E": {"sealed": 2}},
         }
     }
-    factors, own = parse_factors(record, "model.json"), Known(modulus=OWN, globe=OPEN)
+    factors = parse_factors(record, "model.json")
+    own = Known(modulus=OWN, globe=OPEN)
     assert (
         factors.of_fit(own, FIT),
         factors.of_fit(own, replace(FIT, misfit_m=1e-3)),

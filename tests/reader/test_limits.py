@@ -62,10 +62,8 @@ def test_an_eye_inside_the_training_is_inside_also_on_its_bounds() -> None:
 def test_an_eye_is_inside_where_the_library_of_the_training_holds_its_tissue() -> None:
     for stiffening in (None, 0.0, 7.0, 20.0):
         assert outside_training(Known(stiffening=stiffening), TRAINED, HELD) is None
-    stiff, alone = (
-        replace(HELD, stiffening=Range(min=2.0, max=20.0)),
-        replace(HELD, stiffenings=1),
-    )
+    stiff = replace(HELD, stiffening=Range(min=2.0, max=20.0))
+    alone = replace(HELD, stiffenings=1)
     assert str(outside_training(Known(), TRAINED, stiff)).startswith(
         "stiffening 0 of the tissue"
     )
@@ -103,9 +101,7 @@ def test_a_value_outside_is_named() -> None:
         assert str(outside_training(known, TRAINED, HELD)).startswith(words)
 
 
-def test_an_own_modulus_may_be_off_by_its_sd_twice_the_thicknesss_error_and_a_third_of_the_pressures() -> (
-    None
-):
+def test_an_own_modulus_may_be_off_by_its_sd_twice_the_thicknesss_error_and_a_third_of_the_pressures():
     low, high = TRAINED.youngs_modulus_pa.bounds
     for thickness, iop, sd, reach in (
         (0.03, 0.0, 0.01, 0.0608),
@@ -165,9 +161,7 @@ def test_each_quantity_that_is_outside_has_a_sentence_of_its_own() -> None:
         assert words in found
 
 
-def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was() -> (
-    None
-):
+def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was():
     for width_mm in (3.0, 3.45, 6.0, 9.5, 9.8, 9.9, 10.5, 20.0):
         scan = replace(SCAN, width_m=width_mm * 1e-3)
         lateral_m = (
@@ -194,9 +188,7 @@ def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was
     assert limits(READER, narrow, Known(), replace(SCAN, width_m=6e-3)) == ()
 
 
-def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_eye() -> (
-    None
-):
+def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_eye():
     """The oracle looks how far a circle that touches the frame's top edge stays in it."""
     radius_m = STUDY.eye.radius_m * STUDY.reader.size.bounds[1]
     lateral_m = np.linspace(-7e-3, 7e-3, 20_001)
@@ -211,9 +203,7 @@ def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_
         )
 
 
-def test_a_raw_reader_takes_the_refractive_index_of_its_training_and_a_sealed_globe_needs_no_rigidity() -> (
-    None
-):
+def test_a_raw_reader_takes_the_refractive_index_of_its_training_and_a_sealed_globe_needs_no_rigidity():
     stretched = replace(SCAN, refractive_index=1.38)
     assert limits(READER, STUDY, Known(), stretched) == ()
     (said,) = limits(RAW_READER, STUDY, Known(), stretched)

@@ -48,11 +48,10 @@ def test_a_live_answer_is_the_network_s_and_the_whole_one_without_the_fit(
     frame: np.ndarray,
 ) -> None:
     agreeing = replace(FIVE_MN, force_n=0.015, interval_n=(0.012, 0.018))
-    alone, beside_the_fit = (
-        force_reader(agreeing),
-        force_reader(agreeing, default="network"),
-    )
-    whole, answer = beside_the_fit.read(frame, SCALE, KNOWN), live(frame, alone)
+    alone = force_reader(agreeing)
+    beside_the_fit = force_reader(agreeing, default="network")
+    whole = beside_the_fit.read(frame, SCALE, KNOWN)
+    answer = live(frame, alone)
     assert whole.warnings == ()
     assert (answer.force_n, answer.interval_n, answer.contact_m) == (
         0.015,
@@ -68,10 +67,8 @@ def test_a_live_answer_is_the_network_s_and_the_whole_one_without_the_fit(
     np.testing.assert_array_equal(
         answer.segmentation.inner_row, whole.segmentation.inner_row
     )
-    (cut, known), (expected, _) = (
-        alone.network.shown[-1],
-        beside_the_fit.network.shown[-1],
-    )
+    (cut, known) = alone.network.shown[-1]
+    (expected, _) = beside_the_fit.network.shown[-1]
     np.testing.assert_array_equal(cut, expected)
     assert known == KNOWN
 
@@ -116,7 +113,8 @@ def test_the_loop_withdraws_wherever_a_frame_cannot_be_judged(
 
 
 def test_a_refractive_index_makes_the_wall_thinner(frame: np.ndarray) -> None:
-    thick, thin = force_reader(), force_reader()
+    thick = force_reader()
+    thin = force_reader()
     LiveReader(thick, KNOWN, 1.0).read(frame, SCALE)
     LiveReader(thin, KNOWN, 1.4).read(frame, SCALE)
     pixels = [np.count_nonzero(model.network.shown[-1][0]) for model in (thick, thin)]
@@ -148,10 +146,8 @@ RADIUS_M = STUDY.eye.radius_m
 
 
 def test_network_and_fit_read_a_warming_frame() -> None:
-    model, other = (
-        force_reader(),
-        PixelScale(lateral_m=20e-6, depth_m=8e-6, refractive_index=1.38),
-    )
+    model = force_reader()
+    other = PixelScale(lateral_m=20e-6, depth_m=8e-6, refractive_index=1.38)
     for known in (KNOWN, NOTHING_KNOWN, replace(KNOWN, thickness_m=0.4e-3)):
         for shape, scale in (
             (SHAPE, SCALE),

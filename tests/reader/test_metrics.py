@@ -22,7 +22,8 @@ def values(proportions: tuple[metrics.Proportion, ...]) -> list[float]:
 
 @given(PAIRS)
 def test_metrics_equal_naive_counts(pairs: list[tuple[int, int]]) -> None:
-    target, predicted = [t for t, _ in pairs], [p for _, p in pairs]
+    target = [t for t, _ in pairs]
+    predicted = [p for _, p in pairs]
     confusion = metrics.confusion_matrix(target, predicted)
     for row in range(3):
         for column in range(3):
@@ -42,7 +43,8 @@ def test_metrics_equal_naive_counts(pairs: list[tuple[int, int]]) -> None:
 
 
 def test_the_papers_table_3_has_the_two_names_the_other_way_round() -> None:
-    printed_as_precision, printed_as_recall = [0.71, 0.93, 1.00], [1.00, 0.88, 0.96]
+    printed_as_precision = [0.71, 0.93, 1.00]
+    printed_as_recall = [1.00, 0.88, 0.96]
     np.testing.assert_allclose(
         values(metrics.recall(PAPER)), printed_as_precision, atol=0.005
     )
@@ -124,9 +126,7 @@ def agreeing(
     return metrics.coverage(trials).value
 
 
-def test_honest_intervals_agree_with_nine_of_ten_labels_however_noisy_they_are() -> (
-    None
-):
+def test_honest_intervals_agree_with_nine_of_ten_labels_however_noisy_they_are():
     rng = np.random.default_rng(5)
     for label_sd in (0.0, 0.2, 1.0, 5.0):
         read, true, noise = rng.standard_normal((3, 20_000)) * np.array(

@@ -20,7 +20,8 @@ def slices(count: int, shape: tuple[int, int] = (8, 10)) -> np.ndarray:
 
 
 def test_probabilities_equal_the_network_computed_in_numpy(tiny_model) -> None:
-    reader, other = load_model(tiny_model.path), load_model(tiny_model.path)
+    reader = load_model(tiny_model.path)
+    other = load_model(tiny_model.path)
     found = reader.probabilities(slices(50))
     np.testing.assert_allclose(
         found, tiny_model.network.probabilities(slices(50)), atol=1e-6
@@ -133,7 +134,8 @@ SCAN = OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
 
 
 def test_only_the_training_of_a_model_limits_it(write_model, tmp_path: Path) -> None:
-    stiff, thick = Known(modulus=Modulus.stated(5e6)), Known(thickness_m=3e-3)
+    stiff = Known(modulus=Modulus.stated(5e6))
+    thick = Known(thickness_m=3e-3)
     classifier = load_classifier(write_model(tmp_path / "model", Study()).path)
     assert (classifier.reads_force, classifier.fixed_modulus_pa) == (
         False,

@@ -47,9 +47,7 @@ def test_the_classes_have_the_histogram_s_shares_below_their_bounds() -> None:
     )  # no force above the last bound
 
 
-def test_a_histogram_that_is_empty_or_not_finite_gives_a_reading_that_is_not_a_number() -> (
-    None
-):
+def test_a_histogram_that_is_empty_or_not_finite_gives_a_reading_that_is_not_a_number():
     for place in (0, 7, 19):
         for wrong in (nan, inf):
             histogram = [0.05] * 20
@@ -106,10 +104,8 @@ def test_the_ends_of_a_range_are_minus_one_and_one() -> None:
         ):
             assert abs(found[name] - wanted) < 1e-6, name
         assert all(found[f"{name} known"] == 1.0 for name in KNOWN)
-    (low_e, high_e), (low_p, high_p) = (
-        RANGES.youngs_modulus_pa.bounds,
-        RANGES.iop_pa.bounds,
-    )
+    (low_e, high_e) = RANGES.youngs_modulus_pa.bounds
+    (low_p, high_p) = RANGES.iop_pa.bounds
     for e, p, wanted in ((high_e, low_p, -1.0), (low_e, high_p, 1.0)):
         assert (
             abs(
@@ -160,7 +156,8 @@ def test_the_pole_s_place_is_given_along_the_section_and_across_it() -> None:
         assert found["pole along"] == pytest.approx(along / farthest, abs=1e-6)
         assert found["pole across"] == pytest.approx(across / farthest, abs=1e-6)
     middle = 0.5 * sum(RANGES.polar_angle_rad.bounds)
-    alone, both = given(direction_rad=0.8), given(polar_rad=middle, direction_rad=0.8)
+    alone = given(direction_rad=0.8)
+    both = given(polar_rad=middle, direction_rad=0.8)
     for name in ("pole along", "pole across", "polar angle"):
         assert alone[name] == pytest.approx(both[name], abs=1e-6)
     assert (alone["polar angle known"], both["polar angle known"]) == (0.0, 1.0)
@@ -296,10 +293,8 @@ def test_a_folder_whose_parts_do_not_fit_is_refused(folder: Path) -> None:
     assert (reader.default, reader.kind) == ("fit", "reader")
     with pytest.raises(ModelError, match="found 'reader', a classifier is needed here"):
         load_classifier(folder)
-    record, study = (
-        (folder / "model.json").read_text(),
-        (folder / "study.toml").read_text(),
-    )
+    record = (folder / "model.json").read_text()
+    study = (folder / "study.toml").read_text()
     (folder / "model.json").write_text(
         json.dumps({**json.loads(record), "default": "guess"})
     )

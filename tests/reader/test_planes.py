@@ -69,20 +69,17 @@ def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(
     both = replace(
         STEEL, diameter_m=0.7e-3, far_edge_db=0.0, bevel_rad=np.radians(bevel_deg)
     )
-    shaft, tip_m, frames = (
-        replace(both, angle_rad=np.radians(8.0), lean_rad=np.radians(6.0)),
-        tip_of(0.008),
-        [],
-    )
+    shaft = replace(both, angle_rad=np.radians(8.0), lean_rad=np.radians(6.0))
+    tip_m = tip_of(0.008)
+    frames = []
     for number, plane in enumerate(CROSS):
-        section, along = cut_wall(plane, tip_m, (0.0, 0.0, 0.4e-3)), np.eye(2)[number]
+        section = cut_wall(plane, tip_m, (0.0, 0.0, 0.4e-3))
+        along = np.eye(2)[number]
         bottom_m = np.array(
             [0.0, section.outer[np.abs(section.outer[:, 0]) < 1e-3, 1].max()]
         )
-        drawn, rng = (
-            draw_shaft(shaft.in_plane(along, 0.0), bottom_m, 0.0, STUDY.oct),
-            np.random.default_rng(number),
-        )
+        drawn = draw_shaft(shaft.in_plane(along, 0.0), bottom_m, 0.0, STUDY.oct)
+        rng = np.random.default_rng(number)
         frames.append(
             render_bscan(
                 section, STUDY.oct, sample_optics(CLEAN, STUDY.oct, rng), rng, drawn

@@ -163,7 +163,8 @@ def test_another_study_or_another_kind_than_the_network_s_is_refused(folder) -> 
 def test_commands_read_with_it_and_the_monitor_refuses_it(
     folder, frame, tmp_path, capsys
 ) -> None:
-    eye, box = tmp_path / "eye-a", tmp_path / "box"
+    eye = tmp_path / "eye-a"
+    box = tmp_path / "box"
     (eye / "frames").mkdir(parents=True)
     cv2.imwrite(str(eye / "frames" / "0001.png"), frame)
     (eye / "recording.toml").write_text(recording_toml("eye-a"))

@@ -29,7 +29,9 @@ STATED = Known(
     gap_m=0.5e-3,
     globe=known_globe("sealed"),
 )
-WIDTH_M, DEPTH_M, PIXEL_M = 15e-3, 4e-3, 5e-6
+WIDTH_M = 15e-3
+DEPTH_M = 4e-3
+PIXEL_M = 5e-6
 pytestmark = [
     pytest.mark.real,
     pytest.mark.skipif(not EYES, reason="../shared is absent"),

@@ -134,10 +134,8 @@ def test_what_the_picture_does_not_tell_is_null() -> None:
 
 
 def test_the_json_has_each_place_in_human_units_and_an_angle_without_a_sign() -> None:
-    at_m, lean = (
-        Place(1.2e-3, 1.1e-3, 1.3e-3),
-        Place(*to_si(np.array([-3.0, -5.0, 1.0]), "deg").tolist()),
-    )
+    at_m = Place(1.2e-3, 1.1e-3, 1.3e-3)
+    lean = Place(*to_si(np.array([-3.0, -5.0, 1.0]), "deg").tolist())
     places = Places(contact_m=at_m, dent_m=at_m, lean_rad=lean)
     answer = Answer(
         predicted=1,

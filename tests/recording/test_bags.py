@@ -34,7 +34,8 @@ from rosbags.rosbag2 import CompressionMode
 
 REAL = Path(__file__).parents[3] / "shared" / "real-logs" / "ros2-wrench.db3"
 
-IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 MS_NS = 10**6
 HERE = Messages(ROS2)
@@ -205,7 +206,8 @@ def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> N
 
 
 def test_images_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
-    text, image = "std_msgs/msg/String", HERE.image(START_NS, FRAMES[0])
+    text = "std_msgs/msg/String"
+    image = HERE.image(START_NS, FRAMES[0])
     for sent, kind, found in [
         (
             replace(image, encoding="bayer_rggb8"),
@@ -231,10 +233,8 @@ def write_topic(
     folder: Path, kind: str, sent: list, definitions: list[str] | None = None
 ) -> Path:
     """Write a bag of one topic from (publisher, arrival in ns, message, type)."""
-    path, kinds = (
-        Path(mkdtemp(dir=folder)) / "a",
-        {publisher: name for publisher, _, _, name in sent},
-    )
+    path = Path(mkdtemp(dir=folder)) / "a"
+    kinds = {publisher: name for publisher, _, _, name in sent}
     if kind == "ros1":
         with Writer1(path) as writer:
             own = {who: {"typestore": ROS1, "callerid": f"/p{who}"} for who in kinds}
@@ -248,7 +248,8 @@ def write_topic(
                 )
         return path.rename(path.with_suffix(".bag"))
     with path.open("wb") as file:
-        writer, channels = McapWriter(file), {}
+        writer = McapWriter(file)
+        channels = {}
         writer.start(profile="ros2")
         for who, name in kinds.items():
             text = (
@@ -348,10 +349,8 @@ def test_a_topic_of_two_clocks_coordinate_frames_types_or_definitions_is_refused
             match=r"/t: header\.frame_id is 'oct' in message 0 and 'tool0' in message 3",
         ):
             read_bag(write_topic(tmp_path, kind, sent))
-        vector, name = (
-            maker.types["geometry_msgs/msg/Vector3"](1.0, 2.0, 3.0),
-            "geometry_msgs/msg/Vector3Stamped",
-        )
+        vector = maker.types["geometry_msgs/msg/Vector3"](1.0, 2.0, 3.0)
+        name = "geometry_msgs/msg/Vector3Stamped"
         other = maker.types[name](header=maker.header(START_NS + 5), vector=vector)
         with pytest.raises(
             InputError,
@@ -429,7 +428,8 @@ def test_messages_of_one_stamp_are_left_out_if_they_are_equal_and_else_refused(
 
 
 def test_images_that_change_within_a_topic_are_refused(tmp_path: Path) -> None:
-    at, grey = START_NS + 3, (FRAMES[3] % 256).astype(np.uint8)
+    at = START_NS + 3
+    grey = (FRAMES[3] % 256).astype(np.uint8)
     for field, other in {
         "encoding": HERE.image(at, grey, "mono8", padding=46),
         "is_bigendian": HERE.image(at, FRAMES[3], big=True),

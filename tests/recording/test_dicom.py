@@ -407,11 +407,9 @@ def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path) -> None:
             HighBit=stored - 1,
             **tags,
         )
-        reader, change, writer = (
-            gdcm.ImageReader(),
-            gdcm.ImageChangeTransferSyntax(),
-            gdcm.ImageWriter(),
-        )
+        reader = gdcm.ImageReader()
+        change = gdcm.ImageChangeTransferSyntax()
+        writer = gdcm.ImageWriter()
         reader.SetFileName(str(tmp_path / "a.dcm"))
         assert reader.Read()
         change.SetTransferSyntax(gdcm.TransferSyntax(types[syntax]))

@@ -71,7 +71,8 @@ def refuses(folder, file, old, new, message):
 
 def test_a_recording_with_and_without_a_log_is_read_as_written(folder):
     recording = read_recording(folder)
-    eye, force = recording.info.eye, recording.info.force
+    eye = recording.info.eye
+    force = recording.info.force
     assert (eye.thickness_m, eye.iop_pa, force.average_s) == (7e-4, None, 2.0)
     assert recording.forces.sample_rate_hz == pytest.approx(100.0)
     assert recording.forces.force_n("fz") == pytest.approx(-np.arange(100) / 1000)
@@ -483,10 +484,8 @@ def test_a_sealed_globe_may_have_a_rigidity(folder):
 
 
 def test_options_take_precedence_over_recording_toml_and_that_over_the_file(folder):
-    path, tags = (
-        folder / "frames" / "c.tif",
-        {"resolution": (1000.0, 1000.0), "resolutionunit": "CENTIMETER"},
-    )
+    path = folder / "frames" / "c.tif"
+    tags = {"resolution": (1000.0, 1000.0), "resolutionunit": "CENTIMETER"}
     tifffile.imwrite(path, np.full((16, 32), 7, np.uint16), metadata=None, **tags)
     frame = read_scaled_frame(
         path, Scanner(depth_m=3e-3), (Scanner(refractive_index=1.3), "assumed")

@@ -270,10 +270,8 @@ def test_missing_and_implausible_forces_are_gaps_and_the_first_line_is_named(
     tmp_path: Path,
 ) -> None:
     noise_n = np.random.default_rng(1).normal(0.0, 1.0, 1000)
-    burst_n, quiet_n = (
-        3e-3 * noise_n - 0.02 * (np.arange(1000) > 600),
-        0.05e-3 * noise_n,
-    )
+    burst_n = 3e-3 * noise_n - 0.02 * (np.arange(1000) > 600)
+    quiet_n = 0.05e-3 * noise_n
     burst_n[400:500] = 213.0
     quiet_n[800:900] += 0.06  # a push
     quiet_n[950] += 2.0  # a knock
@@ -403,7 +401,8 @@ def test_marks_that_may_part_thousands_are_refused_with_both_readings(
 
 def test_logs_of_many_forms_are_read(tmp_path: Path) -> None:
     """Times relative to the first, and forces in N."""
-    newtons, step_s = [-1.5e-3, -2.5e-3], [0.0, 0.01]
+    newtons = [-1.5e-3, -2.5e-3]
+    step_s = [0.0, 0.01]
     iso = "2026-01-02T03:04:05.2"
     for text, columns, time_s, force_n in [
         *(
@@ -552,10 +551,8 @@ def test_the_order_of_day_and_month_is_asked_unless_a_value_above_12_decides(
 
 
 def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
-    wide, row = (
-        ",".join(["time_s", "fz_n", *(f"c{k}" for k in range(45))]),
-        ",1" + ",0" * 47,
-    )
+    wide = ",".join(["time_s", "fz_n", *(f"c{k}" for k in range(45))])
+    row = ",1" + ",0" * 47
     for text, message in [
         (
             "  time_s   fz_n\n  0.0   -1\n  0.1   high\n",

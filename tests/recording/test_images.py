@@ -87,10 +87,8 @@ def with_exif(picture: np.ndarray, ending: str, orientation: int, order: str) ->
 
 
 def test_pictures_are_shown_as_their_exif_says(tmp_path: Path) -> None:
-    shown, path = (
-        np.add.outer(np.arange(48) * 2, np.arange(64)).astype(np.uint8),
-        tmp_path / "a",
-    )
+    shown = np.add.outer(np.arange(48) * 2, np.arange(64)).astype(np.uint8)
+    path = tmp_path / "a"
     for ending, order, (orientation, stored) in product(
         (".png", ".jpg"), "<>", STORED.items()
     ):

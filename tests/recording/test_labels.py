@@ -136,10 +136,8 @@ def test_label_is_the_mean_of_the_window_centred_on_the_frame():
 
 
 def test_a_wrong_sign_a_log_that_starts_in_contact_and_clocks_apart_are_errors():
-    in_contact, late = (
-        -np.r_[np.full(1000, 0.02), np.zeros(1000)],
-        log_of(np.zeros(2000), start_s=100.0),
-    )
+    in_contact = -np.r_[np.full(1000, 0.02), np.zeros(1000)]
+    late = log_of(np.zeros(2000), start_s=100.0)
     for log, time_s, message in [
         (
             log_of(step_and_hold(0.04)),
@@ -442,12 +440,11 @@ def test_pushes_of_one_force_prove_no_shift() -> None:
         ), seed
 
 
-def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_rounding() -> (
-    None
-):
+def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_rounding():
     for later_s, words in [(6.0, "earlier"), (-6.0, "later"), (10.0, "earlier")]:
         rng = np.random.default_rng(1)
-        doubted, shown = recording(rng, later_s), np.array(seen(rng))
+        doubted = recording(rng, later_s)
+        shown = np.array(seen(rng))
         (doubt,) = log_doubts(doubted, CLASSES, shown.tolist())
         assert re.search(
             f"the frames' times are off: .* s {words} than frames.csv says", doubt
@@ -463,7 +460,8 @@ def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_round
 
 
 def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
-    good, unknown = recording(np.random.default_rng(3)), [None] * len(PUSHES_N)
+    good = recording(np.random.default_rng(3))
+    unknown = [None] * len(PUSHES_N)
     wrong = replace(good, info=replace(LOGGED_INFO, force=ForceInfo("fx", -1)))
     assert log_doubts(good, CLASSES, unknown) == ()
     (doubt,) = log_doubts(wrong, CLASSES, unknown)
@@ -508,9 +506,7 @@ THROUGH = [
 ]
 
 
-def test_a_sudden_fall_to_friction_is_a_puncture_and_slow_or_whole_ones_are_not() -> (
-    None
-):
+def test_a_sudden_fall_to_friction_is_a_puncture_and_slow_or_whole_ones_are_not():
     for noise_n in (1e-4, 1e-3, 4e-3):
         log, force_n = pushed(
             [(2.0, 0.0), (3.5, 45.0), (3.503, 13.0), (9.0, 13.0)], noise_n
@@ -538,9 +534,7 @@ def test_a_needle_that_was_drawn_back_as_fast_explains_a_fall() -> None:
     assert len(labels.log_punctures(log, force_n, 1e-3 * log.time_s)) == 1
 
 
-def test_the_frames_of_a_push_after_its_puncture_are_pierced_and_the_next_push_is_not() -> (
-    None
-):
+def test_the_frames_of_a_push_after_its_puncture_are_pierced_and_the_next_push_is_not():
     log, force_n = pushed([*THROUGH, (8.0, 0.0), (9.0, 20.0), (11.0, 20.0)], 1e-4)
     times_s = np.array([3.4, 3.6, 4.5, 5.25, 6.0, 8.5, 10.0])
     found = labels.after_punctures(

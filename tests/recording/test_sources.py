@@ -38,7 +38,8 @@ from scleraforce.recording.sources import (
     source_kind,
 )
 
-nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
+nibabel = pytest.importorskip("nibabel")
+nrrd = pytest.importorskip("nrrd")
 metaimageio = pytest.importorskip("metaimageio")
 
 
@@ -95,10 +96,8 @@ def test_each_kind_is_recognised(tmp_path: Path) -> None:
         "csv": "log",
     }
     for name, write in WRITERS.items():
-        place, kind = (
-            Path(mkdtemp(dir=tmp_path)),
-            known.get(name.rpartition(".")[2], "bag"),
-        )
+        place = Path(mkdtemp(dir=tmp_path))
+        kind = known.get(name.rpartition(".")[2], "bag")
         write(place / name)
         assert source_kind(place / name) == kind
         if kind in ("picture", "tiff", "dicom", "bag"):  # by its content
@@ -253,10 +252,8 @@ def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_
 def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(
     tmp_path: Path,
 ) -> None:
-    table, scan = (
-        tmp_path / "times.csv",
-        Scan(("x/b.png", "x/a.png"), 2, 2, lambda: iter(())),
-    )
+    table = tmp_path / "times.csv"
+    scan = Scan(("x/b.png", "x/a.png"), 2, 2, lambda: iter(()))
     for text, time_s in [
         ("file,time_s\na.png,7\nb.png,5\nother.png,9\n", [5.0, 7.0]),
         ("Time (ms)\n250\n500\n", [0.25, 0.5]),
@@ -304,7 +301,8 @@ def test_damage_is_an_error_that_names_the_file(tmp_path: Path, capfd) -> None:
         np.save(place / "frames.npy", FRAMES)
         sources = [place / name, *([place / "frames.npy"] if name == "log.csv" else [])]
         named = name.endswith((".npy", ".npz", ".nii", ".gz", ".nrrd", ".mha", ".csv"))
-        rng, said = np.random.default_rng(len(name)), []
+        rng = np.random.default_rng(len(name))
+        said = []
         for nth in range(15):
             (place / name).write_bytes(damaged(data, rng, nth))
             try:

@@ -360,10 +360,8 @@ def test_a_resolution_without_resolution_unit_is_per_inch_and_that_is_noted(
         ),
     ]:
         tifffile.imwrite(tmp_path / "a.tif", RAMP, resolution=resolution, **options)
-        data, tag = (
-            (tmp_path / "a.tif").read_bytes(),
-            np.array([296, 3], "<u2").tobytes(),
-        )
+        data = (tmp_path / "a.tif").read_bytes()
+        tag = np.array([296, 3], "<u2").tobytes()
         assert data.count(tag) == 1
         (tmp_path / "a.tif").write_bytes(
             data.replace(tag, np.array([299, 3], "<u2").tobytes())
@@ -420,10 +418,8 @@ def test_ome_and_imagej_state_units_and_as_many_frames_as_there_are_pages(
 def test_ome_resolution_tags_and_pages_that_differ_are_refused_unless_options_give_the_scale(
     tmp_path: Path,
 ) -> None:
-    tags, path = (
-        {"resolution": (1e4 / 10, 1e4 / 4), "resolutionunit": "CENTIMETER"},
-        tmp_path / "a.tif",
-    )
+    tags = {"resolution": (1e4 / 10, 1e4 / 4), "resolutionunit": "CENTIMETER"}
+    path = tmp_path / "a.tif"
     tifffile.imwrite(path, RAMP, **ome("um", 1), **tags)
     with pytest.raises(
         FrameError,
@@ -476,7 +472,8 @@ def test_a_stack_has_the_scale_and_times_of_imagej_or_ome(tmp_path: Path) -> Non
     }
     differing = {"TimeIncrement": 0.1, "Plane": {"DeltaT": [0.0, 0.2, 0.4, 0.6, 0.8]}}
     per_um = {"resolution": (1e-6 / LATERAL_M, 1e-6 / DEPTH_M), "imagej": True}
-    even, even_s = {"TimeIncrement": 40.0, "TimeIncrementUnit": "ms"}, np.arange(COUNT)
+    even = {"TimeIncrement": 40.0, "TimeIncrementUnit": "ms"}
+    even_s = np.arange(COUNT)
     for options, source, time_s, note in [
         (per_um | {"metadata": imagej}, "ImageJ's unit", 0.25 * even_s, ""),
         (
@@ -534,7 +531,8 @@ def test_a_stack_that_was_cut_off_is_damaged(tmp_path: Path) -> None:
             tifffile.imwrite(path, FRAMES, photometric="minisblack", **options)
         np.testing.assert_array_equal(pictures_of(read_tiff(path)), FRAMES)
         with tifffile.TiffFile(path) as file:
-            page, data = file.pages[2].aspage(), path.read_bytes()
+            page = file.pages[2].aspage()
+            data = path.read_bytes()
         between = max(
             page.offset, page.dataoffsets[0] + page.databytecounts[0]
         )  # two pages

@@ -88,7 +88,8 @@ def test_a_nifti_volume_comes_back_with_its_spacing_and_times(tmp_path: Path) ->
 def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_are_refused(
     tmp_path: Path,
 ) -> None:
-    known, ones = (0.015, 0.004, 0.1), (1.0, 1.0, 1.0)
+    known = (0.015, 0.004, 0.1)
+    ones = (1.0, 1.0, 1.0)
     for steps, unit, sform, source in [
         (ones, "mm", None, None),
         (known, "unknown", None, None),

@@ -52,7 +52,8 @@ def test_a_recording_is_read_back_after_each_frame(tmp_path):
 
 
 def test_no_line_lies_across_two_pages_or_is_padded(tmp_path):
-    writer, forces = RecordingWriter(tmp_path / "rec", INFO, "A test."), {}
+    writer = RecordingWriter(tmp_path / "rec", INFO, "A test.")
+    forces = {}
     for columns in (("fz_n",), FORCE_COLUMNS[1:4], FORCE_COLUMNS[1:]):
         (tmp_path / str(len(columns))).mkdir()
         forces[len(columns)] = ForceWriter(tmp_path / str(len(columns)), columns)
@@ -105,7 +106,8 @@ def test_the_log_has_the_name_under_which_it_is_read_exactly_while_its_reader_ta
         seen = set()
         for time_s in times(gaps) + start * 0.01:
             log.add(time_s, [0.001])
-            fast, slow = place / "forces.csv", place / "robot_forces.csv"
+            fast = place / "forces.csv"
+            slow = place / "robot_forces.csv"
             seen.add(fast.exists())
             if fast.exists():
                 read_force_log(fast, "fz")
@@ -143,10 +145,8 @@ def test_opencv_and_pillow_read_back_every_pixel_of_a_frame_that_is_not_compress
     tmp_path,
 ):
     for rows, columns in [(2, 2), (2, 3), (512, 512), (3, 16384), (700, 2)]:
-        pixels, place = (
-            RNG.integers(0, 2**16, (rows, columns)).astype(np.uint16),
-            tmp_path / f"{rows}x{columns}",
-        )
+        pixels = RNG.integers(0, 2**16, (rows, columns)).astype(np.uint16)
+        place = tmp_path / f"{rows}x{columns}"
         RecordingWriter(place, INFO, "A test.").add("1.png", 0.0, pixels)
         frame = place / "frames" / "1.png"
         assert (
@@ -322,14 +322,10 @@ def test_a_sequence_is_what_slicer_reads_and_can_be_imported_again(
 def test_an_mcap_is_in_the_order_of_its_times_and_can_be_imported_again(
     tmp_path: Path,
 ) -> None:
-    highlevel, reader = (
-        pytest.importorskip("rosbags.highlevel"),
-        pytest.importorskip("mcap.reader"),
-    )
-    recording, origin_s = (
-        read_recording(write_small_recording(tmp_path / "r", frames=6)),
-        1_700_000_000.0,
-    )
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    reader = pytest.importorskip("mcap.reader")
+    recording = read_recording(write_small_recording(tmp_path / "r", frames=6))
+    origin_s = 1_700_000_000.0
     answer = {
         "predicted_force_mn": 3.0,
         "interval_mn": [2.0, 5.0],

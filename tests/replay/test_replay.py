@@ -121,7 +121,8 @@ def clocked_player(path, **settings) -> tuple[Player, ClockedClient]:
 
 
 def test_every_frame_goes_out_at_its_time_and_no_delay_adds_up(tmp_path) -> None:
-    path, went_s = write_small_recording(tmp_path / "rec", frames=40, log=False), []
+    path = write_small_recording(tmp_path / "rec", frames=40, log=False)
+    went_s = []
     player, client = clocked_player(path, speed=2.0)
 
     def watch() -> None:
@@ -139,7 +140,8 @@ def test_every_frame_goes_out_at_its_time_and_no_delay_adds_up(tmp_path) -> None
 def test_a_replay_that_is_late_catches_up_at_twice_the_pace_and_in_no_burst(
     tmp_path,
 ) -> None:
-    path, went_s = write_small_recording(tmp_path / "rec", frames=60, log=False), []
+    path = write_small_recording(tmp_path / "rec", frames=60, log=False)
+    went_s = []
     player, client = clocked_player(path)
 
     def watch() -> None:
@@ -198,7 +200,8 @@ def test_the_needles_travel_goes_out_just_before_its_frame(tmp_path) -> None:
 
 def test_the_times_of_a_late_replay_show_its_delay_but_for_50_ms(tmp_path) -> None:
     """The monitor would take a larger one for the scanner's."""
-    path, late_s = write_small_recording(tmp_path / "rec", frames=30), 0.2
+    path = write_small_recording(tmp_path / "rec", frames=30)
+    late_s = 0.2
     player, client = clocked_player(path, version=2)
 
     def watch() -> None:
@@ -302,7 +305,9 @@ def test_with_preload_every_frame_is_read_before_the_first_goes_out(
     tmp_path, capsys, monkeypatch
 ) -> None:
     path = write_small_recording(tmp_path / "rec", frames=60, log=False)
-    sent, read = [], Player._read  # frames sent, before each is read
+    # frames sent, before each is read
+    sent = []
+    read = Player._read
     monkeypatch.setattr(
         Player,
         "_read",
@@ -317,7 +322,8 @@ def test_with_preload_every_frame_is_read_before_the_first_goes_out(
 def test_a_frame_that_cannot_be_read_ends_it_with_the_files_name(tmp_path) -> None:
     path = write_small_recording(tmp_path / "rec", frames=10, log=False)
     (path / "frames" / "0006.png").write_bytes(b"no png")
-    recording, log = read_recording(path), AnswerLog()
+    recording = read_recording(path)
+    log = AnswerLog()
     with fake_monitor() as monitor:
         client = ScannerClient("127.0.0.1", monitor.port, log.hear)
         with pytest.raises(FrameError, match=r"0006\.png"):
@@ -497,13 +503,15 @@ def test_a_message_that_comes_through_both_connections_is_heard_once() -> None:
         assert sum(isinstance(message, Text) for _, _, message in heard) == 3
 
 
-def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanwhile() -> (
-    None
-):
+def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanwhile():
     heard = []
     with fake_monitor() as monitor:
-        hear, clock = lambda *said: heard.append(said), lambda: 2.0 * len(heard)
-        client = ScannerClient("127.0.0.1", monitor.port, hear, clock=clock)
+        client = ScannerClient(
+            "127.0.0.1",
+            monitor.port,
+            lambda *said: heard.append(said),
+            clock=lambda: 2.0 * len(heard),
+        )
         monitor.reads = False
         with pytest.raises(LinkError, match="has read nothing for 5 s"):
             client.send(

@@ -45,7 +45,9 @@ from scleraforce.service.session import Session
 
 FRAMES = 200
 FORCES_N = np.concatenate([np.zeros(20), np.linspace(0.0, 0.04, FRAMES - 20)])
-AT_S, SPEED = 1.3, 4.0  # frame 31 of 400 a second
+# frame 31 of 400 a second
+AT_S = 1.3
+SPEED = 4.0
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +78,8 @@ def inject_through(
 def injected(
     recording, name: str, version: int, decide=lambda _: None, seed: int = 0
 ) -> tuple[MonitorRule, FaultReport]:
-    monitor, log = MonitorRule(decide), AnswerLog()
+    monitor = MonitorRule(decide)
+    log = AnswerLog()
     return monitor, inject_through(
         ClockedClient(monitor, log.hear), log, recording, name, version, seed
     )
@@ -98,7 +101,8 @@ class WithdrawsAfter:
     """Says EMERGENCY at the n-th event after the frames before the fault."""
 
     def __init__(self, events: int, sub_code: int) -> None:
-        self.left, self.status = 30 + events, Status(3, sub_code, "", "WITHDRAW: seen")
+        self.left = 30 + events
+        self.status = Status(3, sub_code, "", "WITHDRAW: seen")
 
     def __call__(self, event) -> Status | None:
         counts = event is None or isinstance(event, BadChecksum | Malformed)
@@ -312,7 +316,8 @@ def test_a_fault_that_cannot_be_is_one_clear_line(recording) -> None:
 @pytest.fixture
 def clocked(monkeypatch: pytest.MonkeyPatch):
     """Commands speak to this monitor at the time that their client keeps; gives it, and the clients."""
-    monitor, clients = MonitorRule(), []
+    monitor = MonitorRule()
+    clients = []
 
     def client(_host: str, _port: int, hear, *, observed: bool) -> ClockedClient:
         assert observed
@@ -453,7 +458,8 @@ def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(
     ruled, monkeypatch
 ) -> None:
     monkeypatch.setattr(player_module, "ANSWER_S", FUSE_S)
-    clock, log = TurnedClock(), AnswerLog()
+    clock = TurnedClock()
+    log = AnswerLog()
     with (
         serving(clock=clock) as port,
         closing(ScannerClient("127.0.0.1", port, log.hear)) as client,

@@ -88,10 +88,8 @@ MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
 
 def answers() -> Evaluation:
     """Six frames of two eyes: one misread, one not usable, one over the largest force, one used for calibration."""
-    a, b = (
-        {"recording": "rec/a", "eye": "eye a"},
-        {"recording": "rec/b", "eye": "eye <b>"},
-    )
+    a = {"recording": "rec/a", "eye": "eye a"}
+    b = {"recording": "rec/b", "eye": "eye <b>"}
     withdraw = {"target": 2, "predicted": 2, "probabilities": (0.0, 0.0, 1.0)}
     frames = (
         frame_answer(
@@ -556,9 +554,7 @@ def legend_of(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def test_residuals_are_read_minus_measured_forces_with_their_intervals_and_limits_of_agreement() -> (
-    None
-):
+def test_residuals_are_read_minus_measured_forces_with_their_intervals_and_limits_of_agreement():
     figure = draw_residuals(read_evaluation())
     (axes,) = figure.axes
     lines = {line.get_label(): np.column_stack(line.get_data()) for line in axes.lines}
@@ -766,9 +762,7 @@ def test_a_figure_has_as_much_ink_in_dark_mode_as_in_light(
         assert inked[1] > 0.6 * inked[0]
 
 
-def test_the_overlap_of_slices_is_1_if_they_are_the_same_and_0_if_they_have_nothing_in_common() -> (
-    None
-):
+def test_the_overlap_of_slices_is_1_if_they_are_the_same_and_0_if_they_have_nothing_in_common():
     half = np.repeat(np.array([[255, 0]], dtype=np.uint8), 7, axis=1)
     assert [dice(half, other) for other in (half, 255 - half, 0 * half)] == [
         1.0,
@@ -778,7 +772,8 @@ def test_the_overlap_of_slices_is_1_if_they_are_the_same_and_0_if_they_have_noth
     assert dice(0 * half, 0 * half) == 1.0
 
 
-WIDTH_M, COLUMNS = 15e-3, 512
+WIDTH_M = 15e-3
+COLUMNS = 512
 LATERAL_M = (np.arange(COLUMNS) + 0.5) * WIDTH_M / COLUMNS
 
 
@@ -797,9 +792,7 @@ def wall() -> Section:
     return Section(outer, outer + np.array([0.0, 0.5e-3]))
 
 
-def test_a_wall_is_laid_on_the_surface_though_a_third_of_it_is_unseen_or_in_the_middle() -> (
-    None
-):
+def test_a_wall_is_laid_on_the_surface_though_a_third_of_it_is_unseen_or_in_the_middle():
     for shift_m, down_m in ((0.0, 0.4e-3), (0.25e-3, 0.9e-3), (-0.4e-3, 0.1e-3)):
         surface_m = dented(LATERAL_M - WIDTH_M / 2 - shift_m) + down_m
         surface_m[100:270] = np.nan

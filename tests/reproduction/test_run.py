@@ -182,7 +182,8 @@ def _own_sources() -> Iterator[None]:
 def test_results_of_other_code_are_made_again_once_and_one_line_says_so(
     tmp_path: Path, monkeypatch
 ) -> None:
-    stages, lines = (stage("a", resumes=True), stage("b")), []
+    stages = (stage("a", resumes=True), stage("b"))
+    lines = []
     run_in(tmp_path, *stages, say=lines.append)
     (tmp_path / "a" / "old").write_text("")
     monkeypatch.setattr(reproduction, "hash_sources", lambda *_: "0" * 64)
@@ -205,16 +206,12 @@ def test_a_broken_state_is_refused(tmp_path: Path) -> None:
             open_run(tmp_path, Study(), 1)
 
 
-def test_every_pose_of_the_virtual_laboratory_lies_in_the_framing_of_the_data_set() -> (
-    None
-):
+def test_every_pose_of_the_virtual_laboratory_lies_in_the_framing_of_the_data_set():
     study = framed_for_laboratory(Study())
     rng = np.random.default_rng(1)
     poses = [sample_pose(study.phantom, rng) for _ in range(500)]
-    lateral, depth = (
-        study.dataset.framing_lateral_m.bounds,
-        study.dataset.framing_depth_m.bounds,
-    )
+    lateral = study.dataset.framing_lateral_m.bounds
+    depth = study.dataset.framing_depth_m.bounds
     offsets = [pose.depth_m - study.slice.margin_m for pose in poses]
     assert lateral[0] < min(pose.lateral_m for pose in poses)
     assert max(pose.lateral_m for pose in poses) < lateral[1]
@@ -236,7 +233,8 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
     tmp_path: Path, monkeypatch
 ) -> None:
     """The search of the stiffening goes through each frame several times; linear mechanics once."""
-    library, counted = made_up_library(), []
+    library = made_up_library()
+    counted = []
 
     def calibrate(
         recordings: Sequence[Frames],
@@ -269,9 +267,7 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
     )
 
 
-def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_a_pixel() -> (
-    None
-):
+def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_a_pixel():
     # Pressure and weight do not scale with the force; what they add is what the relabelling neglects.
     mesh = build_mesh(12e-3, 0.6e-3, 8, 0, 1, 2)
     wall = LinearWall(mesh, 0.45)
@@ -279,7 +275,8 @@ def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_
     modes_knc = np.stack(
         [266.0 * wall.pressure_nc, wall.needle_cnc([plane.contact], 0.35e-3)[0]]
     )
-    here, there = 0.25e6, 0.28e6
+    here = 0.25e6
+    there = 0.28e6
     weights_fk = np.array([[1.0 / here, 0.03 / here], [1.0 / there, 0.03 / here]])
     one, other = cut_sections(mesh, [plane], modes_knc, weights_fk[None])[0]
     assert np.abs(one.outer - other.outer).max() < 1e-5

@@ -26,7 +26,8 @@ def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(
     force_mn: int, shipped: WallFinder
 ) -> None:
     frame = image(wall_section(tip_of(force_mn / 1e3)))
-    alone, checked = find_wall(frame, SCALE), find_wall(frame, SCALE, finder=shipped)
+    alone = find_wall(frame, SCALE)
+    checked = find_wall(frame, SCALE, finder=shipped)
     assert alone.usable
     assert checked.usable, checked.reason
     again = find_wall(frame, SCALE)
@@ -67,10 +68,8 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(
 
 def test_what_a_needle_hides_speaks_against_nothing() -> None:
     frame = image(wall_section(tip_of(0.015)))
-    found, column = (
-        find_wall(frame, SCALE),
-        np.rint(reduced_columns(512, HALF)).astype(int),
-    )
+    found = find_wall(frame, SCALE)
+    column = np.rint(reduced_columns(512, HALF)).astype(int)
     rows = (
         (boundary[column] + 0.5) / 4 - 0.5
         for boundary in (found.outer_row, found.inner_row)
@@ -97,14 +96,10 @@ def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(
     dent_m: float,
 ) -> None:
     """The network sees a wall in some columns of the gap, and both methods agree elsewhere."""
-    rng, scale = (
-        np.random.default_rng(2),
-        PixelScale(lateral_m=15e-3 / 300, depth_m=4e-3 / 256),
-    )
-    lateral_m, depth_m = (
-        (np.arange(300) - 149.5) * scale.lateral_m,
-        (np.arange(256)[:, None] + 0.5) * scale.depth_m,
-    )
+    rng = np.random.default_rng(2)
+    scale = PixelScale(lateral_m=15e-3 / 300, depth_m=4e-3 / 256)
+    lateral_m = (np.arange(300) - 149.5) * scale.lateral_m
+    depth_m = (np.arange(256)[:, None] + 0.5) * scale.depth_m
     top_m = (
         0.5e-3
         + 12e-3
@@ -116,17 +111,16 @@ def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(
         np.uint16
     )
     at = np.rint(reduced_columns(300, HALF)).astype(int)
-    outer, thickness = (
-        np.minimum(top_m[at] / scale.depth_m - 0.5, 235.0),
-        0.6e-3 / scale.depth_m,
-    )
+    outer = np.minimum(top_m[at] / scale.depth_m - 0.5, 235.0)
+    thickness = 0.6e-3 / scale.depth_m
     finder = fixed_finder(
         *(
             (row + 0.5) / 2 - 0.5
             for row in (outer, np.minimum(outer + thickness, 253.0))
         )
     )
-    alone, checked = find_wall(frame, scale), find_wall(frame, scale, finder=finder)
+    alone = find_wall(frame, scale)
+    checked = find_wall(frame, scale, finder=finder)
     assert checked.usable, checked.reason
     gap = np.isnan(alone.outer_row)
     inside = slice(*np.flatnonzero(~gap)[[0, -1]])
@@ -136,7 +130,8 @@ def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(
     np.testing.assert_array_equal(np.isnan(checked.outer_row)[inside], gap[inside])
 
 
-ROWS, COLUMNS = 200, 120
+ROWS = 200
+COLUMNS = 120
 STEP = np.full(COLUMNS, 4.0)  # rows
 OUTER = np.full(COLUMNS, 49.5)
 STRETCH = slice(40, 60)
@@ -165,7 +160,8 @@ def moved(by: float, where: slice = STRETCH) -> np.ndarray:
 def test_the_boundary_where_light_falls_is_taken_whichever_wall_has_it(
     by: float,
 ) -> None:
-    straight, swerved = wall(moved(0.0)), wall(moved(by))
+    straight = wall(moved(0.0))
+    swerved = wall(moved(by))
     for true in (straight, swerved):
         frame = bright_to(true.inner_row)
         for finer, other in ((straight, swerved), (swerved, straight)):
@@ -176,7 +172,8 @@ def test_the_boundary_where_light_falls_is_taken_whichever_wall_has_it(
 
 def test_a_stretch_is_decided_as_a_whole_and_each_by_itself() -> None:
     """Single columns would fall to either side in such noise."""
-    other, true = moved(8.0), moved(8.0)
+    other = moved(8.0)
+    true = moved(8.0)
     other[80:100] += 8.0
     joined = joined_walls(
         bright_to(true, noise=600.0), wall(moved(0.0)), wall(other), STEP
@@ -192,11 +189,10 @@ def test_what_parts_less_than_the_other_way_can_tell_stays_the_finer_walls() -> 
     np.testing.assert_array_equal(joined.inner_row, true)
 
 
-def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other() -> (
-    None
-):
+def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other():
     beyond = moved(150.0)
-    dark, lit = bright_to(moved(0.0)), bright_to(beyond, noise=0.0)
+    dark = bright_to(moved(0.0))
+    lit = bright_to(beyond, noise=0.0)
     lit[100:] += np.arange(100, dtype=np.uint16)[
         :, None
     ]  # it gets brighter: row 110 is not a boundary
@@ -212,7 +208,8 @@ def test_light_that_falls_at_the_frames_edge_or_for_a_few_rows_is_not_the_walls_
     by: float, rows: slice, more: int
 ) -> None:
     """A program may leave the last two rows black; three rows above row 60 are brighter: light falls there by more."""
-    elsewhere, frame = moved(by), bright_to(moved(0.0), noise=0.0)
+    elsewhere = moved(by)
+    frame = bright_to(moved(0.0), noise=0.0)
     frame[rows] += np.int64(more).astype(np.uint16)
     for finer, other in ((moved(0.0), elsewhere), (elsewhere, moved(0.0))):
         np.testing.assert_array_equal(
@@ -220,9 +217,7 @@ def test_light_that_falls_at_the_frames_edge_or_for_a_few_rows_is_not_the_walls_
         )
 
 
-def test_where_only_the_other_way_sees_the_wall_it_is_the_others_but_behind_a_needle() -> (
-    None
-):
+def test_where_only_the_other_way_sees_the_wall_it_is_the_others_but_behind_a_needle():
     gap = np.where((np.arange(COLUMNS) >= 10) & (np.arange(COLUMNS) < 50), nan, 0.0)
     needle = SeenNeedle(
         angle_rad=0.0,

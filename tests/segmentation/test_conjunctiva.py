@@ -121,9 +121,7 @@ def surface_m(frame: np.ndarray, found: Segmentation, told_m: float) -> float:
     )
 
 
-def test_a_step_is_taken_for_the_wall_where_the_given_thickness_asks_for_it_and_it_is_large() -> (
-    None
-):
+def test_a_step_is_taken_for_the_wall_where_the_given_thickness_asks_for_it_and_it_is_large():
     frame, found = layers((0.0, 2000.0), (0.14e-3, 2200.0))
     assert surface_m(frame, found, 0.66e-3) == pytest.approx(0.14e-3, abs=10e-6)
     assert (
@@ -139,9 +137,7 @@ def test_a_step_is_taken_for_the_wall_where_the_given_thickness_asks_for_it_and_
     assert below_conjunctiva(frame, SCALE, found, 0.66e-3) is found
 
 
-def test_nothing_is_found_where_the_thickness_is_untold_or_fits_both_surfaces_look_alike_or_no_wall_was_found() -> (
-    None
-):
+def test_nothing_is_found_where_the_thickness_is_untold_or_fits_both_surfaces_look_alike_or_no_wall_was_found():
     made = bscan(layer(140e-6, 2), 2)
     first = find_wall(made.frame, SCALE)
     for told_m in (None, first.thickness_m, 2 * first.thickness_m):

@@ -35,13 +35,16 @@ def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(
 
 def contrast_by_arrays(frame: np.ndarray) -> float:
     rows = frame[:: max(1, len(frame) // light.LOOKED_AT_ROWS)].astype(np.int32)
-    one, other = rows[:, light.PAIR_COLUMNS :], rows[:, : -light.PAIR_COLUMNS]
+    one = rows[:, light.PAIR_COLUMNS :]
+    other = rows[:, : -light.PAIR_COLUMNS]
     lit = (one > 0) & (other > 0)
-    one, other = one[lit], other[lit]
+    one = one[lit]
+    other = other[lit]
     if len(one) < light.LEAST_PAIRS:
         return 0.0
     total = one + other
-    place, mean = int(light.DIMMER * len(total)), total >> 1
+    place = int(light.DIMMER * len(total))
+    mean = total >> 1
     brightest = mean >= np.partition(mean, place)[place]
     shares = np.abs(one - other)[brightest].astype(np.float32) / total[
         brightest
@@ -110,10 +113,8 @@ def test_walls_of_linear_frames_are_found_as_in_logarithmic_ones(
 ) -> None:
     """In the counts themselves both methods differ in most of these frames, which are then not usable."""
     for seed in range(7210, 7216):
-        frame, logarithmic = (
-            drawn_counts(seed, **LINEAR),
-            drawn_counts(seed, **(LINEAR | {"display": "logarithmic"})),
-        )
+        frame = drawn_counts(seed, **LINEAR)
+        logarithmic = drawn_counts(seed, **(LINEAR | {"display": "logarithmic"}))
         expected = find_wall(logarithmic, SCALE, finder=shipped)
         assert expected.usable
         for way in (find_wall, partial(find_wall, finder=shipped)):

@@ -85,9 +85,7 @@ def test_the_axis_is_midway_between_two_sides_which_converge_where_the_shaft_lea
     assert abs(needle.angle_rad - radians(angle_deg)) > radians(2.0)  # of one side
 
 
-def test_a_bevel_in_a_shallow_frame_does_not_tell_the_axis_and_a_long_side_does() -> (
-    None
-):
+def test_a_bevel_in_a_shallow_frame_does_not_tell_the_axis_and_a_long_side_does():
     bevelled = replace(
         STEEL,
         diameter_m=0.7e-3,
@@ -140,17 +138,16 @@ BESIDE = 24  # columns
 def test_right_beside_a_needle_the_wall_ends_where_it_would_without_one_and_a_steep_dent_is_not_smoothed(
     dent_m: float,
 ) -> None:
-    without, worst = find_wall(frame_of(None, dent_m, seed=3)[0], SCALE), []
+    without = find_wall(frame_of(None, dent_m, seed=3)[0], SCALE)
+    worst = []
     for diameter_m in (0.3e-3, 0.7e-3):
         found = find_wall(
             frame_of(replace(STEEL, diameter_m=diameter_m), dent_m, seed=3)[0], SCALE
         )
         first, after = found.needle.hidden
         beside = slice(first - BESIDE, first), slice(after, after + BESIDE)
-        off, off_m = (
-            np.abs(found.inner_row - without.inner_row),
-            np.abs(surface_error_m(found.outer_row, dent_m)),
-        )
+        off = np.abs(found.inner_row - without.inner_row)
+        off_m = np.abs(surface_error_m(found.outer_row, dent_m))
         assert max(np.nanmax(off[side]) for side in beside) < 4.0
         worst += [np.nanmax(off_m[side]) for side in beside]
     assert (
@@ -195,9 +192,7 @@ def test_nothing_else_is_taken_for_a_needle(
         assert find_wall(frame, SCALE).needle is None, name
 
 
-def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_not_needles() -> (
-    None
-):
+def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_not_needles():
     frame, _ = frame_of(None, 0.0)
     flare = frame.copy()
     flare[:, 255:264] = np.maximum(flare[:, 255:264], 3000)

@@ -32,9 +32,7 @@ def bowl(noise_m: float, rng: np.random.Generator, width: int = 1) -> Boundaries
     return Boundaries(LATERAL, depth, 1e-9)
 
 
-def test_half_of_the_points_lie_on_each_boundary_at_the_same_places_every_time() -> (
-    None
-):
+def test_half_of_the_points_lie_on_each_boundary_at_the_same_places_every_time():
     rng = np.random.default_rng(0)
     first, second = (observe_points(bowl(5e-6, rng), 9, 0.0, 4e-3) for _ in range(2))
     assert first.boundary.tolist() == [0] * 5 + [1] * 4
@@ -58,7 +56,8 @@ def test_stated_noise_is_the_error_that_points_have(width: int) -> None:
 
 def test_roughness_tells_size_and_correlation_of_the_noise() -> None:
     rng = np.random.default_rng(2)
-    plain, blurred = roughness(bowl(10e-6, rng), 0), roughness(bowl(10e-6, rng, 4), 0)
+    plain = roughness(bowl(10e-6, rng), 0)
+    blurred = roughness(bowl(10e-6, rng, 4), 0)
     assert plain.sd_m == pytest.approx(10e-6, rel=0.15)
     assert plain.columns_as_one() < 1.5
     assert 2.0 < blurred.columns_as_one() < 7.0
@@ -79,7 +78,8 @@ def segmentation(
 
 
 def test_refraction_stretches_the_wall_but_not_what_lies_above_it() -> None:
-    outer, scale = np.full(300, 100.0), PixelScale(lateral_m=30e-6, depth_m=10e-6)
+    outer = np.full(300, 100.0)
+    scale = PixelScale(lateral_m=30e-6, depth_m=10e-6)
     seen = segmented_boundaries(
         segmentation(outer, outer + 68.0, 0.5e-3), replace(scale, refractive_index=1.36)
     )
@@ -88,7 +88,8 @@ def test_refraction_stretches_the_wall_but_not_what_lies_above_it() -> None:
 
 
 def test_inner_boundary_is_unseen_where_the_frame_ends_or_the_wall_is_uneven() -> None:
-    outer, scale = np.full(300, 100.0), PixelScale(lateral_m=30e-6, depth_m=10e-6)
+    outer = np.full(300, 100.0)
+    scale = PixelScale(lateral_m=30e-6, depth_m=10e-6)
     outer[:60] = 380.0
     inner = outer + 50.0
     inner[250:] += 20.0
@@ -159,10 +160,8 @@ def test_a_pixel_is_wall_where_its_middle_lies_between_the_lines_through_columns
             rows[one] + share * (rows[other] - rows[one]) + 0.5
             for rows in (outer_row, inner_row)
         )
-        outer_m, inner_m = (
-            outer * scale.depth_m,
-            (outer + (inner - outer) / scale.refractive_index) * scale.depth_m,
-        )
+        outer_m = outer * scale.depth_m
+        inner_m = (outer + (inner - outer) / scale.refractive_index) * scale.depth_m
         middle_m = (
             np.arange(40) + 0.5 + np.array([[0.0], [0.3], [-0.3]])
         ) * SLICE.pixel_m

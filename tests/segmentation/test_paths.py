@@ -12,7 +12,8 @@ from scleraforce.segmentation.wall_finder import smooth_path
 def naive_best_path(score: np.ndarray, reach: int) -> np.ndarray:
     """Viterbi's algorithm, state by state."""
     columns, rows = score.shape
-    total, came_from = score[0].astype(np.float64), np.zeros((columns, rows), dtype=int)
+    total = score[0].astype(np.float64)
+    came_from = np.zeros((columns, rows), dtype=int)
     for column in range(1, columns):
         before = [
             max(
@@ -21,7 +22,8 @@ def naive_best_path(score: np.ndarray, reach: int) -> np.ndarray:
             )
             for r in range(rows)
         ]
-        came_from[column], total = before, score[column] + total[before]
+        came_from[column] = before
+        total = score[column] + total[before]
     path = [int(total.argmax())]
     for column in range(columns - 1, 0, -1):
         path.append(came_from[column, path[-1]])
@@ -39,7 +41,8 @@ def test_columns_whose_best_rows_lie_astray_do_not_lead_the_path_astray(
 
 
 def check_path(astray: int, reach: int, rng: np.random.Generator) -> None:
-    columns, rows = 32, 40
+    columns = 32
+    rows = 40
     ridge = np.rint(20 + 12 * np.sin(np.arange(columns) / 6)).astype(int)
     score = rng.random((columns, rows)).astype(np.float32)
     score[np.arange(columns), ridge] += 1.0
@@ -53,10 +56,8 @@ def check_path(astray: int, reach: int, rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("seed", range(12))
 def test_no_other_path_has_a_larger_sum_also_where_steps_are_free(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    score, cost = (
-        rng.normal(size=(5, 4)).astype(np.float32),
-        (rng.uniform(0.0, 1.0, 4) * (rng.random(4) < 0.7)).astype(np.float32),
-    )
+    score = rng.normal(size=(5, 4)).astype(np.float32)
+    cost = (rng.uniform(0.0, 1.0, 4) * (rng.random(4) < 0.7)).astype(np.float32)
 
     def total(path: tuple[int, ...]) -> float:
         return float(

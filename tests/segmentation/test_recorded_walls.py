@@ -56,10 +56,8 @@ def draw_frames(count: int) -> list[Pixels]:
 
 
 def needle_frame(angle_deg: float) -> Pixels:
-    shaft, rng = (
-        replace(STEEL, diameter_m=0.3e-3, angle_rad=radians(angle_deg)),
-        np.random.default_rng(0),
-    )
+    shaft = replace(STEEL, diameter_m=0.3e-3, angle_rad=radians(angle_deg))
+    rng = np.random.default_rng(0)
     drawn = replace(
         sample_optics(STUDY.phantom, STUDY.oct, rng), snr_db=25.0, shadows=()
     )

@@ -62,7 +62,8 @@ EYES = {
 
 @pytest.mark.slow
 def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_asked_for():
-    rng, reached = np.random.default_rng(2), list[float]()
+    rng = np.random.default_rng(2)
+    reached = list[float]()
     study = replace(STUDY, mesh=replace(STUDY.mesh, divisions=8, level=0))
     for number in range(5):
         eye = PhantomEye(
@@ -107,7 +108,8 @@ def test_the_wall_ends_where_the_choroid_begins_however_thin_that_is(
         "covers": (),
     }
     bscan = phantom(dented_wall(0.76e-3, 0.0), seed, **optics, **bright)
-    found, truth = find_wall(bscan.frame, SCALE), bscan.truth_mask > 0
+    found = find_wall(bscan.frame, SCALE)
+    truth = bscan.truth_mask > 0
     last = len(truth) - truth[::-1].argmax(axis=0) - 0.5
     seen = truth.any(axis=0) & np.isfinite(found.inner_row) & (last < len(truth) - 10)
     assert found.thickness_m == pytest.approx(0.76e-3, rel=0.02)
@@ -115,7 +117,8 @@ def test_the_wall_ends_where_the_choroid_begins_however_thin_that_is(
 
 
 def test_black_bands_show_no_wall_and_missing_columns_are_bridged(bscan: Bscan):
-    found, frame = find_wall(bscan.frame, SCALE), bscan.frame.copy()
+    found = find_wall(bscan.frame, SCALE)
+    frame = bscan.frame.copy()
     band = ~frame.any(axis=0)
     assert band.sum() > 20
     assert not found.mask[:, band].any()
@@ -126,10 +129,8 @@ def test_black_bands_show_no_wall_and_missing_columns_are_bridged(bscan: Bscan):
 
 
 def test_horizontal_lines_and_covers_above_the_tissue_are_not_the_surface():
-    line, cover = (
-        {"level_db": 25.0, "thickness_m": 12e-6},
-        {"level_db": 30.0, "thickness_m": 16e-6},
-    )
+    line = {"level_db": 25.0, "thickness_m": 12e-6}
+    cover = {"level_db": 30.0, "thickness_m": 16e-6}
     lines = tuple(
         Line(depth_m=depth_m, **line) for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3)
     )
@@ -176,7 +177,8 @@ def test_any_scale_will_do(pixel_um: float):
 
 
 def test_iris_and_lens_below_the_wall_are_not_wall(bscan: Bscan):
-    frame, plain = bscan.frame.copy(), find_wall(bscan.frame, SCALE)
+    frame = bscan.frame.copy()
+    plain = find_wall(bscan.frame, SCALE)
     frame[430:480, 40:470] = np.random.default_rng(0).integers(1500, 4000, (50, 430))
     assert np.nanmax(np.abs(find_wall(frame, SCALE).outer_row - plain.outer_row)) < 3.0
 
@@ -211,10 +213,8 @@ def test_depth_in_tissue_is_optical_depth_over_the_refractive_index():
 
 
 def test_a_frame_without_a_wall_is_not_usable_and_says_why():
-    rng, corner = (
-        np.random.default_rng(0),
-        np.triu(np.ones((512, 512), bool)) & (np.arange(512) < 200)[:, None],
-    )
+    rng = np.random.default_rng(0)
+    corner = np.triu(np.ones((512, 512), bool)) & (np.arange(512) < 200)[:, None]
     for frame, reason in (
         (np.zeros((512, 512), np.uint16), "empty"),
         (np.full((512, 512), 900, np.uint16), "empty"),

@@ -68,10 +68,9 @@ def at_every_column(rows: np.ndarray) -> np.ndarray:
     return np.interp(np.arange(512), reduced_columns(512, HALF), (rows + 0.5) * 4 - 0.5)
 
 
-def test_the_boundary_is_the_mean_of_its_rows_and_the_uncertainty_their_spread() -> (
-    None
-):
-    outer, inner = np.linspace(20.3, 40.7, HALF), np.linspace(60.2, 70.9, HALF)
+def test_the_boundary_is_the_mean_of_its_rows_and_the_uncertainty_their_spread():
+    outer = np.linspace(20.3, 40.7, HALF)
+    inner = np.linspace(60.2, 70.9, HALF)
     seen = fixed_finder(outer, inner, sd=1.5).find(FRAME)
     assert seen.outer_row == pytest.approx((outer + 0.5) * 4 - 0.5, abs=0.4)
     assert seen.inner_row == pytest.approx((inner + 0.5) * 4 - 0.5, abs=0.4)
@@ -80,9 +79,7 @@ def test_the_boundary_is_the_mean_of_its_rows_and_the_uncertainty_their_spread()
     assert seen.there.all()
 
 
-def test_two_places_that_are_both_likely_make_it_unsure_and_the_path_stays_on_one() -> (
-    None
-):
+def test_two_places_that_are_both_likely_make_it_unsure_and_the_path_stays_on_one():
     """In five columns the other place is a little likelier."""
     outer = np.full(HALF, 30.0)
     share = np.full(HALF, 0.9)
@@ -110,9 +107,7 @@ def test_the_thickness_does_not_jump_where_another_place_is_a_little_likelier() 
     assert (seen.inner_sd[30:50] > 4 * 15).all()
 
 
-def test_a_column_without_wall_or_with_its_inner_boundary_above_shows_none_and_a_wall_at_an_edge_continues() -> (
-    None
-):
+def test_a_column_without_wall_or_with_its_inner_boundary_above_shows_none_and_a_wall_at_an_edge_continues():
     outer = np.where(np.arange(HALF) < 30, np.nan, 30.0)
     seen = fixed_finder(outer, outer + 20).find(FRAME)
     assert np.array_equal(seen.there, np.arange(HALF) >= 30)
@@ -129,9 +124,7 @@ def test_a_column_without_wall_or_with_its_inner_boundary_above_shows_none_and_a
     assert (seen.inner_row > 511.0).all()
 
 
-def test_a_network_with_other_outputs_or_answers_that_are_not_finite_is_refused() -> (
-    None
-):
+def test_a_network_with_other_outputs_or_answers_that_are_not_finite_is_refused():
     session = FixedSession(np.full((2, STUDY.rows, HALF), np.nan), np.ones(HALF))
     with pytest.raises(ModelError, match="drawn: inputs: found"):
         WallFinder(session, replace(STUDY, rows=64), "drawn")
@@ -155,7 +148,8 @@ def test_the_refined_wall_is_as_good_as_the_other_way(
 ) -> None:
     bscan, *wall = seen_wall(thickness_m, dent_m, seed=3)
     finder = fixed_finder(*wall, sd=1.0)
-    checked, other = refined(bscan.frame, finder), find_wall(bscan.frame, SCALE)
+    checked = refined(bscan.frame, finder)
+    other = find_wall(bscan.frame, SCALE)
     assert checked.inner_found
     assert dice(checked.mask, bscan.truth_mask) > max(
         0.97, dice(other.mask, bscan.truth_mask) - 0.003
@@ -178,9 +172,7 @@ def test_a_needle_that_the_other_method_sees_is_kept_whichever_wall_is_shown() -
         assert checked_by(finder, bscan.frame, SCALE, found, found).needle == needle
 
 
-def test_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most_and_a_farther_edge_is_another_things() -> (
-    None
-):
+def test_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most_and_a_farther_edge_is_another_things():
     """Its lower boundary is given 0.8 rows too high on the left, where the edge is; 3 too low on the right: too far.
 
     Then its surface is given 3 rows too high: where `find_wall` sees the edge is not what it sees.
@@ -203,9 +195,7 @@ def test_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most_and_a_farther_
     assert not checked.usable
 
 
-def test_a_wall_beyond_the_frame_ends_1_mm_below_its_surface_and_one_that_leaves_it_keeps_its_thickness() -> (
-    None
-):
+def test_a_wall_beyond_the_frame_ends_1_mm_below_its_surface_and_one_that_leaves_it_keeps_its_thickness():
     bscan, outer, inner = seen_wall(0.6e-3, 0.0)
     below = np.full(HALF, STUDY.rows - 1.0)
     checked = refined(
@@ -224,9 +214,7 @@ def test_a_wall_beyond_the_frame_ends_1_mm_below_its_surface_and_one_that_leaves
     assert checked.thickness_m == pytest.approx(0.6e-3, rel=0.1)
 
 
-def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusable_unless_the_other_does() -> (
-    None
-):
+def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusable_unless_the_other_does():
     bscan, outer, inner = seen_wall(0.6e-3, 0.0)
 
     def told(end: np.ndarray) -> Segmentation:
@@ -272,9 +260,7 @@ def test_a_network_that_sees_another_wall_makes_the_frame_unusable(
     )
 
 
-def test_an_unsure_network_does_not_contradict_and_one_that_sees_half_of_the_wall_or_none_does() -> (
-    None
-):
+def test_an_unsure_network_does_not_contradict_and_one_that_sees_half_of_the_wall_or_none_does():
     bscan, outer, inner = seen_wall()
     assert find_wall(
         bscan.frame, SCALE, finder=fixed_finder(outer, inner + 6.0, sd=4.0)
@@ -339,7 +325,8 @@ class LookedAt(FixedFinder):
     """A finder whose second look, at the rows that it asks for, sees another wall."""
 
     def __init__(self, *looks: WallFinder) -> None:
-        self.looks, self.rows = iter(looks), list[tuple[int, int]]()
+        self.looks = iter(looks)
+        self.rows = list[tuple[int, int]]()
 
     def _look(self, frame: np.ndarray, *rows: int) -> SeenWall:
         self.rows.append(rows)
@@ -353,7 +340,8 @@ class LookedAt(FixedFinder):
 def test_a_second_look_at_the_rows_about_a_wall_corrects_it_a_little(
     moved: float, columns: int, believed: bool
 ) -> None:
-    outer, inner = np.full(HALF, 40.0), np.full(HALF, 60.0)
+    outer = np.full(HALF, 40.0)
+    inner = np.full(HALF, 60.0)
     other = np.where(np.arange(HALF) < columns, outer + moved, np.nan)
     finder = LookedAt(fixed_finder(outer, inner), fixed_finder(other, other + 20.0))
     seen = finder.find(FRAME)
@@ -362,9 +350,7 @@ def test_a_second_look_at_the_rows_about_a_wall_corrects_it_a_little(
     assert seen.outer_row == pytest.approx(4 * (40.5 + moved * believed) - 0.5, abs=0.5)
 
 
-def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once_and_one_at_the_edge_of_a_second_look_is_there() -> (
-    None
-):
+def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once_and_one_at_the_edge_of_a_second_look_is_there():
     for outer in (np.full(HALF, 5.0), np.full(HALF, np.nan)):
         finder = LookedAt(
             fixed_finder(outer, outer + 115.0), fixed_finder(outer, outer + 20.0)
@@ -385,12 +371,11 @@ def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once_and_one_at_the_ed
     )
 
 
-def test_an_unsure_network_that_takes_the_choroid_for_wall_leaves_its_end_to_the_other_way() -> (
-    None
-):
+def test_an_unsure_network_that_takes_the_choroid_for_wall_leaves_its_end_to_the_other_way():
     """The light falls more where the choroid ends."""
     column = np.arange(512)
-    top, row = 100.0 + 4e-4 * (column - 256) ** 2, column[:, None]
+    top = 100.0 + 4e-4 * (column - 256) ** 2
+    row = column[:, None]
     level = np.select(
         [row < top, row < top + 80, row < top + 104], [600.0, 2600.0, 1800.0], 600.0
     )
@@ -424,7 +409,8 @@ def test_the_margins_of_a_page_are_black_to_the_search_and_saturate_nothing(
     bscan = seen_wall()[0]
     page = np.full((592, 572), grey, dtype=np.uint16)
     page[30:542, 20:532] = bscan.frame
-    wall, alone = find_wall(page, SCALE), find_wall(bscan.frame, SCALE)
+    wall = find_wall(page, SCALE)
+    alone = find_wall(bscan.frame, SCALE)
     assert wall.usable
     assert np.isnan(wall.outer_row[:20]).all()
     assert np.nanmean(np.abs(wall.outer_row[20:532] - 30 - alone.outer_row)) < 1.0
@@ -441,10 +427,8 @@ def mean_by_sampling(
     ) * window.column_m
     rows = np.floor(depth / scale.depth_m).astype(int)
     columns = np.floor(lateral / scale.lateral_m + frame.shape[1] / 2).astype(int)
-    rows, columns = (
-        rows[(rows >= 0) & (rows < len(frame))],
-        columns[(columns >= 0) & (columns < frame.shape[1])],
-    )
+    rows = rows[(rows >= 0) & (rows < len(frame))]
+    columns = columns[(columns >= 0) & (columns < frame.shape[1])]
     return (
         float(frame[np.ix_(rows, columns)].mean())
         if len(rows) and len(columns)

@@ -54,7 +54,8 @@ class Monitor:
     """Does as the monitor does, on a clock of its own: a frame and a tick each 10 ms; `box` is the other end."""
 
     def __init__(self, folder, record=None, ring_frames=1100, info=INFO):
-        self.folder, self.ring = folder, FrameRing.create(ring_frames, *SHAPE)
+        self.folder = folder
+        self.ring = FrameRing.create(ring_frames, *SHAPE)
         settings = messages.BlackBoxSettings(
             folder=folder / "box",
             ring=self.ring.place,
@@ -478,7 +479,8 @@ class Process:
     """A black box of its own process."""
 
     def __init__(self, folder, record=None):
-        self.folder, self.ring = folder, FrameRing.create(200, *SHAPE)
+        self.folder = folder
+        self.ring = FrameRing.create(200, *SHAPE)
         settings = messages.BlackBoxSettings(
             folder=folder / "box",
             ring=self.ring.place,

@@ -128,9 +128,7 @@ def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:
     )
 
 
-def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path() -> (
-    None
-):
+def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path():
     alive = channel.decode_message(
         channel.encode_message(messages.Alive(faults=("log: \udce9",)))
     )

@@ -54,7 +54,8 @@ def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(
             connection.send(message, 100.0 + number)
         since_s = connection.unread_since_s
         assert since_s is not None
-        heard, decoder = [], Decoder()
+        heard = []
+        decoder = Decoder()
         for number in range(5000, 5003):
             for data in all_that_arrives(peer, connection):
                 heard += decoder.feed(data)
@@ -147,7 +148,8 @@ def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_
     clients: tuple[Clients, list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     served, _ = clients
-    now_s, rests = [10.0], list[float]()
+    now_s = [10.0]
+    rests = list[float]()
 
     def pass_time(for_s: float) -> None:
         now_s[0] += for_s

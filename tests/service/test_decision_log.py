@@ -47,7 +47,8 @@ def torn(path):
 
 
 def ends_of_records(path):
-    ends, at = [], 0
+    ends = []
+    at = 0
     for line in path.read_bytes().splitlines(keepends=True):
         at += len(line)
         ends.append(at)
@@ -65,7 +66,8 @@ def test_each_line_is_json_whose_checksum_an_independent_reader_can_check(log):
 def test_a_log_that_is_cut_at_any_byte_has_all_records_before_and_says_what_is_torn(
     log,
 ):
-    whole, ends = log.read_bytes(), ends_of_records(log)
+    whole = log.read_bytes()
+    ends = ends_of_records(log)
     for length in reversed(range(len(whole))):
         os.truncate(log, length)
         complete = sum(
@@ -79,7 +81,8 @@ def test_a_log_that_is_cut_at_any_byte_has_all_records_before_and_says_what_is_t
 def test_a_log_that_was_cut_at_any_byte_continues_and_keeps_its_bytes(log, monkeypatch):
     for wait in ("fsync", "fdatasync"):
         monkeypatch.setattr(os, wait, lambda _: None)
-    whole, ends = log.read_bytes(), ends_of_records(log)
+    whole = log.read_bytes()
+    ends = ends_of_records(log)
     for length in range(ends[0] - 20, len(whole)):
         log.unlink()
         log.write_bytes(whole[:length])
@@ -92,11 +95,9 @@ def test_a_log_that_was_cut_at_any_byte_continues_and_keeps_its_bytes(log, monke
 
 
 def test_a_changed_byte_costs_its_own_record_and_no_other_one(log):
-    whole, ends, file = (
-        log.read_bytes(),
-        ends_of_records(log),
-        os.open(log, os.O_WRONLY),
-    )
+    whole = log.read_bytes()
+    ends = ends_of_records(log)
+    file = os.open(log, os.O_WRONLY)
     for place, byte in enumerate(whole):
         record = sum(end <= place for end in ends)
         others = [one for number, one in enumerate(RECORDS) if number != record]

@@ -56,7 +56,8 @@ def test_another_process_with_the_descriptor_sees_the_same_frames():
 
 
 def test_a_frame_that_is_overwritten_during_its_copy_is_gone(monkeypatch):
-    ring, preadv = FrameRing.create(2, 3, 5), os.preadv
+    ring = FrameRing.create(2, 3, 5)
+    preadv = os.preadv
     ring.put(1, frame(1))
 
     def slow(*place):
@@ -105,7 +106,8 @@ def group(
 def test_of_machine_and_control_groups_of_either_version_the_least_memory_counts(
     tmp_path: Path,
 ) -> None:
-    proc, groups = tmp_path / "proc", tmp_path / "groups"
+    proc = tmp_path / "proc"
+    groups = tmp_path / "groups"
     assert available_bytes(proc, groups) is None
     (proc / "self").mkdir(parents=True)
     (proc / "meminfo").write_text(

@@ -56,14 +56,10 @@ def test_a_recording_states_the_declared_globe() -> None:
         )
 
 
-def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_declared() -> (
-    None
-):
-    known, scan, seen = (
-        Known(gap_m=0.4e-3, direction_rad=0.2),
-        OctInfo(columns=500, rows=400, **SIZE),
-        list[Known](),
-    )
+def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_declared():
+    known = Known(gap_m=0.4e-3, direction_rad=0.2)
+    scan = OctInfo(columns=500, rows=400, **SIZE)
+    seen = list[Known]()
     reader = SimpleNamespace(
         study=Study(), read_live=lambda _, __, eye: seen.append(eye)
     )
@@ -129,7 +125,8 @@ def test_a_monitor_waits_until_the_second_opinion_is_ready(
     opinion: FakeCompanion, monkeypatch
 ) -> None:
     monkeypatch.setattr(monitor_service, "NOTED_S", 0.0)
-    companions, notes = Companions({OPINION: opinion}), list[str]()
+    companions = Companions({OPINION: opinion})
+    notes = list[str]()
 
     def note(text: str) -> None:  # which comes while it waits
         notes.append(text)
@@ -146,7 +143,8 @@ def test_a_monitor_waits_until_the_second_opinion_is_ready(
 def test_a_monitor_does_not_wait_for_a_second_opinion_that_has_failed(
     opinion: FakeCompanion,
 ) -> None:
-    companions, notes = Companions({OPINION: opinion}), list[str]()
+    companions = Companions({OPINION: opinion})
+    notes = list[str]()
     opinion.says(SelfReport(detail="no model"))
     opinion.theirs.close()
     monitor_service._wait_for_opinion(companions, notes.append)
@@ -160,7 +158,8 @@ def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_
     opinion: FakeCompanion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(monitor_service, "READY_S", 0.3)
-    companions, notes = Companions({OPINION: opinion}), list[str]()
+    companions = Companions({OPINION: opinion})
+    notes = list[str]()
     monitor_service._wait_for_opinion(companions, notes.append)
     assert companions.starts(OPINION)
     assert notes == [
@@ -191,11 +190,9 @@ def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is
     (tmp_path / "there").mkdir()
     (tmp_path / "file").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    box, within, long = (
-        tmp_path / "box",
-        tmp_path / "file" / "inside",
-        tmp_path / ("x" * 300),
-    )
+    box = tmp_path / "box"
+    within = tmp_path / "file" / "inside"
+    long = tmp_path / ("x" * 300)
     for black_box, record, words in (
         (within, None, "Not a directory"),
         (long, None, "File name too long"),
@@ -236,7 +233,8 @@ def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused
 
 
 def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -> None:
-    go_on, lines = Event(), list[str]()
+    go_on = Event()
+    lines = list[str]()
 
     def write(text: str) -> None:
         go_on.wait(FUSE_S)

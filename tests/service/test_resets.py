@@ -37,9 +37,7 @@ def say_at_once(peer: Peer, tokens: list[str]) -> None:
     )
 
 
-def test_after_three_wrong_tokens_the_right_one_in_the_same_bytes_is_not_obeyed() -> (
-    None
-):
+def test_after_three_wrong_tokens_the_right_one_in_the_same_bytes_is_not_obeyed():
     with serving() as port, Peer(port) as scanner, Peer(port) as guesser:
         withdrawn_but_harmless(scanner)
         say_at_once(guesser, ["wrong"] * 3 + [TOKEN])
@@ -52,9 +50,7 @@ def test_after_three_wrong_tokens_the_right_one_in_the_same_bytes_is_not_obeyed(
 
 
 @pytest.mark.slow
-def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_all_the_same() -> (
-    None
-):
+def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_all_the_same():
     with serving() as port, ExitStack() as stack, Peer(port) as scanner:
         guessers = [stack.enter_context(Peer(port)) for _ in range(ANSWERED)]
         for guesser in guessers:
@@ -68,9 +64,7 @@ def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_
         assert ask_reset("127.0.0.1", port, TOKEN, within_s=FUSE_S)[0] is True
 
 
-def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_meanwhile() -> (
-    None
-):
+def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_meanwhile():
     token = ResetToken(reset.token_digest("right"))
     answered = [token.answers_wrong(0.01 * number) for number in range(10 * ANSWERED)]
     assert answered == [True] * ANSWERED + [False] * 9 * ANSWERED
@@ -80,9 +74,7 @@ def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_mean
     assert token.answers_wrong(reset.WITHIN_S)
 
 
-def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_one_reset() -> (
-    None
-):
+def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_one_reset():
     code = ResetCode()
     wrong = f"{(int(code.digits) + 1) % 10**6:06d}"
     assert code.digits in code.line

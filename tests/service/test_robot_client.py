@@ -27,7 +27,9 @@ class ClockedLink:
     """A connection on which each message comes after a pause of the test's clock; an empty one is its end."""
 
     def __init__(self, messages: list[tuple[float, bytes]]) -> None:
-        self.now_s, self.messages, self.timeout_s = 1000.0, messages, 0.0
+        self.now_s = 1000.0
+        self.messages = messages
+        self.timeout_s = 0.0
         self.data = b""
 
     def __enter__(self) -> "ClockedLink":
@@ -48,7 +50,8 @@ class ClockedLink:
             self.now_s += min(pause_s, self.timeout_s)
             if pause_s > self.timeout_s:
                 raise TimeoutError
-        piece, self.data = self.data[:count], self.data[count:]
+        piece = self.data[:count]
+        self.data = self.data[count:]
         return piece
 
 
@@ -62,7 +65,8 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Watched:
     client = example_module("robot_client")
 
     def run(messages: list[tuple[float, bytes]]) -> list[tuple[bool, str]]:
-        link, orders = ClockedLink(messages), list[tuple[bool, str]]()
+        link = ClockedLink(messages)
+        orders = list[tuple[bool, str]]()
         clock = SimpleNamespace(monotonic=lambda: link.now_s, time=lambda: link.now_s)
         monkeypatch.setattr(client, "time", clock)
         monkeypatch.setattr(client.socket, "create_connection", lambda *_, **__: link)

@@ -111,13 +111,12 @@ def test_parts_in_any_order_behind_the_first_make_the_image_they_were_cut_from(
         assert (frame.lateral_m, frame.depth_m) == pytest.approx((5e-6, 17e-6))
 
 
-UPPER, LOWER = part(slice(0, 4)), part(slice(4, 6))
+UPPER = part(slice(0, 4))
+LOWER = part(slice(4, 6))
 OTHER = COUNTS ^ 0xFFF
 
 
-def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten() -> (
-    None
-):
+def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten():
     for second in (
         part(slice(3, 6)),
         part(slice(3, 4), slice(8, 9)),
@@ -151,7 +150,8 @@ def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(
     parts: int, data: st.DataObject
 ) -> None:
     lost = data.draw(st.sets(st.integers(0, 8 * parts - 1)))
-    assembler, frames = FrameAssembler(), []
+    assembler = FrameAssembler()
+    frames = []
     for turn in range(8 * parts):
         number, index = divmod(turn, parts)
         counts = np.full(

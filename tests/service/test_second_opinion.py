@@ -24,7 +24,9 @@ from scleraforce.service.learning import LEARNED_FILE, SETTLES_S, resumed
 
 pytest.importorskip("torch")
 
-BINS, BIN = 64, 20  # what the network says always; the fit is the one that answers
+# what the network says always; the fit is the one that answers
+BINS = 64
+BIN = 20
 RELAXING = replace(KNOWN, relaxation=KnownRelaxation.declared([[0.2, 1.0]]))
 assert KNOWN.modulus is not None
 PRIOR = Modulus(
@@ -45,10 +47,8 @@ class Reader:
         record: Path | None = None,
         planes: tuple[Plane, ...] = (),
     ) -> None:
-        self.ring, self.number = (
-            FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns),
-            0,
-        )
+        self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
+        self.number = 0
         settings = messages.OpinionSettings(
             model=model,
             known=known,
@@ -195,7 +195,8 @@ def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_
     cross.ring.put(3, np.zeros((STUDY.oct.rows, STUDY.oct.columns), np.uint16))
     asked = [("across", 2, 72), ("along", 1, 71)]  # as they came
     cross.ask(2, 72, planes=tuple(asked))
-    first, second = cross.opinion(), cross.opinion()
+    first = cross.opinion()
+    second = cross.opinion()
     assert [(one.plane, one.order, one.verdict.usable) for one in (first, second)] == [
         ("along", 71, True),
         ("across", 72, True),
@@ -205,7 +206,8 @@ def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_
     assert first.contact_m is not None
     assert first.contact_m[:2] == pytest.approx(contact_m[:2], abs=0.1e-3)
     cross.ask(3, 73, planes=(("along", 1, 71), ("across", 3, 73)))
-    seen, dark = cross.opinion(), cross.opinion()
+    seen = cross.opinion()
+    dark = cross.opinion()
     assert (seen.verdict.usable, dark.verdict.usable, dark.contact_m) == (
         True,
         False,

@@ -255,7 +255,8 @@ def test_no_frame_mixes_parts_from_before_and_after_a_damaged_message(
     scanner: Peer,
 ) -> None:
     scanner.watch()
-    frames, whole = json.loads(scanner.texts()[-1].text)["frame"], frame_of(10_000, 9)
+    frames = json.loads(scanner.texts()[-1].text)["frame"]
+    whole = frame_of(10_000, 9)
     upper, lower = (
         Image(
             whole[None, rows],
@@ -307,7 +308,8 @@ def test_a_frame_that_newer_ones_overtook_is_read_after_them(
 def test_overtaken_frames_wait_for_a_newer_one_without_a_cause(
     scanner: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    order, read_frame = list[int](), Session._read_frame
+    order = list[int]()
+    read_frame = Session._read_frame
 
     def read(session: Session, frame: Frame) -> object:
         order.append(frame.number)
@@ -388,7 +390,9 @@ def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first
     monkeypatch,
 ) -> None:
     server, port = rule.small_server(rule.NoGuard(), Companions({}))  # type: ignore[arg-type] # no Guard
-    heard, now_s, hear = list[int](), count(10.0, 1.1e-3), server._hear
+    heard = list[int]()
+    now_s = count(10.0, 1.1e-3)
+    hear = server._hear
     monkeypatch.setattr(server.session, "clock", lambda: next(now_s))
     monkeypatch.setattr(
         server, "_hear", lambda client: (heard.append(client.number), hear(client))
@@ -745,7 +749,8 @@ def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_sa
 def test_while_no_frames_come_the_console_gets_the_state_again_and_the_log_has_no_gaps(
     clock: TurnedClock,
 ) -> None:
-    logged, shown = list[messages.Entry](), list[messages.Entry]()
+    logged = list[messages.Entry]()
+    shown = list[messages.Entry]()
     with beside(clock, BLACK_BOX, CONSOLE) as (_, _, companions):
 
         def withdrawn_and_repeated() -> bool:

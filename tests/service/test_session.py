@@ -62,9 +62,7 @@ def take(
     session.take_frame(session.frame(image, sender_id, sender, clock.now_s))
 
 
-def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_counts_anew() -> (
-    None
-):
+def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_counts_anew():
     clock, session = begun()
     for sender_id in (70, 71, 80):
         take(session, clock, 10_000, sender_id)
@@ -90,7 +88,8 @@ def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
 
 
 def test_a_learned_eye_moves_the_stiffness_of_punctures_and_no_other_limit() -> None:
-    clock, stiffnesses_n_m = Clock(), iter((70.0, None, 120.0))
+    clock = Clock()
+    stiffnesses_n_m = iter((70.0, None, 120.0))
     session = Session(read, LIMITS, clock, clock, adopt=lambda _: next(stiffnesses_n_m))
     found = list[float]()
     for _ in range(3):
@@ -124,9 +123,7 @@ def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
     )  # of an event that is not a frame
 
 
-def test_a_puncture_that_is_only_reported_does_not_count_as_a_withdrawal_and_a_later_cause_does() -> (
-    None
-):
+def test_a_puncture_that_is_only_reported_does_not_count_as_a_withdrawal_and_a_later_cause_does():
     clock, session = begun(replace(LIMITS, reports_pierced=True))
     for sender_id, force_un in enumerate((24_000, 24_001, 24_002, 7_000, 7_001), 1):
         take(session, clock, force_un, sender_id)
@@ -213,9 +210,7 @@ def test_frames_that_came_together_are_read_oldest_first_and_counted() -> None:
     assert session.entry("tick", clock.now_s).overtaken == 3
 
 
-def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_interval() -> (
-    None
-):
+def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_interval():
     clock, session = begun()
     for number in range(1, 31):
         clock.now_s += 0.01
@@ -230,9 +225,7 @@ def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_i
     assert not session.behind
 
 
-def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_newest_frames_are_read() -> (
-    None
-):
+def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_newest_frames_are_read():
     clock, session = begun()
     for number in range(1, 301):
         take(session, clock, 10_000 + number, number)  # every 10 ms
@@ -264,10 +257,9 @@ def deferred(number: int, at_s: float, interval_s: float = 0.01) -> Frame:
     )
 
 
-def test_a_flood_is_a_loss_even_if_every_frame_is_read_at_once_and_a_steady_stream_is_not() -> (
-    None
-):
-    flood, steady = DeferredFrames(0.1), DeferredFrames(0.1)
+def test_a_flood_is_a_loss_even_if_every_frame_is_read_at_once_and_a_steady_stream_is_not():
+    flood = DeferredFrames(0.1)
+    steady = DeferredFrames(0.1)
     lost = []
     for number in range(30):
         flood.add(deferred(number, 10.0 + 1e-4 * number), number // 10)
@@ -289,9 +281,7 @@ def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
     assert (len(waiting), waiting.take().number) == (MOST_FRAMES, 7)
 
 
-def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers() -> (
-    None
-):
+def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers():
     """They may come in one bunch, or after a pause of the scanner, so that their arrivals tell nothing."""
     fast, slow, paused, mixed, wrong, counted = (FramePace(0.1) for _ in range(6))
     assert [fast.arrived(5.0, 7.0 + 1e-3 * n) for n in range(4)] == pytest.approx(
@@ -342,7 +332,8 @@ def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() ->
 
 
 def test_nan_and_infinity_are_null_everywhere():
-    nan, inf = float("nan"), float("inf")
+    nan = float("nan")
+    inf = float("inf")
     entry = replace(
         READ_ENTRY,
         verdict=verdict(nan, (-inf, 13.5), probabilities=(nan, inf, 0.5)),
@@ -410,11 +401,11 @@ def felt(
     return forces_n, history
 
 
-def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives() -> (
-    None
-):
-    clock, forces_un = Clock(), [0] * 5 + [20_000 + number for number in range(100)]
-    session, read_n = relaxing(clock), []
+def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives():
+    clock = Clock()
+    forces_un = [0] * 5 + [20_000 + number for number in range(100)]
+    session = relaxing(clock)
+    read_n = []
     for number, force_un in enumerate(forces_un, 1):
         take(session, clock, force_un, number)
         read_n.append(session.answer.force_n)
@@ -425,10 +416,9 @@ def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives()
     )
 
 
-def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_none() -> (
-    None
-):
-    clock, forces_un = Clock(), [20_000 + number for number in range(100)]
+def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_none():
+    clock = Clock()
+    forces_un = [20_000 + number for number in range(100)]
     session = relaxing(clock)
     for number, force_un in enumerate(forces_un, 1):
         take(session, clock, force_un, number)
@@ -452,9 +442,7 @@ def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_
     assert restarted.answer.force_n > session.answer.force_n  # the safe side
 
 
-def test_old_pictures_leave_gaps_and_overtaken_frames_have_the_history_before_them() -> (
-    None
-):
+def test_old_pictures_leave_gaps_and_overtaken_frames_have_the_history_before_them():
     clock = Clock()
     session = relaxing(clock)
     for number in range(1, 51):
@@ -511,9 +499,7 @@ def of_plane(
     return session.frame(image, number, 1, clock.now_s, plane=plane, **sent)
 
 
-def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pace_and_queue() -> (
-    None
-):
+def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pace_and_queue():
     for numbers in ((1, 1), (1, 2)):
         clock, session = cross()
         for turn in range(300):
@@ -567,7 +553,8 @@ def test_a_moment_is_one_time_stamp_or_less_than_one_interval(
 ) -> None:
     """Frames of two planes, one of which may be lost; the frames of a moment are as many turns `apart`."""
     clock, session = cross()
-    begun_s, together = clock.now_s, list[int]()
+    begun_s = clock.now_s
+    together = list[int]()
     for number in range(1, 200):
         turn, place = divmod(number, 2)
         clock.now_s = begun_s + 0.01 * turn + apart_s * place
@@ -600,7 +587,8 @@ def test_a_picture_under_two_names_is_frozen() -> None:
 
 
 def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
-    clock, forces_un = Clock(), {"along": 12_000, "across": 20_000}
+    clock = Clock()
+    forces_un = {"along": 12_000, "across": 20_000}
     session = Session(
         dict.fromkeys(CROSS, read), LIMITS, clock, clock, RELAXING, CLASSES_N
     )
@@ -619,9 +607,7 @@ def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
     assert session.decision.cause is None
 
 
-def test_an_entry_of_several_planes_has_the_frames_and_what_all_show_and_another_has_no_such_keys() -> (
-    None
-):
+def test_an_entry_of_several_planes_has_the_frames_and_what_all_show_and_another_has_no_such_keys():
     clock, session = cross()
     session.read_together(verdict(12.0, (11.0, 13.0)), (0.1e-3, -0.2e-3, 1e-3))
     frame = of_plane(session, clock, "across", 1)

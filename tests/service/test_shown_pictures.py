@@ -51,7 +51,8 @@ def test_old_pictures_in_turns_are_known_whatever_is_burned_in() -> None:
     for what in BURNED_IN:
         for pictures in (1, 2, 10, 50):
             rng = np.random.default_rng(1)
-            shown, old = ShownPictures(MOST), speckled(MOST + 10)[:pictures]
+            shown = ShownPictures(MOST)
+            old = speckled(MOST + 10)[:pictures]
             assert [shown.back(picture) for picture in old] == [0] * pictures
             again = [
                 shown.back(changed(rng, picture, BURNED_IN[what]))
@@ -61,7 +62,8 @@ def test_old_pictures_in_turns_are_known_whatever_is_burned_in() -> None:
 
 
 def test_a_picture_that_is_older_than_those_remembered_is_new() -> None:
-    shown, old = ShownPictures(MOST), speckled(MOST + 10)[: MOST + 1]
+    shown = ShownPictures(MOST)
+    old = speckled(MOST + 10)[: MOST + 1]
     assert [shown.back(picture) for picture in old * 2] == [0] * len(old) * 2
 
 
@@ -115,7 +117,8 @@ def test_tissue_at_rest_whose_speckle_stays_is_new_by_the_noise_around_it() -> N
     for snr_db in (15.0, 30.0):
         for display in DISPLAYS:
             rng = np.random.default_rng(2)
-            shown, rows = ShownPictures(MOST), np.arange(SIZE[0])[:, None]
+            shown = ShownPictures(MOST)
+            rows = np.arange(SIZE[0])[:, None]
             still = np.where(
                 (rows > 100) & (rows < 350), 10 ** (snr_db / 20.0), 0.0
             ) * normal(rng)
@@ -131,7 +134,8 @@ def first_alarm(before: Sequence[Pixels], old: Sequence[Pixels]) -> int | None:
     assert backs[: len(before)] == [0] * len(before)
     in_row = returns = 0
     for number, back in enumerate(backs[len(before) :], start=1):
-        in_row, returns = (in_row + 1 if back == 1 else 0), returns + (back > 1)
+        in_row = in_row + 1 if back == 1 else 0
+        returns = returns + (back > 1)
         if in_row == 2 or (back > 1 and returns == 2):
             return number
     return None
@@ -153,7 +157,8 @@ def part_of_the_first(
 def filtered(
     live: Sequence[NDArray[np.uint16]], kept: float
 ) -> list[NDArray[np.uint16]]:
-    mean, pictures = live[0].astype(np.float64), []
+    mean = live[0].astype(np.float64)
+    pictures = []
     for picture in live:
         mean = kept * mean + (1 - kept) * picture
         pictures.append(as_counts(mean))
@@ -218,7 +223,8 @@ def test_a_filter_that_keeps_half_of_the_last_picture_or_less_shows_new_ones() -
 
 
 def test_pictures_of_one_grey_are_the_same_only_to_the_last_bit() -> None:
-    shown, black = ShownPictures(MOST), np.zeros(SIZE, np.uint16)
+    shown = ShownPictures(MOST)
+    black = np.zeros(SIZE, np.uint16)
     one = black.copy()
     one[100, 100] = 7
     assert [shown.back(picture) for picture in (black, one, black, black)] == [
@@ -230,7 +236,8 @@ def test_pictures_of_one_grey_are_the_same_only_to_the_last_bit() -> None:
 
 
 def test_another_size_begins_anew_and_another_depth_does_not() -> None:
-    shown, picture = ShownPictures(MOST), speckle(np.random.default_rng(0))
+    shown = ShownPictures(MOST)
+    picture = speckle(np.random.default_rng(0))
     found = [
         shown.back(seen)
         for seen in (picture, picture[:-1], picture, (picture >> 4).astype(np.uint8))

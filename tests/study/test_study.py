@@ -51,7 +51,8 @@ def human_number(unit: Unit) -> st.SearchStrategy[float]:
 
 def changed(record: Any, item: Any) -> st.SearchStrategy[Any]:
     """The record with another value in one field."""
-    unit, hint = field_unit(item), get_type_hints(type(record))[item.name]
+    unit = field_unit(item)
+    hint = get_type_hints(type(record))[item.name]
     number = human_number(unit).map(unit.to_si)
     if unit.words:
         value: st.SearchStrategy[Any] = st.sampled_from(unit.words)
@@ -379,10 +380,8 @@ def test_a_slip_of_the_unit_is_named() -> None:
 def test_bounds_are_the_same_in_both_units() -> None:
     for name in QUANTITIES:
         spec = QUANTITIES[name]
-        human, si = (
-            allowed(f"{name}_{spec.name}"),
-            allowed(f"{name}_{SI_PER_UNIT[spec.name][0]}"),
-        )
+        human = allowed(f"{name}_{spec.name}")
+        si = allowed(f"{name}_{SI_PER_UNIT[spec.name][0]}")
         assert (human.low, human.high) == (spec.low, spec.high)
         assert (spec.from_si(si.low), spec.from_si(si.high)) == pytest.approx(
             (spec.low, spec.high)
@@ -427,10 +426,8 @@ def test_arguments_in_python_are_checked_too(tmp_path: Path) -> None:
 
 def test_a_key_is_refused_with_the_reason_and_the_remedy() -> None:
     why = "(linear mechanics knows no tissue that stiffens, and a library has a range of it, [library])"
-    stiff, formed = (
-        "[tissue]\nstiffening = 10.0",
-        "[needle]\ntilt_deg = 5.0\n[[form.wave]]\ndegree = 2",
-    )
+    stiff = "[tissue]\nstiffening = 10.0"
+    formed = "[needle]\ntilt_deg = 5.0\n[[form.wave]]\ndegree = 2"
     for text, work, said in (
         (
             stiff,

@@ -34,7 +34,10 @@ SMALL_LIBRARY = analytic_library(
 STUDY = Study()
 CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
 SCALE = PixelScale.of(STUDY.oct)
-MODULUS_PA, IOP_PA, THICKNESS_M, GAP_M = 0.3e6, 270.0, 0.65e-3, 0.6e-3
+MODULUS_PA = 0.3e6
+IOP_PA = 270.0
+THICKNESS_M = 0.65e-3
+GAP_M = 0.6e-3
 KNOWN = Known(
     modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"),
     iop_pa=IOP_PA,

@@ -193,7 +193,8 @@ def solved_library(grid: LibraryStudy) -> Library:
 def made_up_library(most: float = 30.0) -> Library:
     """The analytic library, small, with walls of five stiffenings from 0 on; stiffening walls bear more."""
     grid = LibraryStudy(stiffening=Range(min=0.0, max=most))
-    stiffenings, count = plan_library(Study(library=grid)).stiffening, grid.stiffenings
+    stiffenings = plan_library(Study(library=grid)).stiffening
+    count = grid.stiffenings
     soft = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
     factor = (1.0 + 0.2 * np.log1p(stiffenings))[:, None, None, None]
     walls = StiffenedWalls(

@@ -24,7 +24,8 @@ def said(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> s
     return printed.err if code else printed.out
 
 
-BINS, BIN = 64, 20
+BINS = 64
+BIN = 20
 
 
 def monitor_folder(folder: Path) -> Path:

@@ -21,11 +21,10 @@ from scleraforce.openigtlink import (
 )
 
 HEARTBEAT_S = 0.05
-STATUS, READING = "ForceMonitor", "ForceReading"
-NOT_READY, OK = (
-    Status(13, 0, "NOT_READY", "NOT_READY: no good frame yet"),
-    Status(1, 0, "", "WATCHING: class 0"),
-)
+STATUS = "ForceMonitor"
+READING = "ForceReading"
+NOT_READY = Status(13, 0, "NOT_READY", "NOT_READY: no good frame yet")
+OK = Status(1, 0, "", "WATCHING: class 0")
 
 
 class MonitorRule:
@@ -36,7 +35,9 @@ class MonitorRule:
     ) -> None:
         self.decide = decide
         self.received: list[PeerEvent | None] = []  # in order only with one sender
-        self.answers, self.status = True, NOT_READY  # False: it says nothing any more
+        # False: it says nothing any more
+        self.answers = True
+        self.status = NOT_READY
         self._frames = 0
 
     def take(self, event: PeerEvent | None) -> list[tuple[str, Status | Text | Sensor]]:
@@ -189,12 +190,14 @@ class ClockedClient:
     def __init__(
         self, monitor: MonitorRule, hear: Callable[[float, str, Message], object]
     ) -> None:
-        self.monitor, self._hear, self._decoder = monitor, hear, Decoder()
-        self.now_s, self.dropped = (
-            1000.0,
-            False,
-        )  # True: the monitor closes the connection
-        self._beat_s, self._scans = self.now_s, True
+        self.monitor = monitor
+        self._hear = hear
+        self._decoder = Decoder()
+        # True: the monitor closes the connection
+        self.now_s = 1000.0
+        self.dropped = False
+        self._beat_s = self.now_s
+        self._scans = True
         self._said: list[tuple[str, Message]] = []
 
     def clock(self) -> float:
@@ -236,6 +239,7 @@ class ClockedClient:
             self._beat_s += HEARTBEAT_S
         if self.dropped:
             raise LinkError(f"{self.address}: the connection is lost: it was closed")
-        said, self._said = self._said, []
+        said = self._said
+        self._said = []
         for device, message in said:
             self._hear(self.now_s, device, message)

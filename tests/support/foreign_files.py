@@ -8,11 +8,15 @@ import numpy as np
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
 
-ROWS, COLUMNS, COUNT = 24, 40, 5
+ROWS = 24
+COLUMNS = 40
+COUNT = 5
 FRAMES = np.arange(COUNT * ROWS * COLUMNS, dtype=np.uint16).reshape(
     COUNT, ROWS, COLUMNS
 )  # below 2**13
-DEPTH_M, LATERAL_M = 4e-6, 15e-6  # of a pixel
+# of a pixel
+DEPTH_M = 4e-6
+LATERAL_M = 15e-6
 
 
 def pictures_of(scan) -> np.ndarray:
@@ -61,12 +65,11 @@ def write_dicom(path: Path, pixels: np.ndarray, **tags: Any) -> FileDataset:
     dataset = FileDataset(path, {}, file_meta=meta, preamble=b"\0" * 128)
     bits = 8 * pixels.dtype.itemsize
     dataset.Rows, dataset.Columns = pixels.shape[-2:]
-    dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 1, "MONOCHROME2"
+    dataset.SamplesPerPixel = 1
+    dataset.PhotometricInterpretation = "MONOCHROME2"
     dataset.BitsAllocated = dataset.BitsStored = bits
-    dataset.HighBit, dataset.PixelRepresentation = (
-        bits - 1,
-        int(pixels.dtype == np.int16),
-    )
+    dataset.HighBit = bits - 1
+    dataset.PixelRepresentation = int(pixels.dtype == np.int16)
     if pixels.ndim == 3:
         dataset.NumberOfFrames = len(pixels)
     dataset.PixelData = pixels.tobytes()

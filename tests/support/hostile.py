@@ -51,7 +51,8 @@ from scleraforce.study import (
     read_study,
 )
 
-SECONDS, MEMORY = 20, 3 * 2**30
+SECONDS = 20
+MEMORY = 3 * 2**30
 SPECIAL: dict[str, Callable[[Path], object]] = {
     "pipe": os.mkfifo,
     "endless": lambda path: path.symlink_to("/dev/zero"),
@@ -300,12 +301,10 @@ def _listing(folder: Path) -> list[tuple[str, int]]:
 
 
 def main() -> None:
-    whole, kind, first, last = (
-        Path(sys.argv[1]),
-        sys.argv[2],
-        int(sys.argv[3]),
-        int(sys.argv[4]),
-    )
+    whole = Path(sys.argv[1])
+    kind = sys.argv[2]
+    first = int(sys.argv[3])
+    last = int(sys.argv[4])
     copy = whole.with_name(f"{whole.name}-{kind.replace(' ', '-')}-{last}")
     top = KINDS[kind][0].partition("/")[0]
     copy.mkdir()

@@ -16,14 +16,16 @@ START_NS = 1_700_000_000 * SECOND_NS
 FRAME_TIMES_S = (0.5, 0.75, 1.0, 1.5, 2.25)
 FORCE_TIMES_S = np.arange(500) / 200.0
 LATE_S = 0.08  # of images; forces arrive after 1 ms, in the middle of them
-ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
+ROS1 = get_typestore(Stores.ROS1_NOETIC)
+ROS2 = get_typestore(Stores.ROS2_HUMBLE)
 
 
 class Messages:
     """Messages of one generation of ROS."""
 
     def __init__(self, store) -> None:
-        self.store, self.types = store, store.types
+        self.store = store
+        self.types = store.types
 
     def header(self, stamp_ns: int):
         stamp = self.types["builtin_interfaces/msg/Time"](

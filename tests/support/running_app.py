@@ -19,7 +19,9 @@ class Client:
     """Requests of one tab."""
 
     def __init__(self, port: int, tab: str = "tab-1") -> None:
-        self.port, self.tab, self.cookie = port, tab, ""
+        self.port = port
+        self.tab = tab
+        self.cookie = ""
 
     def ask(
         self, method: str, path: str, body: Any = None, **headers: str

@@ -45,19 +45,22 @@ def cut_wall(
             + plane.offset_m * across
             - np.array(contact_m[:2])
         )
-        low, high = np.full(len(ACROSS_M), -3e-3), np.full(len(ACROSS_M), 9e-3)
+        low = np.full(len(ACROSS_M), -3e-3)
+        high = np.full(len(ACROSS_M), 9e-3)
         for _ in range(60):  # bisection: is the point above the surface?
             down = 0.5 * (low + high)
             points = np.column_stack([ground, down])
             height = points @ axis
             distance = np.linalg.norm(points - height[:, None] * axis, axis=1)
             above = height < np.interp(distance, curve[:, 0], curve[:, 1])
-            low, high = np.where(above, down, low), np.where(above, high, down)
+            low = np.where(above, down, low)
+            high = np.where(above, high, down)
         found.append(np.column_stack([ACROSS_M, contact_m[2] + low]))
     return Section(*found)
 
 
-CONTACT_M, TILT_RAD = (0.15e-3, -0.5e-3, 0.5e-3), (0.02, -0.01)
+CONTACT_M = (0.15e-3, -0.5e-3, 0.5e-3)
+TILT_RAD = (0.02, -0.01)
 FORCE_INFO = '[force]\naxis = "fz"\ncontact_sign = -1'
 EVERY_S = 8.0  # a push
 
@@ -82,10 +85,8 @@ def write_moments(
     lines = ["file,time_s,plane" if len(planes) > 1 else "file,time_s"]
     for moment, force_n in enumerate(forces_n):
         for number, plane in enumerate(planes):
-            section, file = (
-                cut_wall(plane, tip_of(force_n), CONTACT_M, TILT_RAD),
-                f"{moment}-{number}.png",
-            )
+            section = cut_wall(plane, tip_of(force_n), CONTACT_M, TILT_RAD)
+            file = f"{moment}-{number}.png"
             assert cv2.imwrite(
                 str(folder / "frames" / file), image(section, seed=10 * moment + number)
             )

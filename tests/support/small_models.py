@@ -77,12 +77,10 @@ def write_fixed_reader(
     from onnx.helper import set_model_props
 
     study = fixed_study(len(shares))
-    given, bins, rows, columns = (
-        len(GIVEN),
-        len(shares),
-        study.slice.rows,
-        study.slice.columns,
-    )
+    given = len(GIVEN)
+    bins = len(shares)
+    rows = study.slice.rows
+    columns = study.slice.columns
     model = parser.parse_model(f"""<ir_version: 8, opset_import: ["" : 17]>
         fixed (uint8[n, {rows}, {columns}] {SLICES}, float[n, {given}] {GIVEN_INPUT})
             => (float[n, {bins}] {HISTOGRAM}, float[n] {CONTACT}) {{

@@ -53,7 +53,8 @@ class TurnedClock:
     """Seconds since 1970 of a clock that a test moves; one for all threads."""
 
     def __init__(self, now_s: float = 1.8e9) -> None:
-        self._now_s, self._lock = now_s, RLock()
+        self._now_s = now_s
+        self._lock = RLock()
 
     def __call__(self) -> float:
         with self._lock:
@@ -71,10 +72,14 @@ class TurnedClock:
             yield
 
 
-ROWS, COLUMNS = 64, 96
+ROWS = 64
+COLUMNS = 96
 SCALE_M = (20e-6, 10e-6)
 TOKEN = "c0ffee"
-UNUSABLE, RAISES, NO_NUMBER, HANGS = 60001, 60002, 60003, 60004
+UNUSABLE = 60001
+RAISES = 60002
+NO_NUMBER = 60003
+HANGS = 60004
 
 
 def frame_of(force_un: int, serial: int) -> NDArray[np.uint16]:
@@ -341,12 +346,11 @@ class Peer:
         self, port: int, version: int = 1, clock: TurnedClock | None = None
     ) -> None:
         self.link = socket.create_connection(("127.0.0.1", port), timeout=FUSE_S)
-        self.clock, self.closed = clock, False
-        self.version, self.heard, self.decoder = (
-            version,
-            list[tuple[str, Message]](),
-            Decoder(),
-        )
+        self.clock = clock
+        self.closed = False
+        self.version = version
+        self.heard = list[tuple[str, Message]]()
+        self.decoder = Decoder()
         self.versions: set[int] = set()
         self.arrived: list[bytes] = []
         self.connected.add(self)
@@ -412,7 +416,8 @@ class Peer:
             if not self.arrived:
                 for peer in select([*self.connected], [], [], left_s)[0]:
                     peer._receive()
-            arrived, self.arrived = self.arrived, []
+            arrived = self.arrived
+            self.arrived = []
             for data in arrived:
                 self.closed = not data
                 for event in self.decoder.feed(data):

@@ -48,7 +48,8 @@ from scleraforce.report.frame_figures import AnsweredFrame, look_at_all
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import format_record, read_study
 
-ROWS, COLUMNS = 24, 32
+ROWS = 24
+COLUMNS = 32
 
 
 def write_small_recording(
@@ -149,7 +150,8 @@ def evaluation_of(frames: Iterable[FrameAnswer], **more: Any) -> Evaluation:
     return Evaluation(**{"model": "model", **limits, "frames": tuple(frames), **more})
 
 
-LOOKED_AT_ROWS, LOOKED_AT_COLUMNS = 256, 300
+LOOKED_AT_ROWS = 256
+LOOKED_AT_COLUMNS = 300
 
 
 def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
@@ -239,7 +241,8 @@ def calibration_text(
 
 def calibration_of_a_sealed_eye() -> Calibration:
     """E 0.3 ± 0.01 MPa, thickness 651 ± 12 µm and k 0.0312 ± 0.0012 mmHg^(1/3)/µl; forces 13 % high."""
-    names, pose = (PARAMETERS["e"], PARAMETERS["thickness"], RIGIDITY), len(NUISANCES)
+    names = (PARAMETERS["e"], PARAMETERS["thickness"], RIGIDITY)
+    pose = len(NUISANCES)
     count = len(names)
     posterior = Posterior(np.zeros(count), np.eye(count), np.eye(count), 3, ())
     state = EyeState(

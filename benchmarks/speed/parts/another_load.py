@@ -14,7 +14,9 @@ from speed.solvers.plain_scikit_fem import assemble
 from speed.solvers.problem import r1_mesh
 
 NEEDLE_RADIUS_M = 0.35e-3
-GOAL_MS, FIRST_GOAL_MS = 2.0, 5.0  # the second: of a single contact
+# the second: of a single contact
+GOAL_MS = 2.0
+FIRST_GOAL_MS = 5.0
 PEER = "SciPy's factor of scikit-fem's matrix"
 TOGETHER = (
     32  # right-hand sides in one triangular solve, as the data set's walls are solved

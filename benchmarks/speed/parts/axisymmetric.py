@@ -13,8 +13,11 @@ from scleraforce.study import Study
 from speed.record import Row, Table, spread
 from speed.run import Run, in_turns
 
-LIBRARY, EVEN = "library.zarr", "even.zarr"  # in the run's folder
-PATH_GOAL_S, LIBRARY_GOAL_S = 0.05, 8.0
+# in the run's folder
+LIBRARY = "library.zarr"
+EVEN = "even.zarr"
+PATH_GOAL_S = 0.05
+LIBRARY_GOAL_S = 8.0
 PATHS_AT_ONCE = 8  # from thin to thick walls
 SOLID = "one path in three dimensions"
 SOLID_EYE: dict[str, Any] = {
@@ -31,7 +34,8 @@ def measure(run: Run) -> Table:
     """Time single paths in turns with one in 3-D, and the library of the study."""
     study = run.study
     even = replace(study, library=replace(study.library, stiffenings=1))
-    plan, whole = plan_library(even), plan_library(study)
+    plan = plan_library(even)
+    whole = plan_library(study)
     solve_path(plan, 0)
     some = run.count(PATHS_AT_ONCE, 2)
     units = [plan.units * number // some for number in range(some)]
@@ -49,10 +53,8 @@ def measure(run: Run) -> Table:
         [seconds / len(units) for seconds in taken["one axisymmetric path"]]
     )
     solid_s = spread(taken[SOLID])
-    even_s, library_s = (
-        _library_seconds(even, run, EVEN),
-        _library_seconds(study, run, LIBRARY),
-    )
+    even_s = _library_seconds(even, run, EVEN)
+    library_s = _library_seconds(study, run, LIBRARY)
     cores = available_cores()
     return Table(
         "Axisymmetric paths and the library",

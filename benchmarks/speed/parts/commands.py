@@ -8,8 +8,10 @@ from speed.parts.recording import made_recording
 from speed.record import Row, Table, spread
 from speed.run import ROOT, Run
 
-BARE, IMPORTS = "`python -c pass`", "`python -c 'import numpy, cv2, onnxruntime'`"
-HELP, READ = "`scleraforce --help`", "`scleraforce read default FRAME`"
+BARE = "`python -c pass`"
+IMPORTS = "`python -c 'import numpy, cv2, onnxruntime'`"
+HELP = "`scleraforce --help`"
+READ = "`scleraforce read default FRAME`"
 CALIBRATE = "`scleraforce calibrate EYE --frames 3`"
 GOALS_S = {HELP: 0.09, READ: 0.5, CALIBRATE: 1.0}
 BESIDE = {HELP: BARE, READ: IMPORTS}
@@ -31,11 +33,9 @@ def measure(run: Run) -> Table:
         "--gap-mm",
         "0.5",
     ]
-    eye, out, mechanics = (
-        run.folder / "eye",
-        run.folder / "eye.json",
-        ["--mechanics", "finite-strain", "--thickness-um", "650"],
-    )
+    eye = run.folder / "eye"
+    out = run.folder / "eye.json"
+    mechanics = ["--mechanics", "finite-strain", "--thickness-um", "650"]
     study = ["--study", str(ROOT / "docs" / "quick.toml")]
     command_seconds(scleraforce("phantom", "--out", str(eye), *mechanics, *study))
     commands = {

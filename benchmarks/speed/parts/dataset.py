@@ -17,7 +17,8 @@ processes are started anew each time. The paper's own figure is quoted, 0.47 s a
 
 def measure(run: Run) -> Table:
     """Generate the data set, twice."""
-    seconds, images = [], 0
+    seconds = []
+    images = 0
     for number in range(run.count(2, 1)):
         start = perf_counter()
         images = generate_dataset(

@@ -26,9 +26,15 @@ from speed.run import Run
 PAUSE_S = 0.01  # of a scanner with 100 frames a second
 AGAIN = 10  # times in a row
 FIT_EVERY = 10  # frames of the recording
-MODULUS_PA, MODULUS_SD_PA = 0.3e6, 4.5e3  # of its eye, as a calibration finds it
-CRUDE, SEGMENT, READ = "plain median and Otsu", "segment", "all of the live reading"
-FIT, FIT_OPEN, FIT_UNKNOWN = "fit", "fit, open globe", "fit, unknown globe"
+# of its eye, as a calibration finds it
+MODULUS_PA = 0.3e6
+MODULUS_SD_PA = 4.5e3
+CRUDE = "plain median and Otsu"
+SEGMENT = "segment"
+READ = "all of the live reading"
+FIT = "fit"
+FIT_OPEN = "fit, open globe"
+FIT_UNKNOWN = "fit, unknown globe"
 GOALS_MS = {
     SEGMENT: (0.35, 0.7),
     FIT: (1.0, None),
@@ -102,14 +108,10 @@ def _fit(reader: ForceReader, path: Path) -> Work:
         known_of_recording(recording.info),
         modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=MODULUS_SD_PA, source="own"),
     )
-    scale, prior = (
-        PixelScale.of(recording.info.oct),
-        prior_of(known, reader.study.reader),
-    )
-    library, smoothing_m = (
-        reader.library_for(known),
-        reader.study.calibration.surface_smoothing_m,
-    )
+    scale = PixelScale.of(recording.info.oct)
+    prior = prior_of(known, reader.study.reader)
+    library = reader.library_for(known)
+    smoothing_m = reader.study.calibration.surface_smoothing_m
     frames = [recording.frame(entry) for entry in recording.frames[::FIT_EVERY]]
     seen = [segmented_boundaries(find_wall(frame, scale), scale) for frame in frames]
 
@@ -122,7 +124,8 @@ def _fit(reader: ForceReader, path: Path) -> Work:
 
 def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> Work:
     """Return the function that fits a wall to the boundaries of a drawn eye of a known kind of globe."""
-    inputs, smoothing_m = [], reader.study.calibration.surface_smoothing_m
+    inputs = []
+    smoothing_m = reader.study.calibration.surface_smoothing_m
     for eye in eyes:
         known = replace(eye.known, globe=globe)
         seen = segmented_boundaries(find_wall(eye.frame, eye.scale), eye.scale)

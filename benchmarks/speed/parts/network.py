@@ -26,7 +26,9 @@ from speed.eyes import draw_eyes, shipped_reader
 from speed.record import Row, Table, spread
 from speed.run import Run
 
-ONNX, TORCH, INT8 = "ONNX Runtime (shipped)", "PyTorch", "ONNX Runtime, int8"
+ONNX = "ONNX Runtime (shipped)"
+TORCH = "PyTorch"
+INT8 = "ONNX Runtime, int8"
 SETTINGS = """Two slices of a frame and the known inputs, to force and interval; one thread, in turns, calls
 after each other. "difference" is the largest difference of the force over the frames, from the bundled network."""
 WORDS = {
@@ -59,7 +61,8 @@ def measure(run: Run) -> Table:
     times: dict[str, list[float]] = {name: [] for name in ways}
     forces_n: dict[str, list[float]] = {name: [] for name in ways}
     for number in range(len(eyes) * run.count(40, 2)):
-        cut, known = cuts[number % len(eyes)], eyes[number % len(eyes)].known
+        cut = cuts[number % len(eyes)]
+        known = eyes[number % len(eyes)].known
         for name, read in ways.items():
             start = perf_counter()
             force_n = read(cut, known)
@@ -151,11 +154,11 @@ def _stored_name(name: str) -> str:
 
 def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -> bytes:
     """Return the network with weights and signals of 8 bits, their ranges taken from samples."""
-    from onnxruntime.quantization import (
+    from onnxruntime.quantization import (  # type: ignore[import-untyped]  # no types
         CalibrationDataReader,
         QuantFormat,
         quantize_static,
-    )  # type: ignore[import-untyped]  # it ships no types
+    )
 
     class Samples(CalibrationDataReader):  # type: ignore[misc]  # as above
         """The inputs that the ranges are taken from."""
@@ -172,7 +175,8 @@ def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -
             given = given_inputs(given_eye(eye.known), study.reader)
             return {"slices": cuts, "given": np.repeat(given, len(cuts), axis=0)}
 
-    before, after = folder / "fp32.onnx", folder / "int8.onnx"
+    before = folder / "fp32.onnx"
+    after = folder / "int8.onnx"
     before.write_bytes(network)
     quantize_static(
         before,

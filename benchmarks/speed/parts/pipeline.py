@@ -12,7 +12,8 @@ from speed.children import scleraforce
 from speed.record import Row, Table
 from speed.run import QUICK_STUDY, ROOT, Run
 
-REPRODUCE_GOAL_S, TESTS_GOAL_S = 240.0, 120.0
+REPRODUCE_GOAL_S = 240.0
+TESTS_GOAL_S = 120.0
 STATE = ROOT / "out" / "reproduce" / "reproduce.json"
 SETTINGS = "Each once, on all cores, after installation."
 QUICK_TEST = "tests/test_whole_files.py"
@@ -35,18 +36,14 @@ def _reproduce(run: Run) -> Row:
             stdout=sys.stderr,
             check=True,
         )
-        seconds, source, words = (
-            perf_counter() - start,
-            "",
-            f"{available_cores()} processes",
-        )
+        seconds = perf_counter() - start
+        source = ""
+        words = f"{available_cores()} processes"
     elif STATE.exists():
         seconds = sum(json.loads(STATE.read_text(encoding="utf-8"))["seconds"].values())
         day = datetime.fromtimestamp(STATE.stat().st_mtime, UTC)
-        source, words = (
-            f"{STATE.relative_to(ROOT)}, {day:%-d %B %Y}",
-            "the last one; --reproduce runs it",
-        )
+        source = f"{STATE.relative_to(ROOT)}, {day:%-d %B %Y}"
+        words = "the last one; --reproduce runs it"
     else:
         return Row(
             what=what,

@@ -11,8 +11,11 @@ from speed.parts.axisymmetric import LIBRARY
 from speed.record import Row, Table
 from speed.run import Run
 
-GOAL_S, INTERVALS_GOAL_S = 180.0, 60.0
-EPOCHS, EYES = 3, 12  # of the part
+GOAL_S = 180.0
+INTERVALS_GOAL_S = 60.0
+# of the part
+EPOCHS = 3
+EYES = 12
 SETTINGS = """`train --kind reader` of the paper's study on its library, which is there already: epochs of samples
 that are drawn beside, half of them mirror images, then the virtual eyes that intervals are measured on. Nothing else
 trains such a reader."""
@@ -20,7 +23,8 @@ trains such a reader."""
 
 def measure(run: Run) -> Table:
     """Train the reader."""
-    study, library = run.study, _library(run)
+    study = run.study
+    library = _library(run)
     parts = replace(
         study.reader, epochs=EPOCHS, interval_eyes=min(EYES, study.reader.interval_eyes)
     )
@@ -33,7 +37,8 @@ def measure(run: Run) -> Table:
         f"{study.reader.interval_eyes} eyes"
     )
     if full:
-        seconds, words = end_s - began_s, f"{sizes}: done to the end"
+        seconds = end_s - began_s
+        words = f"{sizes}: done to the end"
     else:
         seconds = whole_seconds(study, began_s, epochs_s, eyes_s, end_s)
         words = f"{sizes}: estimated from {len(epochs_s)} epochs and {len(eyes_s)} eyes; --training does all"
@@ -78,7 +83,8 @@ def whole_seconds(
     >>> whole_seconds(small, 0.0, [3.0, 5.0, 7.0], [10.0, 11.0], 12.0)
     28.0
     """
-    epoch_s, eye_s = _each(epochs_s), _each(eyes_s)
+    epoch_s = _each(epochs_s)
+    eye_s = _each(eyes_s)
     once_s = end_s - began_s - len(epochs_s) * epoch_s - len(eyes_s) * eye_s
     return once_s + study.reader.epochs * epoch_s + study.reader.interval_eyes * eye_s
 

@@ -13,7 +13,9 @@ from speed.record import Row
 from speed.run import ROOT, Run
 
 LOOPS = 4
-GOAL_MS, GOAL_MB = 2.0, 300.0  # 500 answers a second
+# 500 answers a second
+GOAL_MS = 2.0
+GOAL_MB = 300.0
 PLACES = {"a free machine": 0, "four busy loops beside it": LOOPS}
 ROLES = "monitor", "second opinion"
 SETTINGS = """`benchmarks/bench_monitor.py session --remote` plays 1,000 frames a second, 512 x 512 pixels of 16 bits,
@@ -26,7 +28,8 @@ shared memory that no process maps."""
 
 def session_rows(run: Run) -> list[Row]:
     """Play a session on the free machine, and one beside busy loops."""
-    rows, found = [], dict[str, Any]()
+    rows = []
+    found = dict[str, Any]()
     for place, loops in PLACES.items():
         with busy(loops):
             found = _session(run, f"session-{loops}.json")

@@ -24,11 +24,9 @@ from speed.run import ROOT, Run
 
 PAUSE_S = 0.01
 VARIANT = "without the second opinion"
-OURS, PLAIN, PYIGTL = (
-    "the monitor's answer",
-    "an echo in plain Python",
-    "an echo by pyigtl",
-)
+OURS = "the monitor's answer"
+PLAIN = "an echo in plain Python"
+PYIGTL = "an echo by pyigtl"
 GOALS_MS = {"median": 1.0, "99 %": 1.8}
 SETTINGS = """From the last byte of a frame in the sender's socket to the STATUS in its hands; 512 x 512 pixels of
 16 bits, 100 frames a second, the shipped reader, on this machine. `benchmarks/bench_monitor.py latency` starts

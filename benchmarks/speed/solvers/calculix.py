@@ -16,10 +16,9 @@ from speed.solvers.problem import peak_mb
 
 # CalculiX prints few digits (hence lengths in mm, forces in N, stresses in MPa, mass in t) and reads 20 characters.
 MM_PER_M = 1e3
-FIRST_STEP, LAST_STEP = (
-    "Determining the structure of the matrix",
-    "Job finished",
-)  # what it says of its own work
+# what it says of its own work
+FIRST_STEP = "Determining the structure of the matrix"
+LAST_STEP = "Job finished"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +98,10 @@ def calculate(folder: Path, deck: str, nodes: int) -> Calculated:
         RuntimeError: it reports an error, or does not finish.
     """
     (folder / "wall.inp").write_text(deck, encoding="ascii")
-    said, began, seconds, peak = "", 0.0, 0.0, 0.0
+    said = ""
+    began = 0.0
+    seconds = 0.0
+    peak = 0.0
     # On a terminal it says each step when it comes to it, and not all of them in the end.
     ours, theirs = pty.openpty()
     start = perf_counter()

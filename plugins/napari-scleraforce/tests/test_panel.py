@@ -33,10 +33,8 @@ def opened(recording: Path) -> tuple[ViewerModel, Panel]:
 
 def calibrated(eye: Path) -> Path:
     """Return the calibration of a recording."""
-    command, file = (
-        Path(sys.executable).with_name("scleraforce"),
-        eye.with_suffix(".json"),
-    )
+    command = Path(sys.executable).with_name("scleraforce")
+    file = eye.with_suffix(".json")
     subprocess.run(
         [command, "calibrate", eye, "--frames", "3", "--out", file],
         check=True,
@@ -54,7 +52,8 @@ def test_the_wall_has_the_scale_of_the_frames_and_the_rows_that_sf_segments(
     eye: Path,
 ) -> None:
     viewer, panel = opened(eye)
-    layer, found = walls(viewer), sf.segment(eye / "frames" / "0001.png")
+    layer = walls(viewer)
+    found = sf.segment(eye / "frames" / "0001.png")
     np.testing.assert_array_equal(layer.scale, viewer.layers[0].scale)
     assert layer.units == viewer.layers[0].units
     for (name, points), row in zip(
@@ -85,7 +84,8 @@ def test_text_and_wall_follow_the_slider(eye: Path) -> None:
 def test_an_edit_that_is_saved_is_read_as_a_corrected_wall(eye: Path) -> None:
     viewer, panel = opened(eye)
     viewer.dims.set_current_step(0, 2)
-    before, layer = dict(panel.paths()), walls(viewer)
+    before = dict(panel.paths())
+    layer = walls(viewer)
     layer.data = [data + np.array([0, 4, 0]) * (data[0, 0] == 2) for data in layer.data]
     panel.save()
     assert "wall: corrected" in viewer.text_overlay.text
@@ -106,7 +106,8 @@ def test_an_edit_that_is_saved_is_read_as_a_corrected_wall(eye: Path) -> None:
 
 def test_an_edit_that_is_not_saved_can_be_taken_back(eye: Path) -> None:
     viewer, panel = opened(eye)
-    before, layer = panel.paths(), walls(viewer)
+    before = panel.paths()
+    layer = walls(viewer)
     layer.data = [data + np.array([0, 9, 0]) for data in layer.data]
     panel.restore()
     for (name, points), (other, old) in zip(panel.paths(), before, strict=True):

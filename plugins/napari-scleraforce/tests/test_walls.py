@@ -27,8 +27,10 @@ def test_a_wall_survives_its_paths_within_a_row_and_they_have_few_points() -> No
 
 
 def test_columns_behind_a_needle_are_not_judged() -> None:
-    outer, inner = OUTER.copy(), INNER.copy()
-    outer[90:110], inner[80:120] = np.nan, np.nan
+    outer = OUTER.copy()
+    inner = INNER.copy()
+    outer[90:110] = np.nan
+    inner[80:120] = np.nan
     paths = paths_of(0, outer, inner)
     assert [name for name, _ in paths] == [UPPER, UPPER, LOWER, LOWER]
     mask = mask_of(paths, (100, 200))

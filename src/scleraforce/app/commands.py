@@ -133,7 +133,8 @@ class Job:
         while data := _read(terminal):
             text = (text + data.decode(errors="replace"))[-KEPT:]
             if bars := BAR.findall(text):
-                self.title, self.share = bars[-1][0].strip(), float(f"{bars[-1][1]}e-2")
+                self.title = bars[-1][0].strip()
+                self.share = float(f"{bars[-1][1]}e-2")
         os.close(terminal)
         self.fault = (re.findall(r"^error: (.*?)\r?$", text, re.MULTILINE) or [None])[
             -1

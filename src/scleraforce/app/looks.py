@@ -29,7 +29,9 @@ from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_text, write_whole
 
 BINS = 800  # of a curve: the least and the largest value of each
-DARK, BRIGHT = 1.0, 99.8  # percentiles of a frame that are shown black and white
+# percentiles of a frame that are shown black and white
+DARK = 1.0
+BRIGHT = 99.8
 OPENED = 8  # recordings that are kept in memory
 
 
@@ -118,12 +120,14 @@ class Looks:
     def summary(self, path: Path) -> dict[str, Any]:
         """Return size, frames with times and labels, force curve, and the model's limits of a recording."""
         recording = self.recording(path)
-        info, log = recording.info, recording.forces
+        info = recording.info
+        log = recording.forces
         notes = list(limit_notes(SHIPPED_READER, info))
         try:
             trials = label_frames(recording, ClassesStudy()) if log is not None else ()
         except RecordingError as fault:  # which says why no frame has one
-            trials, notes = (), [*notes, str(fault)]
+            trials = ()
+            notes = [*notes, str(fault)]
         drawn = {wall.stem for wall in (path / "walls").glob("*.png")}
         files = [entry.file for entry in recording.frames]
         force = None

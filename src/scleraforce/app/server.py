@@ -91,7 +91,8 @@ OPTIONS = {
     },
     "evaluate": {"calibration", "html"},
 }
-NEW_FILES, OLD_FILES = ("html",), ("calibration", "times")
+NEW_FILES = ("html",)
+OLD_FILES = ("calibration", "times")
 DIGITS = 15  # of a number: a clock counts from 1970, in ms
 
 
@@ -168,14 +169,15 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     The cookie is given for the token each time, and for `once` a single time.
     """
-    folder, looks, sources, holder = (
-        Folder(root.resolve()),
-        Looks(),
-        Sources(),
-        Holder(),
-    )
-    jobs, writing, tokens = list[Job](), Lock(), {token, once} - {""}
-    cookie, session = f"scleraforce-{port}", secrets.token_urlsafe(32)
+    folder = Folder(root.resolve())
+    looks = Looks()
+    sources = Sources()
+    holder = Holder()
+    jobs = list[Job]()
+    writing = Lock()
+    tokens = {token, once} - {""}
+    cookie = f"scleraforce-{port}"
+    session = secrets.token_urlsafe(32)
 
     async def refused(_: Request, fault: Exception) -> Response:
         return PlainTextResponse(_line(fault, folder), 422)

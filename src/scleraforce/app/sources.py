@@ -65,10 +65,12 @@ def proposed_offset_s(
         force_n: contact force, of one sign.
     """
     seen = np.isfinite(dent_m)
-    frame_s, dent_m = frame_s[seen], dent_m[seen]
+    frame_s = frame_s[seen]
+    dent_m = dent_m[seen]
     if len(frame_s) < LEAST_FRAMES or not len(log_s):
         return None
-    first_s, last_s = log_s[0] - frame_s[-1], log_s[-1] - frame_s[0]
+    first_s = log_s[0] - frame_s[-1]
+    last_s = log_s[-1] - frame_s[0]
     offsets_s = np.linspace(
         first_s, last_s, int(np.clip((last_s - first_s) / STEP_S, *OFFSETS))
     )
@@ -108,7 +110,8 @@ class Sources:
     """The sources that the page looks at, as `import` would read them."""
 
     def __init__(self) -> None:
-        self._lock, self._asked = Lock(), ""
+        self._lock = Lock()
+        self._asked = ""
         self._gathered: Gathered | None = None
 
     def gathered(
@@ -119,10 +122,8 @@ class Sources:
         asked = repr((stamps, planes, [getattr(answers, name) for name in GATHERED]))
         with self._lock:
             if self._gathered is None or self._asked != asked:
-                self._gathered, self._asked = (
-                    gather(paths, answers, planes=planes),
-                    asked,
-                )
+                self._gathered = gather(paths, answers, planes=planes)
+                self._asked = asked
             return self._gathered
 
     def look(
@@ -131,7 +132,8 @@ class Sources:
         """Return what sources state and what is missing; or a single question that has to be answered first."""
         try:
             found = self.gathered(paths, planes, answers)
-            scan, log = found.scan, found.log
+            scan = found.scan
+            log = found.log
             greys = find_greys(
                 islice(scan.pictures(), 1), answers.grey_range, scan.names[0]
             )

@@ -156,7 +156,8 @@ def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
     )
     if RIGIDITY not in eye.space.names:
         return mean, covariance
-    globe, place = eye.model.constants.globe, eye.space.names.index(RIGIDITY)
+    globe = eye.model.constants.globe
+    place = eye.space.names.index(RIGIDITY)
     bounds = (globe.lowest / globe.mean, globe.highest / globe.mean)
     return within_bounds(mean, covariance, place, bounds), covariance
 
@@ -170,10 +171,8 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
     rigidity, modulus = (
         eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"])
     )
-    sd, correlation = (
-        globe.mean * sqrt(covariance[rigidity, rigidity]),
-        correlation_of(covariance, rigidity, modulus),
-    )
+    sd = globe.mean * sqrt(covariance[rigidity, rigidity])
+    correlation = correlation_of(covariance, rigidity, modulus)
     globe = replace(
         globe, mean=globe.mean * float(mean[rigidity]), sd=sd, correlation=correlation
     )
@@ -199,7 +198,8 @@ def assimilate(
 
     A frame that the model cannot be evaluated for leaves the state unchanged, and `result.status` says why.
     """
-    eye, state = session.filter, session.state
+    eye = session.filter
+    state = session.state
     if np.isfinite(boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     prior = registration.frame_prior(state.belief, eye.study)
@@ -219,10 +219,8 @@ def assimilate(
     placed = registration.predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
-    by_force, by_polar = (
-        registration.force_derivative(*at),
-        registration.polar_derivative(*at),
-    )
+    by_force = registration.force_derivative(*at)
+    by_polar = registration.polar_derivative(*at)
     by_nuisance = placed.jacobian[:, : registration.LOG_MODULUS]
     expected = by_nuisance @ (prior.mean - fit.nuisance)
 
@@ -287,7 +285,8 @@ def _start(
 
 def _with_modulus(eye: EyeFilter, coordinates: Floats, modulus_pa: float) -> Floats:
     """Return coordinates (p,) of the filter, changed to another modulus."""
-    changed, place = coordinates.copy(), eye.space.names.index(PARAMETERS["e"])
+    changed = coordinates.copy()
+    place = eye.space.names.index(PARAMETERS["e"])
     ratio = modulus_pa / eye.space.means[place]
     changed[place] = np.log(ratio) if eye.study.positive else ratio
     return changed
@@ -372,10 +371,8 @@ def begin_with(
 ) -> EyeSession:
     """Return an eye of a model before its first frame."""
     eye = eye_filter(model, study, parameters)
-    prior, belief = (
-        roukf.initial_posterior(*eye.space.prior()),
-        registration.first_belief(model),
-    )
+    prior = roukf.initial_posterior(*eye.space.prior())
+    belief = registration.first_belief(model)
     state = EyeState(
         prior, belief, np.zeros((len(prior.mean), len(SHARED))), ZERO_PRIOR
     )
@@ -389,7 +386,9 @@ def step(
     since_start_s: float = 0.0,
 ) -> EyeSession:
     """Return the eye after one more frame; one of little force shows where it lies, but nothing of its modulus."""
-    eye, state, seen = session.filter, session.state, boundaries
+    eye = session.filter
+    state = session.state
+    seen = boundaries
     known = (
         session.poses.get(seen)
         if session.poses and force_n <= eye.study.min_force_n
@@ -427,7 +426,8 @@ def known_after(session: EyeSession) -> Known:
     )
     if diverged or not session.updates:
         return known_of_constants(constants)
-    names, means = session.filter.space.names, moments(session.filter, session.state)[0]
+    names = session.filter.space.names
+    means = moments(session.filter, session.state)[0]
     thickness_m = dict(zip(names, means.tolist(), strict=True)).get(
         PARAMETERS["thickness"], constants.thickness_m
     )

@@ -274,10 +274,8 @@ def calibrate_eye(
     earlier: EyeCalibration | None,
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue; of one that leaks, anew with the pressures that this gives."""
-    found, library = (
-        _calibrate_eye(recording, settings, frames, earlier, None),
-        settings.library,
-    )
+    found = _calibrate_eye(recording, settings, frames, earlier, None)
+    library = settings.library
     for _ in range(LEAK_ROUNDS if recording.info.eye.leak_time_s else 0):
         if library is None or found.found.status != "ok":
             break
@@ -301,7 +299,8 @@ def _rests_pa(
     modulus_pa = dict(zip(eye.names, eye.means, strict=True))[
         assimilation.PARAMETERS["e"]
     ]
-    law, leak_time_s = eye.globe.globe(eye.globe.mean), recording.info.eye.leak_time_s
+    law = eye.globe.globe(eye.globe.mean)
+    leak_time_s = recording.info.eye.leak_time_s
     if not law.is_sealed or leak_time_s is None:
         return np.full(len(forces.force_n), iop_pa)
     thickness = np.array([eye.stated_thickness_m])
@@ -331,25 +330,22 @@ def _calibrate_eye(
     rests_pa: Floats | None,
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye, whose frames have resting pressures of their own if it leaks."""
-    study, library = settings.study, settings.library
+    study = settings.study
+    library = settings.library
     trials, forces, relaxation, _ = frames.labelled()
     session = _begin(recording, settings, frames, earlier)
     records, steps = (
         ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     )
-    least_n, left = (
-        study.calibration.min_force_n,
-        len(trials) if settings.frames is None else settings.frames,
-    )
+    least_n = study.calibration.min_force_n
+    left = len(trials) if settings.frames is None else settings.frames
     included = [trial.excluded is None for trial in trials]
     rising = session.filter.model.constants.globe.can_be_sealed
     order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
     shown = [float("nan")] * len(trials)
-    taken, refused, path = (
-        dict[int, tuple[SeenFrame, float | None]](),
-        0,
-        str(recording.path),
-    )
+    taken = dict[int, tuple[SeenFrame, float | None]]()
+    refused = 0
+    path = str(recording.path)
     for index in order:
         seen = frames.seen(index) if left > 0 and included[index] else None
         if seen is not None:
@@ -357,10 +353,8 @@ def _calibrate_eye(
             if isinstance(seen.wall, assimilation.Skipped):
                 found: assimilation.FrameStep | assimilation.Skipped | None = seen.wall
             else:
-                shown[index], rest_pa = (
-                    dent(seen.wall),
-                    None if rests_pa is None else float(rests_pa[index]),
-                )
+                shown[index] = dent(seen.wall)
+                rest_pa = None if rests_pa is None else float(rests_pa[index])
                 now = _at(session, seen, rest_pa, study)
                 now = assimilation.step(
                     now, seen.wall, force_n, float(forces.since_start_s[index])
@@ -373,7 +367,8 @@ def _calibrate_eye(
                     steps.append(found)
                     left -= 1
             assert found is not None  # after a step
-            mean_pa, sd_pa = session.modulus.mean_pa, session.modulus.sd_pa
+            mean_pa = session.modulus.mean_pa
+            sd_pa = session.modulus.sd_pa
             of_frame = partial(
                 FrameRecord,
                 recording=path,
@@ -431,10 +426,8 @@ def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[st
     >>> reach_doubts([0.011, 0.02], [0.028])
     ()
     """
-    highest_n, missed_n = (
-        max(used_n, default=0.0),
-        [force_n for force_n in missed_n if np.isfinite(force_n)],
-    )
+    highest_n = max(used_n, default=0.0)
+    missed_n = [force_n for force_n in missed_n if np.isfinite(force_n)]
     if not missed_n or max(missed_n) <= FAR_ABOVE * highest_n:
         return ()
     return (
@@ -533,7 +526,8 @@ def _recorded(
 ) -> FrameRecord:
     if isinstance(found, assimilation.Skipped):
         return replace(record, skipped=found.reason)
-    result, own_pa = found.result, found.registered.wall.youngs_modulus_pa
+    result = found.result
+    own_pa = found.registered.wall.youngs_modulus_pa
     record = replace(
         record, own_modulus_pa=own_pa, points=result.observations, gated=result.gated
     )
@@ -549,11 +543,9 @@ def _recordings(
     doubts: tuple[str, ...],
 ) -> tuple[UsedRecording, ...]:
     """Return the recordings that an eye rests on, this one among them."""
-    path, sha256, (zero_n, drift) = (
-        str(recording.path),
-        tables_digest(recording),
-        forces.zero.tolist(),
-    )
+    path = str(recording.path)
+    sha256 = tables_digest(recording)
+    (zero_n, drift) = forces.zero.tolist()
     used = UsedRecording(
         path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, doubts=doubts
     )

@@ -103,23 +103,24 @@ class EyeFrames:
         used: frozenset[str],
         relaxation: KnownRelaxation | None,
     ) -> None:
-        self.moments, self.settings, self.used, self.relaxation = (
-            recording.moments,
-            settings,
-            used,
-            relaxation,
-        )
+        self.moments = recording.moments
+        self.settings = settings
+        self.used = used
+        self.relaxation = relaxation
         self.recording = recording
         if recording.info.oct.plane:
             self.recording = replace(
                 recording, frames=tuple(first for first, *_ in self.moments)
             )
-        self.seen, self.labelled = cache(self._seen), cache(self._labelled)
-        self._look, self._fitted = cache(self._look_at), cache(self._fit)
+        self.seen = cache(self._seen)
+        self.labelled = cache(self._labelled)
+        self._look = cache(self._look_at)
+        self._fitted = cache(self._fit)
         self.poses = dict[Boundaries, PoseBelief]()
 
     def _seen(self, index: int) -> SeenFrame | None:
-        moment, plane = self.moments[index], self.followed
+        moment = self.moments[index]
+        plane = self.followed
         if any(self._look(entry)[0] in self.used for entry in moment):
             return None
         entry = next(
@@ -135,7 +136,8 @@ class EyeFrames:
         found = self._fitted(index)
         if isinstance(found, assimilation.Skipped):
             return replace(seen, wall=found)
-        turn_rad, (x_rad, y_rad) = plane.direction_rad, found.place.tilt_rad
+        turn_rad = plane.direction_rad
+        (x_rad, y_rad) = found.place.tilt_rad
         place = (
             gap_of(found, plane),
             turn_rad,
@@ -165,7 +167,8 @@ class EyeFrames:
         self, entry: FrameEntry
     ) -> tuple[str, Boundaries | assimilation.Skipped]:
         """Return the digest of a frame's pixels, and its wall."""
-        pixels, info = self.recording.frame(entry), self.recording.info
+        pixels = self.recording.frame(entry)
+        info = self.recording.info
         scale = PixelScale.of(info.oct)
         given = recorded_wall(self.recording.walls, entry.file, pixels.shape, scale)
         found = given or find_wall(
@@ -179,20 +182,20 @@ class EyeFrames:
 
     def _fit(self, index: int) -> PlanesFit | assimilation.Skipped:
         """Fit the planes of a moment that show a wall together, beside the population's modulus."""
-        info, study, library = (
-            self.recording.info,
-            self.settings.study,
-            self.settings.library,
-        )
+        info = self.recording.info
+        study = self.settings.study
+        library = self.settings.library
         assert library is not None  # `calibrate.check_planes`
-        mean_pa, sd_pa = study.calibration.prior_mean_pa, study.calibration.prior_sd_pa
+        mean_pa = study.calibration.prior_mean_pa
+        sd_pa = study.calibration.prior_sd_pa
         known = replace(
             known_of_recording(info),
             modulus=Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population"),
         )
         planes = list[SeenPlane]()
         for entry in self.moments[index]:
-            (_, wall), plane = self._look(entry), info.oct.named(entry.plane)
+            (_, wall) = self._look(entry)
+            plane = info.oct.named(entry.plane)
             if plane is not None and not isinstance(wall, assimilation.Skipped):
                 turn_rad = plane.direction_rad
                 prior = prior_of(known.turned(turn_rad), study.reader)
@@ -219,11 +222,9 @@ class EyeFrames:
     def _labelled(
         self,
     ) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None, Floats]:
-        study, log, info = (
-            self.settings.study,
-            self.recording.forces,
-            self.recording.info.force,
-        )
+        study = self.settings.study
+        log = self.recording.forces
+        info = self.recording.info.force
         if log is None or info is None:
             raise CalibrationError(
                 f"{self.recording.path}: no forces.csv; a calibration needs frames of known force"

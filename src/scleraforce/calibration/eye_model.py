@@ -187,7 +187,8 @@ def smoothed(curves: Floats, sd_m: float) -> Floats:
     sd = sd_m / SAMPLE_STEP_M
     reach = round(4 * sd)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sd) ** 2)
-    result, last = curves.copy(), curves.shape[-2] - 2 * reach
+    result = curves.copy()
+    last = curves.shape[-2] - 2 * reach
     parts = (
         weight * curves[..., first : first + last, :]
         for first, weight in enumerate(weights / weights.sum())

@@ -88,7 +88,8 @@ class EyePosterior:
     ) -> EyeCalibration:
         """Return the posterior, of one frame at least, as the calibration of an eye without known forces."""
         assert self.fit is not None
-        modulus, thickness_m = self.modulus, float(self.fit.shared[THICKNESS])
+        modulus = self.modulus
+        thickness_m = float(self.fit.shared[THICKNESS])
         return EyeCalibration(
             id=eye,
             names=(PARAMETERS["e"], PARAMETERS["thickness"]),
@@ -114,7 +115,8 @@ class EyePosterior:
             self.modulus, sd_pa=START_SD * self.modulus.mean_pa, source="population"
         )
         begun = replace(self.known, modulus=modulus)
-        shown, own = list(self.frames), [] if self.fit is None else list(self.fit.own)
+        shown = list(self.frames)
+        own = [] if self.fit is None else list(self.fit.own)
         for frame in frames:
             gap_m = self.known.gap_m if frame.gap_m is None else frame.gap_m
             prior = prior_of(replace(begun, gap_m=gap_m), self.study.reader)
@@ -134,7 +136,8 @@ class EyePosterior:
         kept = _spread(
             [one[0] for one in own], [frame.force_n is not None for frame in shown]
         )
-        shown, own = [shown[place] for place in kept], [own[place] for place in kept]
+        shown = [shown[place] for place in kept]
+        own = [own[place] for place in kept]
         begin = None if self.fit is None else self.fit.shared
         of_eye = library, shown, self.known, self.study.reader, smoothing_m
         return replace(
@@ -189,11 +192,9 @@ def _of_eye(
     before: EyeCalibration | None,
     progress: Callable[[int], object],
 ) -> EyeCalibration:
-    info, place, known = (
-        recording.info,
-        recording.path / "recording.toml",
-        known_of_recording(recording.info),
-    )
+    info = recording.info
+    place = recording.path / "recording.toml"
+    known = known_of_recording(recording.info)
     library = settings.library
     assert library is not None  # at finite strain
     if info.eye.iop_pa is None:
@@ -226,7 +227,8 @@ def _of_eye(
         raise CalibrationError(
             f"{recording.path}: none of its {len(records)} frames can be calibrated on ({reason})"
         )
-    counted, modulus = set(map(id, after.frames)), after.modulus
+    counted = set(map(id, after.frames))
+    modulus = after.modulus
     for number, frame in shown.items():
         skipped = (
             None
@@ -256,13 +258,12 @@ def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:
     if settings.frames is None:
         return {}
     trials, forces, _, _ = frames.labelled()
-    least_n, included = (
-        settings.study.calibration.min_force_n,
-        [trial.excluded is None for trial in trials],
-    )
+    least_n = settings.study.calibration.min_force_n
+    included = [trial.excluded is None for trial in trials]
     found = dict[int, float]()
     for place in frame_order(forces.force_n, included, least_n, settings.frames, False):
-        seen, force_n = frames.seen(place), float(forces.force_n[place])
+        seen = frames.seen(place)
+        force_n = float(forces.force_n[place])
         if (
             len(found) < settings.frames
             and force_n > least_n
@@ -277,17 +278,16 @@ def _shown(
     frames: EyeFrames, forces_n: dict[int, float], progress: Callable[[int], object]
 ) -> tuple[dict[int, ShownFrame], list[FrameRecord]]:
     """Return what usable frames show, by the numbers of their records, and a record of each new frame."""
-    shown, records = dict[int, ShownFrame](), list[FrameRecord]()
+    shown = dict[int, ShownFrame]()
+    records = list[FrameRecord]()
     for number, entry in enumerate(frames.recording.frames):
         seen = None if entry.pierced else frames.seen(number)
         progress(1)
         if seen is None:
             continue
-        wall, path, force_n = (
-            seen.wall,
-            str(frames.recording.path),
-            forces_n.get(number, 0.0),
-        )
+        wall = seen.wall
+        path = str(frames.recording.path)
+        force_n = forces_n.get(number, 0.0)
         of_frame = partial(
             FrameRecord,
             recording=path,

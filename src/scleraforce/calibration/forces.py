@@ -94,7 +94,8 @@ def frame_order(
             *reversed(left),
             *(index for index, inside in enumerate(included) if not inside),
         ]
-    chosen, highest_n = list[int](), force_n[left[0]] if left else 0.0
+    chosen = list[int]()
+    highest_n = force_n[left[0]] if left else 0.0
     for share in np.arange(frames, 0, -1) / frames:
         if left:
             nearest = min(
@@ -180,17 +181,16 @@ def label_sds(
     recording: Recording, trials: Sequence[Trial]
 ) -> tuple[float | None, ...]:
     """Return the standard deviation of the error of each frame's label, N; None without a label."""
-    log, info = recording.forces, recording.info.force
+    log = recording.forces
+    info = recording.info.force
     labelled = [trial for trial in trials if trial.measured_force_n is not None]
     if log is None or info is None or not labelled:
         return tuple(None for _ in trials)
     every_n = info.contact_sign * log.force_n(info.axis)
     there = np.isfinite(every_n)
-    log_s, raw_n, contact_n = (
-        log.time_s[there],
-        every_n[there],
-        contact_force(log, info)[there],
-    )
+    log_s = log.time_s[there]
+    raw_n = every_n[there]
+    contact_n = contact_force(log, info)[there]
     frames_s = np.array([trial.time_s for trial in labelled])
     frames_n = np.array([trial.measured_force_n for trial in labelled])
     around = [_around(log_s, raw_n, time_s, info.average_s) for time_s in frames_s]
@@ -238,7 +238,8 @@ def _around(
     """
     half_s = max(average_s, LEAST_SPAN_S) / 2
     start, stop = np.searchsorted(log_s, [time_s - half_s, time_s + half_s])
-    since_s, force_n = log_s[start:stop] - time_s, raw_n[start:stop]
+    since_s = log_s[start:stop] - time_s
+    force_n = raw_n[start:stop]
     block = np.floor((since_s + half_s) / MEAN_S).astype(np.intp)
     count = np.bincount(block)
     full = (
@@ -255,7 +256,8 @@ def _around(
     design = np.stack([np.ones_like(mean_s), mean_s, mean_s**2], axis=1)
     inverse = np.linalg.inv(design.T @ design)
     parabola = inverse @ design.T @ mean_n
-    rest, freedom = mean_n - design @ parabola, len(mean_n) - TERMS
+    rest = mean_n - design @ parabola
+    freedom = len(mean_n) - TERMS
     median = (
         1.0 - 2.0 / (9.0 * freedom)
     ) ** 3  # of a chi square over its degrees of freedom (Wilson and Hilferty)

@@ -43,10 +43,9 @@ from scleraforce.study import Study
 
 Scales = tuple[Floats, Floats]
 
-OF_MODULUS, OF_RIGIDITY = (
-    0,
-    1,
-)  # places of the four that are found: ln E, k over the reference's, level, growth
+# places of the four that are found: ln E, k over the reference's, level, growth
+OF_MODULUS = 0
+OF_RIGIDITY = 1
 # Scales of Cauchy's prior, whose density falls slowly: forces of most eyes are hardly off (uneven ones,
 # computed in three dimensions, drift by 0.035 from none to the largest), forces of tissue that stiffens by up to 1.
 SCALES = np.array([0.02, 0.035])  # of level and growth
@@ -62,11 +61,13 @@ SETTLED = 1e-9
 # Of three frames each of 31 virtual eyes of even walls of the library; less than 1, for the frames share some of the
 # reading errors. And how many frames the prior is worth: with 3 to 8, intervals of 65 such eyes, a half of them
 # uneven, were the narrowest at equal coverage.
-EXPECTED_SQUARE, SCATTER_FRAMES = 0.17, 5.0
+EXPECTED_SQUARE = 0.17
+SCATTER_FRAMES = 5.0
 
 
 # What a calibration file may hold: squares of the largest are still numbers, and the tiniest may be divided by.
-LARGEST, TINY = 1e15, 1e-15
+LARGEST = 1e15
+TINY = 1e-15
 Finite = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=LARGEST)]
 Positive = Annotated[float, Meta(ge=TINY, le=LARGEST)]
@@ -108,11 +109,9 @@ class Found:
 def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Found:
     """Return the estimate from frames of one eye, by reweighted least squares."""
     center = np.concatenate([place_of(known), np.zeros(2)])
-    direction, left, weight = (
-        np.zeros((len(frames), 4)),
-        np.zeros(len(frames)),
-        np.zeros(len(frames)),
-    )
+    direction = np.zeros((len(frames), 4))
+    left = np.zeros(len(frames))
+    weight = np.zeros(len(frames))
     for row, frame in enumerate(frames):
         beside = float(beside_middle(np.array(frame.library_n)))
         direction[row] = frame.by_modulus, frame.by_rigidity, 1.0, beside
@@ -170,21 +169,18 @@ def _reweighted(
     `direction` (frame, 4) are the frames' slopes, `left` (frame,) the residuals to explain; `scales`: inverse squares
     of the scales of E with k, and of level with growth, (2, 2) each. Far from `begin` the priors hardly hold.
     """
-    normal, gradient = (
-        direction.T @ (weight[:, None] * direction),
-        direction.T @ (weight * left),
-    )
-    found, covariance = np.where(free & bool(len(left)), begin, 0.0), np.zeros((4, 4))
+    normal = direction.T @ (weight[:, None] * direction)
+    gradient = direction.T @ (weight * left)
+    found = np.where(free & bool(len(left)), begin, 0.0)
+    covariance = np.zeros((4, 4))
     for _ in range(ROUNDS):
         precision = normal.copy()
         precision[:2, :2] += scales[0] / (
             1.0 + found[:2] @ scales[0] @ found[:2] / CAUCHY**2
         )
         precision[2:, 2:] += scales[1] / (1.0 + scales[1] @ found[2:] ** 2 / CAUCHY**2)
-        before, covariance[np.ix_(free, free)] = (
-            found,
-            np.linalg.inv(precision[np.ix_(free, free)]),
-        )
+        before = found
+        covariance[np.ix_(free, free)] = np.linalg.inv(precision[np.ix_(free, free)])
         found = covariance @ gradient
         if np.abs(found - before).max() < SETTLED:
             break
@@ -216,11 +212,10 @@ def place_of(known: Known) -> Floats:
 
 Trial = TypeVar("Trial")
 
-MODULUS_STEP, RIGIDITY_STEP, LEAST_RIGIDITY = (
-    0.02,
-    0.05,
-    0.1,
-)  # of ln E; of k, as a share of it, or of the reference's
+# of ln E; of k, as a share of it, or of the reference's
+MODULUS_STEP = 0.02
+RIGIDITY_STEP = 0.05
+LEAST_RIGIDITY = 0.1
 LARGEST_STEP = 0.5  # of ln E, before the frames are read anew
 READINGS = 5  # at most; what moves by less than a step is not read anew
 CERTAIN = 0.001  # of a standard deviation: nothing is left of it
@@ -234,13 +229,13 @@ ENOUGH = 6.0  # more loss than that of a stiffening that explains the frames: th
 EVEN_LOSS = 5.0
 EXPLAINED = 8.0  # times as much: frames of uneven eyes, too, are explained by the walls of their tissue
 # Scale of Cauchy's prior of ln(1 + b): tissue does not stiffen unless its frames say so.
-TISSUE_SCALE, TISSUE_CAUCHY = 0.5, 2.0
+TISSUE_SCALE = 0.5
+TISSUE_CAUCHY = 2.0
 WIDE = 0.6  # of ln(1 + 5 b): an interval at an end in which one more is tried
 NEAR = 0.03  # of the same: what lies so near was tried
-GAIN, ALIKE = (
-    0.02,
-    1.0,
-)  # least gain of loss, by a parabola, that is worth a trial where losses differ by less
+# least gain of loss, by a parabola, that is worth a trial where losses differ by less
+GAIN = 0.02
+ALIKE = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -317,7 +312,8 @@ def settled(
         read = [*earlier, *(frame for frame in again if frame is not None)]
         return again, read, regression(read, known, place_of(now))
 
-    now, (again, read, found) = known, read_with(known)
+    now = known
+    (again, read, found) = read_with(known)
     for _ in range(READINGS - 1):
         moved = _moved(now, found)
         if not read or (np.abs(place_of(moved) - place_of(now)) < _steps(now)).all():
@@ -326,7 +322,8 @@ def settled(
         of_moved = read_with(moved)
         if len(of_moved[1]) < len(read) or of_moved[2].loss >= found.loss:
             break
-        now, (again, read, found) = moved, of_moved
+        now = moved
+        (again, read, found) = of_moved
     return Settled(
         _with_discrepancy(now, found, [frame.force_n for frame in read]),
         tuple(again),
@@ -346,15 +343,14 @@ def read_again(
     E and k, which the frames share, are taken for certain: they do not scatter between them. The planes of a moment are
     read together, and are one reading.
     """
-    near, (modulus, globe) = library.nearest_contact(known.polar_rad), own(known)
+    near = library.nearest_contact(known.polar_rad)
+    (modulus, globe) = own(known)
     modulus_step, rigidity_step = _steps(known)
     certain = [_certain(known), _certain(known, modulus_step)]
     if globe.can_be_sealed:
         certain.append(_certain(known, 0.0, rigidity_step))
-    found, rests = (
-        list[KnownForce | None](),
-        [known.iop_pa] * len(frames) if rests_pa is None else rests_pa,
-    )
+    found = list[KnownForce | None]()
+    rests = [known.iop_pa] * len(frames) if rests_pa is None else rests_pa
     for (seen, force_n), rest_pa in zip(frames, rests, strict=True):
         eyes = [replace(each, iop_pa=rest_pa) for each in certain]
         fits = (
@@ -388,10 +384,8 @@ def _fits(
     near: Library, seen: Boundaries, eyes: Sequence[Known], study: Study, force_n: float
 ) -> list[BoundaryFit | None]:
     """Return the fits of a frame with each of the known eyes; none if the first one cannot be read."""
-    priors, smoothing_m = (
-        [prior_of(eye, study.reader) for eye in eyes],
-        study.calibration.surface_smoothing_m,
-    )
+    priors = [prior_of(eye, study.reader) for eye in eyes]
+    smoothing_m = study.calibration.surface_smoothing_m
     at = near, seen.lateral_m, seen.depth_m
     fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
     if not _read(fit):
@@ -442,7 +436,8 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
     modulus, globe = own(known)
     if globe.can_be_sealed:
         mean = globe.mean + rigidity * REFERENCE_RIGIDITY
-        lowest, highest = min(globe.lowest, mean), max(globe.highest, mean)
+        lowest = min(globe.lowest, mean)
+        highest = max(globe.highest, mean)
         globe = replace(
             globe,
             mean=mean,
@@ -457,7 +452,9 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
 
 def _moved(known: Known, found: Found) -> Known:
     """Return an eye with the E and k that were found, not too far from the ones that it was read with."""
-    (modulus, globe), mean, covariance = own(known), found.mean, found.covariance
+    (modulus, globe) = own(known)
+    mean = found.mean
+    covariance = found.covariance
     if (
         globe.can_be_sealed
     ):  # where k would leave its bounds, E is that of a k on the bound
@@ -476,7 +473,8 @@ def _moved(known: Known, found: Found) -> Known:
 
 def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> Known:
     """Return an eye at its E and k with their uncertainty, and the discrepancy given these; forces in N."""
-    (modulus, globe), covariance = own(known), found.covariance
+    (modulus, globe) = own(known)
+    covariance = found.covariance
     sds = np.sqrt(np.diag(covariance))
     modulus = replace(modulus, sd_pa=float(sds[OF_MODULUS]) * modulus.mean_pa)
     if globe.can_be_sealed:
@@ -534,7 +532,8 @@ def search(
     for stiffening in library.walls.stiffening.tolist():
         attempt(stiffening)
         if stiffening in tried:
-            losses, trials = _losses(tried), list(tried.values())
+            losses = _losses(tried)
+            trials = list(tried.values())
             best = trials[int(losses.argmin())]
             explained = best.of_boundaries <= EXPLAINED * EVEN_LOSS * best.frames
             worse = (losses.min() + ENOUGH < losses[-2:]) & (losses[-2:] < inf)
@@ -580,12 +579,12 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
     that are alike is trusted, also in how little is to gain.
     """
     order = np.argsort(list(tried))
-    places, losses = (
-        stiffening_place(np.array(list(tried)))[order],
-        _losses(tried)[order],
-    )
-    best, last = int(losses.argmin()), len(places) - 1
-    lowest, bounded = float(places[best]), 0 < best < last
+    places = stiffening_place(np.array(list(tried)))[order]
+    losses = _losses(tried)[order]
+    best = int(losses.argmin())
+    last = len(places) - 1
+    lowest = float(places[best])
+    bounded = 0 < best < last
     if last >= 2:
         first = min(max(best - 1, 0), last - 2)
         near = slice(first, first + 3)

@@ -49,7 +49,8 @@ def _shift(
     from scleraforce.mechanics.axisymmetric import LARGEST_POLAR_RAD, base_shift
     from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 
-    polar_rad, size = min(polar_rad, LARGEST_POLAR_RAD), MeridianSize()
+    polar_rad = min(polar_rad, LARGEST_POLAR_RAD)
+    size = MeridianSize()
     shift = base_shift(
         radius_m,
         thickness_m,
@@ -110,7 +111,8 @@ def _displacement(
     phase = np.arange(harmonics)[:, None] * (inside + direction_rad)
     away, depth = (local[:, axis] * np.cos(phase) for axis in (0, 2))
     around = (local[:, 1] * np.sin(phase)).sum(axis=0)
-    away, depth = away.sum(axis=0), depth.sum(axis=0)
+    away = away.sum(axis=0)
+    depth = depth.sum(axis=0)
     lateral = away * np.cos(inside) - around * np.sin(inside)
     return np.stack(
         [lateral, away * np.sin(inside) + around * np.cos(inside), depth], axis=1
@@ -237,15 +239,15 @@ class LibraryEye:
             )
         largest = library.largest_force_ratio(thickness, pressure)
         beyond = np.flatnonzero(force > largest)
-        force[beyond], excess = largest[beyond], np.log(force[beyond] / largest[beyond])
-        rows, forces = (
-            np.append(np.arange(len(force)), beyond),
-            np.append(force, END_SHARE * largest[beyond]),
-        )
+        excess = np.log(force[beyond] / largest[beyond])
+        force[beyond] = largest[beyond]
+        rows = np.append(np.arange(len(force)), beyond)
+        forces = np.append(force, END_SHARE * largest[beyond])
         found = library.curves(
             thickness[rows], pressure[rows], forces
         ).curves_sbnc.astype(np.float64)
-        curves, before = found[: len(thickness)], found[len(thickness) :]
+        curves = found[: len(thickness)]
+        before = found[len(thickness) :]
         curves[beyond] += (curves[beyond] - before) * (excess / -np.log(END_SHARE))[
             :, None, None, None
         ]
@@ -296,7 +298,8 @@ def library_eye(
             "library: made for another radius of the eye, Poisson's ratio or needle than the "
             "study's; make it anew"
         )
-    thinnest, thickest = float(library.thickness_m[0]), float(library.thickness_m[-1])
+    thinnest = float(library.thickness_m[0])
+    thickest = float(library.thickness_m[-1])
     if not thinnest <= constants.thickness_m <= thickest:
         raise CalibrationError(
             f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has walls of "

@@ -41,8 +41,10 @@ def _cut_lines(points_rblsc: Floats, gap_m: Floats, tilt_rad: float) -> Floats:
     """Cut lines of points (..., line, sample, 3) with the plane; return (..., sample, 2), linear between the points."""
     lateral, across, depth = (points_rblsc[..., axis] for axis in range(3))
     across = across - gap_m
-    c, s = cos(tilt_rad), sin(tilt_rad)
-    distance, down = c * across - s * depth, s * across + c * depth
+    c = cos(tilt_rad)
+    s = sin(tilt_rad)
+    distance = c * across - s * depth
+    down = s * across + c * depth
     before = np.clip(
         (distance < 0).sum(axis=-2, keepdims=True) - 1, 0, distance.shape[-2] - 2
     )

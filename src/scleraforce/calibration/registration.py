@@ -30,9 +30,11 @@ if TYPE_CHECKING:  # its mechanics takes a third of a second to import
 NUISANCES = ("lateral_m", "depth_m", "rotation_rad", "polar_rad", "inner_m")
 BY_LATERAL, BY_DEPTH, BY_ROTATION, BY_POLAR, BY_INNER = range(5)
 # Come after the nuisances among the unknowns of a frame: ln E, and the globe's rigidity over `REFERENCE_RIGIDITY`.
-LOG_MODULUS, RELATIVE_RIGIDITY = 5, 6
+LOG_MODULUS = 5
+RELATIVE_RIGIDITY = 6
 
-MODULUS_STEP, RIGIDITY_STEP = 0.01, 0.02
+MODULUS_STEP = 0.01
+RIGIDITY_STEP = 0.02
 FORCE_STEP_N = 1e-4
 
 
@@ -64,7 +66,8 @@ def polar_derivative(
     model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places
 ) -> Floats:
     """Return the slope of the depths at places by the contact's polar angle, (place,) m/rad; 0 if that is stated."""
-    low, high = model.polar_nodes_rad[0], model.polar_nodes_rad[-1]
+    low = model.polar_nodes_rad[0]
+    high = model.polar_nodes_rad[-1]
     if low == high:
         return np.zeros(len(places.lateral_m))
     return _growth(
@@ -186,7 +189,8 @@ def updated_belief(
     belief: PoseBelief, prior: PoseBelief, fit: Registered
 ) -> PoseBelief:
     """Return the belief after a frame (Rauch, Tung and Striebel 1965: the frame's fit, smoothed back)."""
-    free, gain = np.diag(prior.covariance) > 0, np.zeros((5, 5))
+    free = np.diag(prior.covariance) > 0
+    gain = np.zeros((5, 5))
     both = np.ix_(free, free)
     gain[both] = belief.covariance[both] @ np.linalg.inv(prior.covariance[both])
     mean = belief.mean + gain @ (fit.nuisance - belief.mean)
@@ -240,7 +244,9 @@ class _Fit:
         sought: WallState,
         prior: PoseBelief,
     ) -> None:
-        self.model, self.columns, self.sought = model, columns, sought
+        self.model = model
+        self.columns = columns
+        self.sought = sought
         globe = model.constants.globe
         own = [
             log(sought.youngs_modulus_pa),
@@ -265,7 +271,8 @@ class _Fit:
 
     def _inverse(self, matrix: Floats) -> Floats:
         """Return the inverse (7, 7) of the part of free unknowns; 0 elsewhere."""
-        inverse, free = np.zeros((7, 7)), np.ix_(self.free, self.free)
+        inverse = np.zeros((7, 7))
+        free = np.ix_(self.free, self.free)
         inverse[free] = np.linalg.inv(matrix[free])
         return inverse
 
@@ -273,10 +280,8 @@ class _Fit:
         """Return the start: the prior's mean, or the best of a coarse search if the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
-        moduli, (low, high) = (
-            np.log(START_MODULUS) + self.mean[LOG_MODULUS],
-            self.rigidity_ends,
-        )
+        moduli = np.log(START_MODULUS) + self.mean[LOG_MODULUS]
+        (low, high) = self.rigidity_ends
         # From a stiff globe an open eye is not found.
         ratios = {
             float(self.mean[RELATIVE_RIGIDITY]),
@@ -288,7 +293,8 @@ class _Fit:
             for log_modulus in moduli
         ]
         curves = self.model.curves([self._state(*own) for own in begun])
-        best, unknown = np.inf, self.mean.copy()
+        best = np.inf
+        unknown = self.mean.copy()
         for own, curve in zip(begun, curves, strict=True):
             for lateral in START_LATERAL_M:
                 nuisance = self.mean[:5].copy()
@@ -301,11 +307,13 @@ class _Fit:
                 cost = float(np.abs(rest - shift).sum())
                 if cost < best:
                     nuisance[BY_DEPTH] += shift
-                    best, unknown = cost, np.append(nuisance, own)
+                    best = cost
+                    unknown = np.append(nuisance, own)
         return unknown
 
     def _state(self, log_modulus: float, rigidity: float) -> WallState:
-        modulus_pa, k = float(np.exp(log_modulus)), REFERENCE_RIGIDITY * float(rigidity)
+        modulus_pa = float(np.exp(log_modulus))
+        k = REFERENCE_RIGIDITY * float(rigidity)
         return replace(
             self.sought, youngs_modulus_pa=modulus_pa, rigidity_pa13_per_m3=k
         )
@@ -346,10 +354,8 @@ class _Fit:
         size = np.abs(self.columns.residual(placed)[placed.seen])
         scale = max(1.0, placement.robust_spread(size)) if len(size) else 1.0
         data, _ = self.columns.normal_equations(self._movable(placed), scale)
-        covariance, wall = (
-            self._inverse(data + self.precision),
-            self._state(*unknown[LOG_MODULUS:]),
-        )
+        covariance = self._inverse(data + self.precision)
+        wall = self._state(*unknown[LOG_MODULUS:])
         return Registered(
             nuisance=unknown[:5].copy(), covariance=covariance[:5, :5], wall=wall
         )

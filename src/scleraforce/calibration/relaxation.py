@@ -30,22 +30,22 @@ TIMES_S = (
 # Half-normal priors of the shares, each with the same: pork loses 0.27 with 0.4 s and 0.33 with 4.3 s, the paper's eyes
 # some percent. A log without holds leaves tissue that relaxes much or little on all times alike, as much as by chance.
 PRIOR_SD = np.full(len(TIMES_S), 0.07)
-MEAN_OF_SD, SD_OF_SD = (
-    np.sqrt(2.0 / np.pi),
-    np.sqrt(1.0 - 2.0 / np.pi),
-)  # of a half-normal
+# of a half-normal
+MEAN_OF_SD = np.sqrt(2.0 / np.pi)
+SD_OF_SD = np.sqrt(1.0 - 2.0 / np.pi)
 STEP_S = 0.1  # of the log that is turned back: its low-pass leaves 5 Hz
 CONTACT_N = 2e-3
 LEAST_PUSH_N = 10e-3  # of which a hold is taken
 FAST = 0.3  # of the fastest rise of a push: faster changes are the needle's
 SURE = 4.0  # standard deviations of the noise
-SMOOTHED, LEAST = (
-    4,
-    5,
-)  # samples: of a mean, which leaves out 0.2 s at a hold's ends; of the shortest hold
+# samples: of a mean, which leaves out 0.2 s at a hold's ends; of the shortest hold
+SMOOTHED = 4
+LEAST = 5
 OFF = 1.5  # of the usual scatter: the needle moved
 MOST = 0.95  # of a force is lost
-ROUNDS, STEP = 6, 1e-4  # of Gauss-Newton; of a share, for its derivative
+# of Gauss-Newton; of a share, for its derivative
+ROUNDS = 6
+STEP = 1e-4
 LEAST_GAIN = 8.0  # of the log likelihood, below which the tissue counts as elastic
 PUSHED = 0.7  # of a frame's force: the push began where it was less
 ONE_FRAME_SD = 0.1  # of held, of one frame
@@ -58,7 +58,8 @@ def with_elastic_forces(
 
     The recording has a force log without gaps. Its elastic force, every `STEP_S` from its beginning, is the third.
     """
-    log, info = recording.forces, recording.info.force
+    log = recording.forces
+    info = recording.info.force
     assert log is not None
     assert info is not None
     since_s = log.time_s - log.time_s[0]
@@ -101,7 +102,8 @@ def _with_histories(
     memories_n: Floats,
 ) -> KnownRelaxation:
     """Return a relaxation with the histories of frames, which have an elastic force."""
-    times_s, counted = np.array(known.times_s), np.flatnonzero(force_n > LEAST_PUSH_N)
+    times_s = np.array(known.times_s)
+    counted = np.flatnonzero(force_n > LEAST_PUSH_N)
     frames = np.clip(np.searchsorted(time_s, frame_s), 0, len(time_s) - 1)
     pushes = np.array(
         [
@@ -111,10 +113,12 @@ def _with_histories(
     )
     if not len(counted):
         return known
-    held_s, at_push_n = time_s[frames] - time_s[pushes], memories_n[pushes]
+    held_s = time_s[frames] - time_s[pushes]
+    at_push_n = memories_n[pushes]
     held = memories_n[frames] - np.exp(-held_s[:, None] / times_s) * at_push_n
     held /= np.maximum(force_n, LEAST_PUSH_N)[:, None]
-    held, before_n = held[counted], at_push_n[counted]
+    held = held[counted]
+    before_n = at_push_n[counted]
     found = replace(
         known,
         held=tuple(held.mean(axis=0).tolist()),
@@ -134,7 +138,8 @@ def _with_histories(
         np.exp(-(time_s[pushes[later]] - time_s[earlier])[:, None] / times_s)
         * memories_n[earlier]
     )
-    rest_n, earlier_n = at_push_n[later] - left_n, np.maximum(force_n[later - 1], 0.0)
+    rest_n = at_push_n[later] - left_n
+    earlier_n = np.maximum(force_n[later - 1], 0.0)
     after = earlier_n @ rest_n / max(float(earlier_n @ earlier_n), LEAST_PUSH_N**2)
     rest_n -= np.outer(earlier_n, after)
     covariance_n2 = rows(rest_n.T @ rest_n / max(len(later) - 1, 1))
@@ -227,7 +232,8 @@ def _fitted(
             for hold in holds
         ]
 
-    shares, prior = np.zeros(len(TIMES_S)), np.diag(PRIOR_SD**-2)
+    shares = np.zeros(len(TIMES_S))
+    prior = np.diag(PRIOR_SD**-2)
     steps = np.concatenate([np.zeros((1, len(TIMES_S))), STEP * np.eye(len(TIMES_S))])
     for _ in range(ROUNDS):
         rest_n = np.concatenate(scatter(shares + steps), axis=1)
@@ -258,7 +264,8 @@ def not_negative(normal: Floats, gradient: Floats) -> Floats:
     """Return the few x >= 0 with the least x N x / 2 - g x (share,); SciPy's takes a tenth of a second to import."""
     best = np.zeros(len(gradient))
     for chosen in product((False, True), repeat=len(gradient)):
-        free, x = np.array(chosen), np.zeros(len(gradient))
+        free = np.array(chosen)
+        x = np.zeros(len(gradient))
         x[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
         if (x >= 0.0).all() and gradient @ x > gradient @ best:  # twice what each gains
             best = x

@@ -275,10 +275,8 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     mean, sd = discrepancy.at_reference()
     if abs(mean) > SURE * sd:
         percent = from_si(exp(mean) - 1.0, "percent")
-        side, reference = (
-            "above" if percent > 0.0 else "below",
-            f"{from_si(REFERENCE_N, 'mn'):g} mN",
-        )
+        side = "above" if percent > 0.0 else "below"
+        reference = f"{from_si(REFERENCE_N, 'mn'):g} mN"
         size = f"{abs(percent):.0f} ± {from_si(sd, 'percent'):.0f} %"
         words.append(f"forces {size} {side} the library's at {reference}")
     if discrepancy.scatter > MUCH:
@@ -297,7 +295,8 @@ def rigidity_words(eye: EyeCalibration) -> str:
 def _words(name: str, mean: float, sd: float) -> str:
     """Return one parameter, its mean to the first digit of its standard deviation."""
     words, unit, printed = PRINTED[name]
-    mean, sd = from_si(mean, unit), from_si(sd, unit)
+    mean = from_si(mean, unit)
+    sd = from_si(sd, unit)
     decimals = max(0, -floor(log10(sd))) if isfinite(sd) and sd > 0.0 else 3
     return f"{words} {mean:.{decimals}f} ± {sd:.{decimals}f} {printed}"
 
@@ -352,7 +351,8 @@ def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
 
 def parse_calibration(file: CalibrationFile) -> Calibration:
     """Return the calibration of a file, to continue it or to report it; raises `CalibrationError`."""
-    name, content = file.path, file.content
+    name = file.path
+    content = file.content
     eyes = {
         eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}")
         for eye, entry in content["eyes"].items()
@@ -382,10 +382,8 @@ class _Saved(msgspec.Struct):
 
 
 def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
-    summary, saved = (
-        calibration_file.summary_of_eye(entry, place),
-        converted(entry, _Saved, place),
-    )
+    summary = calibration_file.summary_of_eye(entry, place)
+    saved = converted(entry, _Saved, place)
     if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
         raise CalibrationError(

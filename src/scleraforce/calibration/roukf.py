@@ -167,10 +167,8 @@ def filter_step(
     p = factor.shape[1]
     prior = posterior._replace(factor=factor, precision=np.eye(p))
     first_rm = observe(prior.mean + params.sigma.points_rp @ factor.T)
-    none, same = (
-        np.zeros((len(posterior.mean), len(observed))),
-        np.eye(len(posterior.mean)),
-    )
+    none = np.zeros((len(posterior.mean), len(observed)))
+    same = np.eye(len(posterior.mean))
     failed = StepResult(posterior, np.inf, 0, (), 1.0, 0, "", none, same)
     if not np.isfinite(first_rm).all() or len(observed) == 0:
         return failed._replace(
@@ -203,7 +201,8 @@ class _Frame(NamedTuple):
 
 def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
     """Return the frame with its linearisation begun at a state, if that explains prior and observation better."""
-    prior, points = frame.prior, params.sigma.points_rp
+    prior = frame.prior
+    points = params.sigma.points_rp
     centre = _solve(prior.factor, start - prior.mean)
     rest = frame.observed - frame.observe(np.stack([prior.mean, start]))
     misfit = np.einsum("rm,mr->r", rest, _solve(frame.noise, rest.T))
@@ -220,11 +219,14 @@ def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
 
 def _step(params: FilterParams, frame: _Frame) -> StepResult:
     """Return the step; raises `LinAlgError` if only rounding is left, or the model cannot be evaluated."""
-    fit, prior, observed = _fit(params, frame), frame.prior, frame.observed
+    fit = _fit(params, frame)
+    prior = frame.prior
+    observed = frame.observed
     whitened = (
         _whitening(fit.linear, fit.kept).T @ (observed - fit.linear.offset)[fit.kept]
     )
-    nis, count = float(whitened @ whitened), int(fit.kept.sum())
+    nis = float(whitened @ whitened)
+    count = int(fit.kept.sum())
     inflation = max(1.0, nis / count) if params.inflate else 1.0
     inflated = fit.linear._replace(noise=fit.linear.noise * inflation)
     shift, precision = _correct(inflated, observed, fit.kept)
@@ -268,7 +270,9 @@ def _fit(params: FilterParams, frame: _Frame) -> _Fit:
 def _linearise(params: FilterParams, frame: _Frame, kept: Flags) -> _Fit:
     """Linearise the observation about the (iterated) posterior."""
     points = params.sigma.points_rp
-    prior, centre, root = frame.prior, frame.centre, frame.root
+    prior = frame.prior
+    centre = frame.centre
+    root = frame.root
     linear = _regress(params.sigma, frame.first_rm, centre, root, frame.noise)
     for iteration in range(1, params.iterations):
         new_centre, precision = _correct(linear, frame.observed, kept)
@@ -280,7 +284,8 @@ def _linearise(params: FilterParams, frame: _Frame, kept: Flags) -> _Fit:
             raise np.linalg.LinAlgError("the model cannot be evaluated here")
         linear = _regress(params.sigma, predicted_rm, new_centre, new_root, frame.noise)
         moved = np.abs(_solve(new_root, new_centre - centre)).max()
-        centre, root = new_centre, new_root
+        centre = new_centre
+        root = new_root
         if moved < params.tolerance:
             return _Fit(linear, kept, iteration + 1)
     return _Fit(linear, kept, params.iterations)
@@ -309,7 +314,8 @@ def _regress(
 
 def _correct(linear: _Linear, observed: Floats, kept: Flags) -> tuple[Floats, Floats]:
     """Return U^-1 HL^T W^-1 (y - z) (p,) and U (p, p) for the prior v ~ N(0, 1)."""
-    slope, noise = linear.slope[kept], linear.noise[np.ix_(kept, kept)]
+    slope = linear.slope[kept]
+    noise = linear.noise[np.ix_(kept, kept)]
     weighted = _solve(noise, slope)
     precision = np.eye(slope.shape[1]) + slope.T @ weighted
     precision = (precision + precision.T) / 2
@@ -357,7 +363,8 @@ def _whitening(linear: _Linear, kept: Flags) -> Floats:
 
 def _status(recent: tuple[tuple[float, int], ...]) -> str:
     """Compare the innovations of the last updates with their expectation."""
-    nis, count = sum(entry[0] for entry in recent), sum(entry[1] for entry in recent)
+    nis = sum(entry[0] for entry in recent)
+    count = sum(entry[1] for entry in recent)
     if not np.isfinite(nis):
         return "diverged: an innovation is not finite"
     ratio = np.sqrt(nis / count)

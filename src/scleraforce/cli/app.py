@@ -43,11 +43,9 @@ def app(folder: Path, port: int, opens: bool) -> None:
         )
     from scleraforce.app.server import HOST, listen, server_of
 
-    listener, token, once = (
-        listen(port),
-        secrets.token_urlsafe(24),
-        secrets.token_urlsafe(24),
-    )
+    listener = listen(port)
+    token = secrets.token_urlsafe(24)
+    once = secrets.token_urlsafe(24)
     address = f"http://{HOST}:{listener.getsockname()[1]}/?token="
     say(f"open {address}{token}\nCtrl-C ends it")
     if opens:  # other users see the arguments of a browser: its token is valid once

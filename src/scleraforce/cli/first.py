@@ -74,11 +74,10 @@ def demo(out: Path, open_page: bool) -> Report:
     with share_bar("demo") as reach:
         done = run_demo(out, datetime.now(UTC), reach)
     evaluation = done.evaluation
-    true_mpa, found_mpa = (
-        from_si(EYE.youngs_modulus_pa, "mpa"),
-        from_si(done.modulus_pa, "mpa"),
-    )
-    frames, read = len(evaluation.frames), evaluation.accuracy.total
+    true_mpa = from_si(EYE.youngs_modulus_pa, "mpa")
+    found_mpa = from_si(done.modulus_pa, "mpa")
+    frames = len(evaluation.frames)
+    read = evaluation.accuracy.total
     result = {
         "page": str(done.page),
         "recording": str(done.recording),
@@ -120,10 +119,8 @@ def doctor() -> Report:
         *machine(),
         *(tried(name) for name in progress_bar(TRIALS, "trials", total=len(TRIALS))),
     ]
-    python, system = (
-        platform.python_version(),
-        f"{platform.system()} {platform.machine()}",
-    )
+    python = platform.python_version()
+    system = f"{platform.system()} {platform.machine()}"
     ok = all(finding.state != "failed" for finding in found)
     result = {"scleraforce": __version__, "python": python, "system": system, "ok": ok}
     result |= {
@@ -223,7 +220,9 @@ def reproduce(
     reader = "a reader that this run trains" if train else bundled
     say(f"reads walls of finite strain with {reader}", err=True)
     found = run_stages(run, _stage, datetime.now(UTC), lambda line: say(line, err=True))
-    evaluation, others, bent = found.evaluation, found.to_the_bounds, found.bent_reader
+    evaluation = found.evaluation
+    others = found.to_the_bounds
+    bent = found.bent_reader
     mean_pa, spread_pa = found.calibration.population
     seconds = sum(found.seconds.values())
     result = {
@@ -250,7 +249,9 @@ def reproduce(
         "reader": {"model": model_name(run.reader), "trained": train},
         "seconds": found.seconds | {"total": round(seconds, 2)},
     }
-    accuracy, logged, true = evaluation.accuracy, bent.coverage, bent.true_coverage
+    accuracy = evaluation.accuracy
+    logged = bent.coverage
+    true = bent.true_coverage
     counted = {
         "with forces up to the bounds of the classes": others,
         "on walls of finite strain: the paper's method": found.bent_paper,

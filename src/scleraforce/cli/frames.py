@@ -91,7 +91,8 @@ IMAGES = (
     ".jpeg",
     ".dcm",
 )  # of a folder that is not a recording
-GUESS, OVERLAY = ".guess.png", ".overlay.png"
+GUESS = ".guess.png"
+OVERLAY = ".overlay.png"
 ENDINGS = (
     ".png",
     GUESS,
@@ -157,11 +158,9 @@ def segment(
         raise click.UsageError(
             "--sheet shows how two methods differ; with --wall-finder none there is only one"
         )
-    usual, finder, masks = (
-        OctStudy(),
-        notebook.finder_of(wall_finder),
-        _masks(frames, out, sheet),
-    )
+    usual = OctStudy()
+    finder = notebook.finder_of(wall_finder)
+    masks = _masks(frames, out, sheet)
     assumed = Scanner(
         width_m=usual.width_m,
         depth_m=usual.depth_m,
@@ -333,10 +332,8 @@ def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: Look) 
         sheet_frame(os.path.relpath(path, base), *look(path))
         for path in progress_bar(paths, "sheet")
     ]
-    title, note = (
-        f"{len(entries)} frames, {sum(one['usable'] for one in entries)} usable",
-        "",
-    )
+    title = f"{len(entries)} frames, {sum(one['usable'] for one in entries)} usable"
+    note = ""
     if len(frames) < len(entries):
         note = f"Shown: the {WORST} worst and {MOST - WORST} of the others."
         say(f"{sheet}: {note}", err=True)
@@ -484,10 +481,8 @@ def read(
     def answer(moment: Moment) -> "list[Reading]":
         for path, _ in moment:
             os.stat(path)  # a missing frame is reported before the model is loaded
-        paths, placed = (
-            [path for path, _ in moment],
-            [plane for _, plane in moment if plane],
-        )
+        paths = [path for path, _ in moment]
+        placed = [plane for _, plane in moment if plane]
         walls = [mask_of.get(path) for path in paths]
         return readings(
             loaded(),

@@ -248,7 +248,8 @@ def import_(
         model or SHIPPED_READER,
     )
     done = write_imported(*to, planes_of(sources, planes) if planes else ())
-    scanner, preview = done.info.oct, out / PREVIEW
+    scanner = done.info.oct
+    preview = out / PREVIEW
     result = {
         "recording": str(out),
         "preview": str(preview),
@@ -266,20 +267,20 @@ def import_(
 
 
 def _lines(done: Import) -> list[str]:
-    scan, scanner, source, greys, log = (
-        done.gathered.scan,
-        done.info.oct,
-        done.sources,
-        done.greys,
-        done.log,
-    )
-    shown, planes = len(done.gathered.frames.names), len(scanner.plane)
+    scan = done.gathered.scan
+    scanner = done.info.oct
+    source = done.sources
+    greys = done.greys
+    log = done.log
+    shown = len(done.gathered.frames.names)
+    planes = len(scanner.plane)
     count = (
         "1 frame"
         if shown == 1
         else f"{shown} frames{f' in {planes} planes' * bool(planes)}"
     )
-    first_s, last_s = done.times.time_s[0], done.times.time_s[-1]
+    first_s = done.times.time_s[0]
+    last_s = done.times.time_s[-1]
     begin = (
         f"; 0 s is {done.origin_s:.0f} s of the sources' clock" if done.origin_s else ""
     )
@@ -374,8 +375,6 @@ def _answer(name: str, question: Question, kind: click.ParamType[Any]) -> Any:
     )
     default = OPEN if question.optional else None
     if question.offered is not None:
-        words, default = (
-            f"{words}; the first frames show {question.offered:g}",
-            f"{question.offered:g}",
-        )
+        words = f"{words}; the first frames show {question.offered:g}"
+        default = f"{question.offered:g}"
     return click.prompt(words, default=default, value_proc=checked, err=True)

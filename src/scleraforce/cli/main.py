@@ -79,7 +79,8 @@ class _LazyGroup(click.Group):
         cmd_name = ALIASES.get(cmd_name, cmd_name)
         if cmd_name not in COMMANDS:
             return None
-        module, name = COMMANDS[cmd_name][0], cmd_name.replace("-", "_")
+        module = COMMANDS[cmd_name][0]
+        name = cmd_name.replace("-", "_")
         command: click.Command = getattr(
             import_module(f"scleraforce.cli.{module}"),
             f"{name}_" if iskeyword(name) else name,

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from scleraforce.recording.folder import OctInfo, Plane
     from scleraforce.service.monitor_service import Address, MonitorSettings
 
-PORT, POSITIVE = click.IntRange(0, 65535), click.FloatRange(0.0, min_open=True)
+PORT = click.IntRange(0, 65535)
+POSITIVE = click.FloatRange(0.0, min_open=True)
 STUDYS = "default: that of the model's study"
 LIMITS = (
     "unusable_frames",
@@ -411,11 +412,10 @@ def _greeting(
     doubt: str | None,
     code: str,
 ) -> Iterator[str]:
-    limits, scan = settings.limits, settings.scan
-    lateral_um, depth_um = (
-        from_si(scan.width_m / scan.columns, "um"),
-        from_si(scan.depth_m / scan.rows, "um"),
-    )
+    limits = settings.limits
+    scan = settings.scan
+    lateral_um = from_si(scan.width_m / scan.columns, "um")
+    depth_um = from_si(scan.depth_m / scan.rows, "um")
     bound_mn = from_si(limits.bound_n, "mn")
     forces = (
         f", or where the force's interval reaches {bound_mn:.1f} mN"

@@ -35,7 +35,8 @@ class Quantity(click.FloatRange):
     def __init__(self, key: str, *, in_si: bool = True) -> None:
         bounds = allowed(key)
         super().__init__(bounds.low, bounds.high)
-        self._key, self._in_si = key, in_si
+        self._key = key
+        self._in_si = in_si
 
     def convert(
         self,

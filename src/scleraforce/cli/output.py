@@ -20,7 +20,8 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 # In the meta of click's context, which a command shares with the group.
-QUIET, JSON = f"{__name__}.quiet", f"{__name__}.json"
+QUIET = f"{__name__}.quiet"
+JSON = f"{__name__}.json"
 
 
 class Report(NamedTuple):

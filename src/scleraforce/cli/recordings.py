@@ -132,10 +132,8 @@ def calibrate(
     """
     notes = _Notes()
     if model is not None:
-        default, others = (
-            click.core.ParameterSource.DEFAULT,
-            "only --frames, --wall-finder and --json",
-        )
+        default = click.core.ParameterSource.DEFAULT
+        others = "only --frames, --wall-finder and --json"
         if any(ctx.get_parameter_source(name) != default for name in (*given, "plot")):
             raise click.UsageError(
                 f"--intervals: takes the model's own study; of the options, {others}"
@@ -363,7 +361,8 @@ def _confusion(evaluation: "Evaluation") -> Iterator[str]:
         f"{share.value:.2f}" if share.total else "-" for share in evaluation.precision
     )
     yield "precision    " + "".join(f"{share:>8}" for share in precisions)
-    total, usable = evaluation.accuracy, evaluation.usable.accuracy
+    total = evaluation.accuracy
+    usable = evaluation.usable.accuracy
     yield f"accuracy      {total.words()}: {total.hits} of {total.total}"
     if usable.total < total.total:
         yield f"  usable only {usable.words()}: {usable.hits} of {usable.total}"
@@ -379,11 +378,9 @@ def _forces(evaluation: "Evaluation") -> Iterator[str]:
 
     if not evaluation.forces:
         return
-    logged, true, sd_mn = (
-        evaluation.coverage,
-        evaluation.true_coverage,
-        from_si(evaluation.label_sd_n, "mn"),
-    )
+    logged = evaluation.coverage
+    true = evaluation.true_coverage
+    sd_mn = from_si(evaluation.label_sd_n, "mn")
     yield f"force error   {from_si(evaluation.mae_n, 'mn'):.2f} mN in the mean, {logged.total} usable frames"
     yield f"              against labels that are sure to {sd_mn:.2f} mN (standard deviation)"
     if true.total:

@@ -111,11 +111,9 @@ def replay(
     if fault_at_s is not None and not fault:
         raise click.UsageError("--fault-at-s: give the --fault, too")
     speed = speed or 1.0
-    recording, log, rng = (
-        read_recording(recording_path),
-        AnswerLog(),
-        np.random.default_rng(seed),
-    )
+    recording = read_recording(recording_path)
+    log = AnswerLog()
+    rng = np.random.default_rng(seed)
     true = true_forces(recording.path)
     known = all(entry.file in true for entry in recording.frames)
     true_n = [true[entry.file] for entry in recording.frames] if known else None
@@ -186,14 +184,13 @@ class _Show:
         forces_n: Sequence[float] | None,
         quiet: bool,
     ) -> None:
-        self._recording, self._log, self._forces_n, self._quiet = (
-            recording,
-            log,
-            forces_n,
-            quiet,
-        )
+        self._recording = recording
+        self._log = log
+        self._forces_n = forces_n
+        self._quiet = quiet
         self._live = not quiet and sys.stderr.isatty()
-        self._shown, self._renewed_s = 0, monotonic()
+        self._shown = 0
+        self._renewed_s = monotonic()
 
     def renew(self) -> None:
         if self._quiet:
@@ -243,7 +240,8 @@ class _Show:
             click.echo("\r\x1b[K", err=True, nl=False)
 
     def _answer_line(self) -> str:
-        reading, status = self._log.reading, self._log.status
+        reading = self._log.reading
+        status = self._log.status
         if status is None:
             return "the monitor has not sent anything yet"
         words = [

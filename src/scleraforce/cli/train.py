@@ -277,7 +277,8 @@ def _classifier_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterat
         yield f"{'hidden layers':<24}{'weights':>12}{'validation accuracy':>22}{'loss':>10}"
     for entry in result["search"]:
         chosen = "  <" if tuple(entry["hidden"]) == tuple(result["hidden"]) else ""
-        reached, loss = entry["validation_accuracy"], entry["validation_loss"]
+        reached = entry["validation_accuracy"]
+        loss = entry["validation_loss"]
         accuracy = "diverged" if reached is None else f"{reached:.2%}"
         loss = "" if loss is None else f"{loss:.4f}"
         yield f"{_sizes(entry['hidden']):<24}{entry['weights']:>12,}{accuracy:>22}{loss:>10}{chosen}"

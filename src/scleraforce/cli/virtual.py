@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -38,12 +39,11 @@ if TYPE_CHECKING:
     from scleraforce.segmentation.wall_finder import WallFinder
 
 STUDYS = "the study's"
-GLOBE, RIGIDITY = (
-    f"{STUDYS} (open, if it sets none); sealed needs finite strain",
-    f"{STUDYS} (0.03, if it sets none)",
-)
+GLOBE = f"{STUDYS} (open, if it sets none); sealed needs finite strain"
+RIGIDITY = f"{STUDYS} (0.03, if it sets none)"
 MECHANICS = "Small displacements (linear) or large ones; default: the study's (linear, if it sets none)."
-THICKNESS_M, POLAR_RAD = to_si(600.0, "um"), to_si(35.0, "deg")
+THICKNESS_M = to_si(600.0, "um")
+POLAR_RAD = to_si(35.0, "deg")
 
 
 @click.command(cls=Command)
@@ -292,7 +292,8 @@ def phantom(
     source = click.get_current_context().get_parameter_source("forces_n")
     if "puncture_n" in moves and source is ParameterSource.DEFAULT:
         forces_n = ()
-    eye, seed = given(**values), study.phantom.seed if seed is None else seed
+    eye = given(**values)
+    seed = study.phantom.seed if seed is None else seed
     eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
     eye |= {"planes": [parse_plane(words) for words in planes]}
     made = sf.phantom(
@@ -431,7 +432,8 @@ def _eye(
     from scleraforce.laboratory.scanner_display import ImagedEye
     from scleraforce.segmentation.wall import find_wall
 
-    most, (rows, columns) = 8 * frame.pixels.itemsize, frame.pixels.shape
+    most = 8 * frame.pixels.itemsize
+    (rows, columns) = frame.pixels.shape
     bits = given or (frame.info.oct.bits if frame.info else 8 if most == 8 else None)
     if bits is None:
         raise FrameError(
@@ -499,7 +501,8 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
             else (name, float)
         )
         if name == "roll_off_db_per_m":
-            key, change = "roll_off_db_per_mm", lambda value: from_si(value, "per_mm")
+            key = "roll_off_db_per_mm"
+            change = partial(from_si, unit="per_mm")
         if isinstance(result, MeasuredRange):
             numbers = {
                 "median": change(result.median),
@@ -537,8 +540,10 @@ def _scanner_lines(entries: Mapping[str, Any]) -> Iterator[str]:
 def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
     from scleraforce.laboratory.scanner import MeasuredRange
 
-    kind, ranges = measured.display.name, measured.ranges
-    slope, roll_off = ranges["spread_slope"], ranges["roll_off_db_per_m"]
+    kind = measured.display.name
+    ranges = measured.ranges
+    slope = ranges["spread_slope"]
+    roll_off = ranges["roll_off_db_per_m"]
     if not isinstance(slope, MeasuredRange):
         yield f"the display is taken to be {kind} from its noise: {slope.reason}"
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:

@@ -111,13 +111,12 @@ def decide_planes(
     if own not in planes.states and not isinstance(
         event, (events.Tick, events.Fault, events.Reset)
     ):
-        event, own = (
-            events.Fault(
-                getattr(event, "at_s", nan), Cause.EXCEPTION, f"a frame of plane {own}"
-            ),
-            None,
+        event = events.Fault(
+            getattr(event, "at_s", nan), Cause.EXCEPTION, f"a frame of plane {own}"
         )
-    findings, remembered = dict[str, _Finding](), dict[str, MonitorState]()
+        own = None
+    findings = dict[str, _Finding]()
+    remembered = dict[str, MonitorState]()
     for name, state in planes.states.items():
         of_plane = event if own in (None, name) else events.Tick(event.at_s)
         remembered[name], finding = _judged(state, of_plane, limits)
@@ -310,7 +309,9 @@ def _transport(
         return _alarm(Cause.FROZEN, f"the same picture {now.repeats} times")
     if now.returns[-1] and sum(now.returns) >= limits.frozen_frames - 1:
         return _alarm(Cause.FROZEN, f"a picture of {frame.shown_back} frames ago")
-    lag_s, least = lag_of(frame), now.least_lag  # which the quickest frames had
+    # which the quickest frames had
+    lag_s = lag_of(frame)
+    least = now.least_lag
     if lag_s is None or least is None or lag_s - least[1] < limits.lag_s:
         return None
     late_ms = from_si(lag_s - least[1], "ms")
@@ -326,17 +327,17 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
         return _alarm(Cause.NO_NUMBER, wrong)
     if not verdict.usable:
         return _unusable(now, verdict.reason, now.unusable, limits.unusable_frames)
-    upper_n, rise = upper_end(verdict), rise_of(now.history, limits.rate_frames)
+    upper_n = upper_end(verdict)
+    rise = rise_of(now.history, limits.rate_frames)
     to_bound = None
     if upper_n is not None and verdict.force_n is not None and not now.pierced:
         to_bound = time_to_bound(rise, verdict.force_n, upper_n, limits.bound_n)
-    harmful, fall = harm(verdict, limits), unexplained_fall(now.dents, limits)
+    harmful = harm(verdict, limits)
+    fall = unexplained_fall(now.dents, limits)
     if fall and not (harmful and limits.reports_pierced):
-        from_mn, to_mn, within_ms = (
-            from_si(fall.from_n, "mn"),
-            from_si(fall.to_n, "mn"),
-            from_si(fall.within_s, "ms"),
-        )
+        from_mn = from_si(fall.from_n, "mn")
+        to_mn = from_si(fall.to_n, "mn")
+        within_ms = from_si(fall.within_s, "ms")
         reason = f"pierced: the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within {within_ms:.0f} ms"
         return _Finding(
             Signal.PIERCED if limits.reports_pierced else Signal.ALARM,
@@ -426,13 +427,12 @@ def _loss(
             Cause.QUEUE_BEHIND, f"a loss of {event.lost} frames, {event.unread_s} s"
         )
     within_s = sum(unread_s for _, unread_s in now.losses)
-    most_in_row_s, most_s = (
-        limits.loss_in_row_s + events.SLACK_S,
-        limits.loss_in_window_s + events.SLACK_S,
-    )
+    most_in_row_s = limits.loss_in_row_s + events.SLACK_S
+    most_s = limits.loss_in_window_s + events.SLACK_S
     if now.lost_in_row_s <= most_in_row_s and within_s <= most_s:
         return QUIET
-    row_ms, within_ms = from_si(now.lost_in_row_s, "ms"), from_si(within_s, "ms")
+    row_ms = from_si(now.lost_in_row_s, "ms")
+    within_ms = from_si(within_s, "ms")
     return _alarm(
         Cause.QUEUE_BEHIND,
         f"{row_ms:.0f} ms of frames lost in a row, {within_ms:.0f} ms within the window",
@@ -466,17 +466,21 @@ def _move(
         Signal.QUIET: state.fresh,
         Signal.RESET_REFUSED: state.fresh,
     }
-    cause, reason = state.cause, state.reason
+    cause = state.cause
+    reason = state.reason
     if after not in events.LATCHED:
         reason = "" if after is State.WATCHING else finding.reason or reason
     elif state.state is not after:
-        cause, reason = finding.cause, finding.reason
+        cause = finding.cause
+        reason = finding.reason
     keeps = finding.signal in (Signal.QUIET, Signal.RESET_REFUSED)
-    pierced, dents = state.pierced, state.dents
+    pierced = state.pierced
+    dents = state.dents
     if (
         finding.cause is Cause.PIERCED
     ):  # harmless frames do not mend it; a fall is found once
-        pierced, dents = finding.reason, dents[-OUTSIDE:]
+        pierced = finding.reason
+        dents = dents[-OUTSIDE:]
     moved = replace(
         state,
         state=after,
@@ -527,10 +531,8 @@ def _decision(state: MonitorState, finding: _Finding) -> Decision:
     if finding.reason and finding.reason not in words:
         words.append(finding.reason)
     message = f"{state.state.name}: {'; '.join(words)}" if words else state.state.name
-    sub_code, present = (
-        state.cause.value if state.cause else 0,
-        (state.present_cause, state.present_reason),
-    )
+    sub_code = state.cause.value if state.cause else 0
+    present = (state.present_cause, state.present_reason)
     return Decision(
         state.state,
         state.cause,

@@ -105,7 +105,8 @@ PROBABILITY_SLACK = 1e-3  # single precision, summed
 
 def unsound(verdict: Verdict, limits: MonitorLimits) -> str | None:
     """Return the fault of a verdict: a number that is missing, not finite or contradicts others; None if sound."""
-    interval_n, shares = verdict.interval_n, verdict.probabilities
+    interval_n = verdict.interval_n
+    shares = verdict.probabilities
     numbers = (
         verdict.force_n,
         verdict.elastic_force_n,
@@ -141,7 +142,8 @@ def harm(verdict: Verdict, limits: MonitorLimits) -> tuple[Cause, str] | None:
         return Cause.DANGEROUS_CLASS, f"class {verdict.predicted}"
     upper_n = upper_end(verdict)
     if upper_n is not None and upper_n >= limits.bound_n:
-        upper_mn, bound_mn = from_si(upper_n, "mn"), from_si(limits.bound_n, "mn")
+        upper_mn = from_si(upper_n, "mn")
+        bound_mn = from_si(limits.bound_n, "mn")
         return Cause.BOUND, f"up to {upper_mn:.1f} mN, the bound is {bound_mn:.1f} mN"
     return None
 

@@ -25,10 +25,9 @@ DENTS = 64  # that are kept: 64 ms at 1000 a second
 NOISE_WINDOWS = 5  # times the frames of the slope are kept, to estimate the noise
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
-LAGS, QUICKEST = (
-    20,
-    3,
-)  # of the last frames, the third quickest counts: no frame alone decides what is late
+# of the last frames, the third quickest counts: no frame alone decides what is late
+LAGS = 20
+QUICKEST = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,14 +88,10 @@ def remember(
     state = replace(state, at_s=_time_of(state, event))
     if isinstance(event, QueueLoss):
         before_s = state.lost_in_row_s if event.row == state.lost_row else 0.0
-        row_s, counted_s = (
-            before_s + event.unread_s,
-            limits.counted_loss(before_s, event),
-        )
-        losses, lost = (
-            _losses(state.losses, event.at_s, counted_s, limits.loss_window_s),
-            state.lost + event.lost,
-        )
+        row_s = before_s + event.unread_s
+        counted_s = limits.counted_loss(before_s, event)
+        losses = _losses(state.losses, event.at_s, counted_s, limits.loss_window_s)
+        lost = state.lost + event.lost
         return replace(
             state, losses=losses, lost=lost, lost_in_row_s=row_s, lost_row=event.row
         )
@@ -141,19 +136,17 @@ def _remember_frame(
         if lag_s is None or not isfinite(lag_s)
         else (*state.lags, lag_s)[-LAGS:]
     )
-    size, scale_m, history = (
-        limits.size or state.size,
-        limits.scale_m or state.scale_m,
-        state.history,
-    )
-    touched, clear_s, dents = state.touched, None, state.dents
+    size = limits.size or state.size
+    scale_m = limits.scale_m or state.scale_m
+    history = state.history
+    touched = state.touched
+    clear_s = None
+    dents = state.dents
     if frame.verdict.usable and not unsound(frame.verdict, limits):
         if sound_pixels(frame.size, frame.scale_m):
             same = scale_m is not None and of_scale(frame.scale_m, scale_m, limits)
-            size, scale_m = (
-                limits.size or frame.size,
-                limits.scale_m or (scale_m if same else frame.scale_m),
-            )
+            size = limits.size or frame.size
+            scale_m = limits.scale_m or (scale_m if same else frame.scale_m)
         touched, clear_s = _contact(state, frame, limits)
         if frame.verdict.force_n is not None:
             history = (*history, (frame.at_s, frame.verdict.force_n))[
@@ -180,7 +173,8 @@ def _remember_frame(
 
 
 def _dent(frame: FrameRead, force_n: float) -> Dent:
-    elastic_n, travel_m = frame.verdict.elastic_force_n, frame.travel_m
+    elastic_n = frame.verdict.elastic_force_n
+    travel_m = frame.travel_m
     known = travel_m is not None and isfinite(travel_m) and frame.travel_age_s >= 0.0
     dent_n = force_n if elastic_n is None else elastic_n
     return Dent(frame.at_s, dent_n, travel_m if known else None, frame.travel_age_s)

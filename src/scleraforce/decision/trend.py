@@ -66,7 +66,8 @@ def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | N
 
 def _explained_n(dents: tuple[Dent, ...], place: int, limits: MonitorLimits) -> float:
     """Return how far the force can fall from the dent at a place to the last but one, N: withdrawal, eye and noise."""
-    high, low = dents[place], dents[-OUTSIDE]
+    high = dents[place]
+    low = dents[-OUTSIDE]
     within_s = low.at_s - high.at_s
     back_m = limits.retraction_m_s * within_s
     if high.travel_m is not None and low.travel_m is not None:
@@ -107,7 +108,9 @@ HORIZON_S = 2.0  # of a time until the bound
 ROUNDING = 1e-9
 # Of the time until the bound (benchmarks/bench_time_to_bound.py, seed 2): noise, since neighbouring readings err alike;
 # relative, of the slope, since a reader's error changes with the dent; of the force over its upper end, at least.
-ALIKE, SLOPE_ERROR, LEAST_SHARE = 2.0, 0.15, 0.5
+ALIKE = 2.0
+SLOPE_ERROR = 0.15
+LEAST_SHARE = 0.5
 Z90 = 1.645  # of the ends of a 90 % interval
 
 
@@ -222,8 +225,10 @@ def _reaches(rise: Rise, missing_n: float, deviations: float) -> float | None:
 
     if beyond_n(-rise.middle_s) >= 0.0:
         return 0.0
-    z, slack_n = deviations**2, ROUNDING * abs(missing_n)
-    square, half = rise.slope**2 - z * b, rise.slope * missing_n
+    z = deviations**2
+    slack_n = ROUNDING * abs(missing_n)
+    square = rise.slope**2 - z * b
+    half = rise.slope * missing_n
     under = z * (a * rise.slope**2 + b * missing_n**2 - z * a * b)
     if under < 0.0 or square == 0.0:
         return None
@@ -242,7 +247,8 @@ def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float |
     None: it has passed its top. Times count from now, so the points have negative ones.
     """
     half = len(points) // 2 + 1
-    early, late = _slope(points[:half]), _slope(points[-half:])
+    early = _slope(points[:half])
+    late = _slope(points[-half:])
     if early is None or late is None or late >= early:
         return inf
     early_s, late_s = (

@@ -119,14 +119,12 @@ Kind = Literal["open", "sealed", "unknown"]
 REFERENCE_RIGIDITY = to_si(
     0.03, "mmhg13_per_ul"
 )  # of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
-SLACKEST, STIFFEST = (
-    REFERENCE_RIGIDITY / 6.0,
-    2.0 * REFERENCE_RIGIDITY,
-)  # 0.005 and 0.06 mmHg^(1/3)/ul
-STATED_SD, STATED_ENDS = (
-    0.08,
-    1.3,
-)  # relative, of a rigidity that is given without its uncertainty
+# 0.005 and 0.06 mmHg^(1/3)/ul
+SLACKEST = REFERENCE_RIGIDITY / 6.0
+STIFFEST = 2.0 * REFERENCE_RIGIDITY
+# relative, of a rigidity that is given without its uncertainty
+STATED_SD = 0.08
+STATED_ENDS = 1.3
 NINETY_PERCENT = 1.6449  # standard deviations to either side
 
 
@@ -177,7 +175,8 @@ UNKNOWN = KnownGlobe(
     mean=0.5 * STIFFEST,
     sd=STIFFEST / sqrt(12.0),
 )
-_MIDDLE, _EVEN_SD = 0.5 * (SLACKEST + STIFFEST), (STIFFEST - SLACKEST) / sqrt(12.0)
+_MIDDLE = 0.5 * (SLACKEST + STIFFEST)
+_EVEN_SD = (STIFFEST - SLACKEST) / sqrt(12.0)
 SEALED = KnownGlobe(
     kind="sealed", lowest=SLACKEST, highest=STIFFEST, mean=_MIDDLE, sd=_EVEN_SD
 )
@@ -334,7 +333,8 @@ def stated_globe(eye: EyeInfo) -> KnownGlobe | None:
 
 def stated_eye(eye: str, known: Known) -> EyeInfo:
     """Return a recording's statements on a known eye, without the findings of a calibration."""
-    globe, relaxation = known.globe, known.relaxation
+    globe = known.globe
+    relaxation = known.relaxation
     terms = None
     if relaxation is not None and relaxation.source == "declared":
         terms = tuple(zip(relaxation.shares, relaxation.times_s, strict=True))

@@ -194,9 +194,11 @@ def converted(content: Any, record: type[Record], place: str) -> Record:
             raise CalibrationError(
                 f"{place}{path}.{missing[1]} is missing; {WRITER}"
             ) from fault
-        found, key = content, ""
+        found = content
+        key = ""
         for name, index in re.findall(r"\.(\w+)|\[(\d+)\]", path):
-            found, key = found[name or int(index)], name or key
+            found = found[name or int(index)]
+            key = name or key
         hint = (
             meant(key, found, _HINTED[key])
             if key in _HINTED and type(found) in (int, float)
@@ -214,7 +216,8 @@ def converted(content: Any, record: type[Record], place: str) -> Record:
 
 def summary_of(file: CalibrationFile) -> CalibrationSummary:
     """Return the part of a file that others than `calibration` need; raises `CalibrationError`."""
-    name, content = file.path, file.content
+    name = file.path
+    content = file.content
     population = converted(
         content.get("population"), _Population, f"{name}: population"
     )
@@ -323,7 +326,8 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     the modulus is unknown, and the globe too where the frames contradict its declaration: it is unknown in the file
     then.
     """
-    modulus, own = calibrated_modulus(summary, eye), summary.eyes.get(eye)
+    modulus = calibrated_modulus(summary, eye)
+    own = summary.eyes.get(eye)
     if own is not None and not own.usable:
         return replace(
             known,

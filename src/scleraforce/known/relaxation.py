@@ -25,7 +25,8 @@ MOMENTS = {
 }  # of each mean
 MOMENTS["after"] = "after_covariance_n2"
 # Of tissue whose histories are not known: memory may be anything up to these, all terms alike.
-MOST_HELD, MOST_BEFORE_N = 1.0, 15e-3
+MOST_HELD = 1.0
+MOST_BEFORE_N = 15e-3
 SPREAD = (
     1.0 / 3.0
 )  # standard deviation of such a memory over its largest value: 90 % reach from none to all
@@ -105,7 +106,8 @@ class KnownRelaxation:
     @classmethod
     def declared(cls, terms: Sequence[Sequence[float]]) -> "KnownRelaxation":
         """Return a declared relaxation: terms of a share and a time constant, s; no terms: the tissue is elastic."""
-        shares, times_s = [share for share, _ in terms], [time_s for _, time_s in terms]
+        shares = [share for share, _ in terms]
+        times_s = [time_s for _, time_s in terms]
         return cls.of(shares, times_s, np.zeros((len(terms), len(terms))), "declared")
 
 

@@ -41,10 +41,9 @@ from scleraforce.study import OctStudy
 
 SKIN_M = 10e-6  # thickness of the bright edge, and at least SKIN_COLUMNS of a column
 SKIN_COLUMNS = 0.5
-TRACK_DB, HOLE_M = (
-    -12.0,
-    30e-6,
-)  # of the light from torn tissue; how far above its hole the surface is gone
+# of the light from torn tissue; how far above its hole the surface is gone
+TRACK_DB = -12.0
+HOLE_M = 30e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +65,8 @@ def draw_shaft(
     shaft: NeedleShaft, tip_m: Floats, tilt_rad: float, oct_study: OctStudy
 ) -> DrawnShaft:
     """Cut a shaft, its tip lateral from the frame's middle and below its top edge, m, in an eye of a pose's tilt."""
-    depth_m, lateral_m = (
-        oct_study.depth_m / oct_study.rows,
-        oct_study.width_m / oct_study.columns,
-    )
+    depth_m = oct_study.depth_m / oct_study.rows
+    lateral_m = oct_study.width_m / oct_study.columns
     above = ceil(shaft.above_m / depth_m)
     down = (np.arange(-above, oct_study.rows) + 0.5)[:, None] * depth_m - tip_m[1]
     across = (
@@ -102,20 +99,16 @@ def draw_track(
     oct_study: OctStudy,
 ) -> DrawnShaft:
     """Draw what a needle leaves behind: a dim slit from its hole, (lateral, depth) as a shaft's tip, along its path."""
-    depth_m, lateral_m = (
-        oct_study.depth_m / oct_study.rows,
-        oct_study.width_m / oct_study.columns,
-    )
+    depth_m = oct_study.depth_m / oct_study.rows
+    lateral_m = oct_study.width_m / oct_study.columns
     down = (np.arange(oct_study.rows) + 0.5)[:, None] * depth_m - hole_m[1]
     across = (
         (np.arange(oct_study.columns) + 0.5) * lateral_m
         - oct_study.width_m / 2
         - hole_m[0]
     )
-    along_m, aside_m = (
-        down * cos(angle_rad) - across * sin(angle_rad),
-        across * cos(angle_rad) + down * sin(angle_rad),
-    )
+    along_m = down * cos(angle_rad) - across * sin(angle_rad)
+    aside_m = across * cos(angle_rad) + down * sin(angle_rad)
     inside = (
         (np.abs(aside_m) <= max(half_width_m, lateral_m))
         & (along_m >= -HOLE_M)
@@ -132,7 +125,8 @@ def _signed_distances(
 
     Points are (across, out of the plane, up) from the tip; a bevelled end is longest at the shaft's lower side.
     """
-    angle, radius_m = shaft.angle_rad + tilt_rad, shaft.diameter_m / 2
+    angle = shaft.angle_rad + tilt_rad
+    radius_m = shaft.diameter_m / 2
     axis = np.array(
         [
             sin(angle) * cos(shaft.lean_rad),
@@ -146,9 +140,13 @@ def _signed_distances(
     aside = upper * np.array([cos(angle), 0.0, -sin(angle)])
     slope = 1.0 / tan(shaft.bevel_rad) if shaft.bevel_rad < pi / 2 else 0.0
     shift_m = radius_m * aside if slope else np.zeros(3)
-    x, y, z = across - shift_m[0], shaft.gap_m, -down - shift_m[2]
+    x = across - shift_m[0]
+    y = shaft.gap_m
+    z = -down - shift_m[2]
     along = x * axis[0] + y * axis[1] + z * axis[2]
-    off_x, off_y, off_z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
+    off_x = x - along * axis[0]
+    off_y = y - along * axis[1]
+    off_z = z - along * axis[2]
     in_picture = np.square(off_x) + np.square(off_z)
     # The square of the distance from the axis, over how fast it grows in the picture: exact at the side.
     side_m = (radius_m**2 - in_picture - np.square(off_y)) / (
@@ -235,15 +233,19 @@ def column_crossings(curve: Floats, columns_m: Floats) -> Singles:
     segment, column, turn = columns_crossed(
         place, len(columns_m)
     )  # turn: 1 to the right, -1 to the left
-    (x0, y0), (x1, y1) = curve[:-1][segment].T, curve[1:][segment].T
+    (x0, y0) = curve[:-1][segment].T
+    (x1, y1) = curve[1:][segment].T
     depth_m = y0 + (columns_m[column] - x0) * (y1 - y0) / (x1 - x0)
     order = np.lexsort((depth_m, column))
-    column, depth_m, turn = column[order], depth_m[order], turn[order]
+    column = column[order]
+    depth_m = depth_m[order]
+    turn = turn[order]
     first = np.searchsorted(column, column)
     total = np.concatenate([[0], np.cumsum(turn)])
     start = total[first]
     boundary = (total[1:] == start) != (total[:-1] == start)
-    column, depth_m = column[boundary], depth_m[boundary]
+    column = column[boundary]
+    depth_m = depth_m[boundary]
     rank = np.arange(len(column)) - np.searchsorted(column, column)
     crossings = np.full(
         (rank.max(initial=-1) + 1, len(columns_m)), np.inf, dtype=np.float32
@@ -286,13 +288,12 @@ def _fill_columns(
     choroid_path_m = _length_above(
         edges_m, _layer_crossings(inside_m, optics.choroid_thickness_m)
     )
-    tissue_part_m, choroid_part_m = (
-        np.diff(tissue_path_m, axis=0),
-        np.diff(choroid_path_m, axis=0),
-    )
+    tissue_part_m = np.diff(tissue_path_m, axis=0)
+    choroid_part_m = np.diff(choroid_path_m, axis=0)
     row_m = np.diff(edges_m, axis=0)
     surface_m = np.where(np.isfinite(surface_m), surface_m, np.nan)
-    wall_part_m, over = tissue_part_m, None
+    wall_part_m = tissue_part_m
+    over = None
     if layer is not None:
         wall_part_m = np.diff(_length_above(edges_m, wall_m), axis=0)
         upper_m = wall_m[0] if len(wall_m) else surface_m
@@ -303,7 +304,8 @@ def _fill_columns(
             _filled(tissue_part_m - wall_part_m, row_m),
             wall_row.astype(np.float32),
         )
-    wall, choroid = _filled(wall_part_m, row_m), _filled(choroid_part_m, row_m)
+    wall = _filled(wall_part_m, row_m)
+    choroid = _filled(choroid_part_m, row_m)
     tissue_path_m[1:] -= tissue_part_m / 2
     choroid_path_m[1:] -= choroid_part_m / 2
     surface_row = (surface_m / pixel_m).astype(np.float32)
@@ -359,7 +361,8 @@ def _bright_curves(
 
     The first surface of each column reflects like a mirror (Fresnel), and so does a wall below a conjunctiva.
     """
-    pixel_m, columns_m = oct_study.depth_m / oct_study.rows, _columns_m(oct_study)
+    pixel_m = oct_study.depth_m / oct_study.rows
+    columns_m = _columns_m(oct_study)
     pixel_ratio = pixel_m / (oct_study.width_m / oct_study.columns)
     light = transmission(optics.shadows, columns_m)
     surfaces = [(tissue.surface_row, optics.reflection_db)]
@@ -379,7 +382,8 @@ def _bright_curves(
             np.sqrt(intensity),
             amplitude_sigma(optics.axial_resolution_m) / pixel_m,
         )
-    ones, surface_row = np.ones(oct_study.columns), tissue.surface_row
+    ones = np.ones(oct_study.columns)
+    surface_row = tissue.surface_row
     curves = [
         (ones * line.depth_m / pixel_m, line.level_db, line.thickness_m)
         for line in optics.lines
@@ -496,8 +500,10 @@ def _layers(
 
     Depths are (frame, column) in the picture, levels (frame, column) over the noise, falls (frame, 1).
     """
-    outer_m, inner_m = wall_m[:, OUTER], wall_m[:, INNER]
-    index, light = oct_study.refractive_index, _light(optics, window)
+    outer_m = wall_m[:, OUTER]
+    inner_m = wall_m[:, INNER]
+    index = oct_study.refractive_index
+    light = _light(optics, window)
     falls, choroid_falls = (
         2.0 * DB * _each(optics, name) / index
         for name in ("attenuation_per_m", "choroid_attenuation_per_m")
@@ -524,7 +530,8 @@ def _looks(
     optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow
 ) -> tuple[Reals, float]:
     """Return the number of independent values that a cell averages: of speckle (frame, 1, 1), and of noise."""
-    speckles, pixels = np.ones((len(optics), 1, 1)), 1.0
+    speckles = np.ones((len(optics), 1, 1))
+    pixels = 1.0
     for name, cell_m, pixel_m in (
         ("axial_resolution_m", window.row_m, oct_study.depth_m / oct_study.rows),
         (
@@ -551,11 +558,9 @@ def _speckled(
 ) -> tuple[Singles, Singles]:
     """Return the mean count of each cell and its variance (frame, row, column)."""
     cells = (len(speckles), window.rows, window.columns)
-    empty, mean, variance = (
-        np.ones(cells, np.float32),
-        np.zeros(cells, np.float32),
-        np.zeros(cells, np.float32),
-    )
+    empty = np.ones(cells, np.float32)
+    mean = np.zeros(cells, np.float32)
+    variance = np.zeros(cells, np.float32)
     for top_m, bottom_m, level_db, falls_db_per_m in layers:
         share, below_m = _covered(window, top_m, bottom_m)
         fallen_db = below_m * falls_db_per_m[..., None].astype(np.float32)
@@ -584,7 +589,8 @@ def _covered(
         np.nan_to_num(depth, nan=np.inf)[:, None].astype(np.float32)
         for depth in (top_m, bottom_m)
     )
-    begin, end = np.maximum(edges[:-1], top), np.minimum(edges[1:], bottom)
+    begin = np.maximum(edges[:-1], top)
+    end = np.minimum(edges[1:], bottom)
     share: Singles = np.maximum(end - begin, 0.0) / np.float32(window.row_m)
     below: Singles = np.where(
         share > 0.0, 0.5 * (begin + end) - np.minimum(top, edges[-1]), np.float32(0.0)
@@ -604,10 +610,8 @@ def _lines(
 
     First come mirror reflections, then lines and covers, one per frame for each of the largest number.
     """
-    light, two_sigmas_m = (
-        _light(optics, window),
-        2.0 * amplitude_sigma(1.0) * _each(optics, "axial_resolution_m"),
-    )
+    light = _light(optics, window)
+    two_sigmas_m = 2.0 * amplitude_sigma(1.0) * _each(optics, "axial_resolution_m")
     interface = [
         -np.inf if each.conjunctiva is None else each.conjunctiva.interface_db
         for each in optics

@@ -138,7 +138,8 @@ class NeedleShaft:
     @property
     def from_normal(self) -> tuple[float, float]:
         """The angle between shaft and normal, and the direction of its lean, from the picture's lateral axis."""
-        across, out = tan(self.angle_rad), tan(self.lean_rad)
+        across = tan(self.angle_rad)
+        out = tan(self.lean_rad)
         return atan(hypot(across, out)), atan2(out, across)
 
     def in_plane(self, along: Floats, gap_m: float) -> "NeedleShaft":
@@ -216,7 +217,8 @@ class Pose:
 
     def place_points(self, points: Floats) -> Floats:
         """Return points (point, 2), m, in the frame's own coordinates."""
-        c, s = cos(self.tilt_rad), sin(self.tilt_rad)
+        c = cos(self.tilt_rad)
+        s = sin(self.tilt_rad)
         return points @ np.array([[c, s], [-s, c]]) + np.array(
             [self.lateral_m, self.depth_m]
         )
@@ -326,10 +328,8 @@ def add_ridge(
         & np.isfinite(amplitude)
         & (np.abs(depth_rows) < 2 * len(field))
     )
-    depth, strength = (
-        depth_rows[column],
-        amplitude[column] * np.exp(2j * np.pi * rng.random(len(column))),
-    )
+    depth = depth_rows[column]
+    strength = amplitude[column] * np.exp(2j * np.pi * rng.random(len(column)))
     reach = ceil(4 * sigma)
     row = np.floor(depth).astype(int) + np.arange(-reach, reach + 1)[:, None]
     profile = np.exp(-(((row + 0.5 - depth) / sigma) ** 2) / 2)
@@ -360,7 +360,8 @@ def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Com
 
 def spread(intensity: Singles, sigma_rows: float, sigma_columns: float) -> Singles:
     """Return the mean intensity of a field that is `seen_through`, of the scatterers' intensity."""
-    down, across = np.square(_kernel(sigma_rows)), np.square(_kernel(sigma_columns))
+    down = np.square(_kernel(sigma_rows))
+    across = np.square(_kernel(sigma_columns))
     seen = cv2.sepFilter2D(
         intensity, -1, across, down, borderType=cv2.BORDER_REFLECT_101
     )
@@ -389,11 +390,10 @@ def ratios(levels_db: Floats | float) -> Floats:
     return np.power(10.0, np.asarray(levels_db) / 10.0)
 
 
-NO_LIGHT_DB, TOP_DB, STEP_DB = (
-    -15.0,
-    60.0,
-    0.25,
-)  # levels over the mean noise; the lowest stands for none
+# levels over the mean noise; the lowest stands for none
+NO_LIGHT_DB = -15.0
+TOP_DB = 60.0
+STEP_DB = 0.25
 LEVELS = round((TOP_DB - NO_LIGHT_DB) / STEP_DB) + 1
 QUANTILES = 64
 
@@ -403,7 +403,8 @@ class Displayed:
 
     def __init__(self, optics: Sequence[BscanOptics]) -> None:
         counts = np.stack([each.counts(_intensities(), 1.0) for each in optics])
-        self._mean, self._variance = counts.mean(axis=2), counts.var(axis=2)
+        self._mean = counts.mean(axis=2)
+        self._variance = counts.var(axis=2)
         self._first = (np.arange(len(optics), dtype=np.int32) * LEVELS)[:, None, None]
 
     def mean(self, level_db: Singles) -> Singles:

@@ -70,7 +70,8 @@ def sample_scanner(
     eye: PhantomEye, study: Study, seed: int
 ) -> tuple[BscanOptics, Pose]:
     """Draw a recording's optics and pose; needle and conjunctiva, with streams of their own, change nothing else."""
-    phantom, rng = study.phantom, stream(eye, seed, OPTICS)
+    phantom = study.phantom
+    rng = stream(eye, seed, OPTICS)
     scanner = replace(
         sample_optics(phantom, study.oct, rng),
         needle=sample_needle(
@@ -78,16 +79,15 @@ def sample_scanner(
         ),
         conjunctiva=sample_conjunctiva(phantom, stream(eye, seed, CONJUNCTIVA)),
     )
-    surface_m, tilt_rad = (
-        draw(phantom.surface_depth_m, rng),
-        draw(phantom.eye_tilt_rad, rng),
-    )
+    surface_m = draw(phantom.surface_depth_m, rng)
+    tilt_rad = draw(phantom.eye_tilt_rad, rng)
     return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
 
 
 def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Floats) -> Floats:
     """Draw (time, 4): shift across and in depth, signal over noise, reflection; they change smoothly in `DRIFT_S`."""
-    rng, phantom = stream(eye, seed, DRIFT), study.phantom
+    rng = stream(eye, seed, DRIFT)
+    phantom = study.phantom
     ranges = (
         phantom.eye_shift_m,
         phantom.eye_shift_m,
@@ -130,12 +130,12 @@ def stream(eye: PhantomEye, seed: int, *numbers: int) -> np.random.Generator:
     return np.random.default_rng(stream_key(eye, seed, *numbers))
 
 
-AXIS, CONTACT_SIGN = "fz", -1
+AXIS = "fz"
+CONTACT_SIGN = -1
 TAIL_S = 1.5  # of the log, after the needle's last motion
-HELD_AVERAGE_S, MOVING_AVERAGE_S = (
-    2.0,
-    0.1,
-)  # of a label: a needle that moves changes sooner
+# of a label: a needle that moves changes sooner
+HELD_AVERAGE_S = 2.0
+MOVING_AVERAGE_S = 0.1
 TRAVEL_FORCES = 64  # at which a travel is known
 FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samples on both sides
 
@@ -297,7 +297,8 @@ def plan_moving_phantom(
                 f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and {high:g}"
             )
     scanner, place = sample_scanner(eye, study, seed)
-    relaxation, rng = draw_relaxation(eye, study, seed), stream(eye, seed, PUSHES)
+    relaxation = draw_relaxation(eye, study, seed)
+    rng = stream(eye, seed, PUSHES)
     path = pushes.plan_path(
         tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, relaxation, rng
     )
@@ -310,7 +311,8 @@ def plan_moving_phantom(
         round(FIRST_S + index / rate_hz, pushes.TIME_DIGITS) for index in range(count)
     ]
     drift = draw_changes(eye, study, seed, np.array(times_s))
-    digits, frames = max(4, len(str(count))), []
+    digits = max(4, len(str(count)))
+    frames = []
     for index, (lateral_m, shift_m, snr_db, reflection_db) in enumerate(drift.tolist()):
         pose = Pose(
             lateral_m=lateral_m,
@@ -342,15 +344,11 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
             "planes: of an eye that keeps still, does not leak and is not pierced, with "
             "--mechanics finite-strain"
         )
-    eye, rng, frames = (
-        plan.eye,
-        stream(plan.eye, plan.seed, PLANES),
-        list[PhantomFrame](),
-    )
-    side_rad, tilt_rad = (
-        rng.uniform(-np.pi, np.pi),
-        draw(study.phantom.eye_tilt_rad, rng),
-    )
+    eye = plan.eye
+    rng = stream(plan.eye, plan.seed, PLANES)
+    frames = list[PhantomFrame]()
+    side_rad = rng.uniform(-np.pi, np.pi)
+    tilt_rad = draw(study.phantom.eye_tilt_rad, rng)
     aside_m = eye.gap_m * np.array([np.cos(side_rad), np.sin(side_rad)])
     for moment, force_n in zip(plan.frames, plan.forces_n, strict=True):
         contact_m = aside_m + np.array(
@@ -437,7 +435,8 @@ def _pressed(
     frame: PhantomFrame, eye: PhantomEye, force_n: float, study: Study
 ) -> PhantomFrame:
     """Return a frame whose conjunctiva, if any, the needle compresses."""
-    layer, radius_m = frame.optics.conjunctiva, 0.5 * study.needle.outer_diameter_m
+    layer = frame.optics.conjunctiva
+    radius_m = 0.5 * study.needle.outer_diameter_m
     if layer is None:
         return frame
     press = Press(
@@ -496,7 +495,8 @@ def _pierced_sections(
     plan: PhantomPlan, sections_at: SectionsAt
 ) -> tuple[Sequence[Section], Sequence[float]]:
     """Return sections, in which friction pulls the wall outwards by the dent that it makes inwards, and pressures."""
-    found, pressed_n = _still(plan, sections_at), np.abs(plan.normal_n).tolist()
+    found = _still(plan, sections_at)
+    pressed_n = np.abs(plan.normal_n).tolist()
     rest, *pressed = found([0.0, *pressed_n])
     mirrored = np.array(
         [2.0, -1.0]
@@ -556,11 +556,9 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
 
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
     """Form one frame of a plan, from the section under its force, with the needle's shaft and track, if any."""
-    needle, tip_m, travel = (
-        frame.optics.needle,
-        needle_tip(frame, section),
-        frame.travel,
-    )
+    needle = frame.optics.needle
+    tip_m = needle_tip(frame, section)
+    travel = frame.travel
     angle_rad = frame.pose.tilt_rad + (needle.angle_rad if needle else 0.0)
     shaft: DrawnShaft | None = None
     if needle is not None:
@@ -600,13 +598,15 @@ def write_phantom(
         )
     comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
     plan = with_travel(plan, sections_at)
-    info, more = _info(plan, study, tell_globe), tuple(_more_columns(plan.frames[0]))
+    info = _info(plan, study, tell_globe)
+    more = tuple(_more_columns(plan.frames[0]))
     with (
         folder_when_whole(out) as part,
         closing(RecordingWriter(part, info, comment, more)) as writer,
     ):
         sections, found_pa = plan_sections(plan, sections_at)
-        axis, noise = ("fx", "fy", "fz").index(AXIS), stream(plan.eye, plan.seed, NOISE)
+        axis = ("fx", "fy", "fz").index(AXIS)
+        noise = stream(plan.eye, plan.seed, NOISE)
         log = pushes.sense(
             plan.path,
             plan.sensor,
@@ -640,7 +640,8 @@ def _more_columns(frame: PhantomFrame) -> dict[str, str]:
 
 
 def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
-    eye, globe = plan.eye, study.globe.kind if tell_globe else None
+    eye = plan.eye
+    globe = study.globe.kind if tell_globe else None
     leak_time_s = study.globe.leak_time_s if globe and study.globe.leak_time_s else None
     planes = tuple(
         dict.fromkeys(frame.plane for frame in plan.frames if frame.plane is not None)

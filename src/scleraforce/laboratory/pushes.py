@@ -34,10 +34,9 @@ class Push:
 
 
 UNIT_PUSH = (0.0, 1.0, 1.0, 0.0)  # at the corners
-FALL_S, FRICTION = (
-    (1e-3, 4e-3),
-    (0.15, 0.4),
-)  # ranges of a puncture's fall, and of the friction over its force
+# ranges of a puncture's fall, and of the friction over its force
+FALL_S = (1e-3, 4e-3)
+FRICTION = (0.15, 0.4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,11 +107,9 @@ def plan_pushes(
     start_s = draw(phantom.approach_s, rng)
     pushes = []
     for force_n in forces_n:
-        ramp_s, hold_s, delay_s = (
-            draw(phantom.ramp_s, rng),
-            draw(phantom.hold_s, rng),
-            draw(phantom.frame_delay_s, rng),
-        )
+        ramp_s = draw(phantom.ramp_s, rng)
+        hold_s = draw(phantom.hold_s, rng)
+        delay_s = draw(phantom.frame_delay_s, rng)
         frame_s = round(start_s + ramp_s + delay_s, TIME_DIGITS)
         pushes.append(
             Push(
@@ -161,7 +158,8 @@ def plan_path(
     rng: np.random.Generator,
 ) -> NeedlePath:
     """Lay a path through elastic forces: off the eye for a drawn time, then a ramp to each and a hold."""
-    times_s, path_n = [0.0, draw(phantom.approach_s, rng)], [0.0, 0.0]
+    times_s = [0.0, draw(phantom.approach_s, rng)]
+    path_n = [0.0, 0.0]
     for force_n in forces_n:
         reached_s = times_s[-1] + abs(force_n - path_n[-1]) / ramp_n_per_s
         times_s += [reached_s, reached_s + hold_s]
@@ -181,8 +179,10 @@ def plan_puncture(
     On its way back the shaft sticks until the friction is turned, and slips until the tip is at the wall's surface.
     """
     at_s = path.times_s[-1] + (puncture_n - path.forces_n[-1]) / ramp_n_per_s
-    fall_s, friction = rng.uniform(*FALL_S), rng.uniform(*FRICTION)
-    left_n, turns_s = friction * puncture_n, at_s + hold_s + fall_s
+    fall_s = rng.uniform(*FALL_S)
+    friction = rng.uniform(*FRICTION)
+    left_n = friction * puncture_n
+    turns_s = at_s + hold_s + fall_s
     pulled_s = (
         turns_s + 2.0 * left_n / ramp_n_per_s
     )  # from the friction inwards to that outwards

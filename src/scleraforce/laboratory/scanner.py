@@ -53,10 +53,8 @@ OF_FRAMES = (
     "choroid_attenuation_per_m",
     "choroid_thickness_m",
 )
-OF_SHADOWS, OF_LINES = (
-    ("loss_fraction", "width_m"),
-    ("depth_m", "level_db", "thickness_m"),
-)
+OF_SHADOWS = ("loss_fraction", "width_m")
+OF_LINES = ("depth_m", "level_db", "thickness_m")
 NOT_DRAWN = (
     "roll_off_db_per_m",
     "noise_looks",
@@ -79,10 +77,9 @@ SCENES = {
     "band_fraction": ("band_m", 0.0),
 }
 MOST_AXIAL_M = 1e-3  # of a scanner whose speckle is known: no other limit
-LEAST_GAMMA, GAMMA_PER_DB = (
-    0.1,
-    1.2,
-)  # noise of one look seen with a gamma of 1.1 misfits an exponential by 0.08 dB
+# noise of one look seen with a gamma of 1.1 misfits an exponential by 0.08 dB
+LEAST_GAMMA = 0.1
+GAMMA_PER_DB = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +135,10 @@ class MeasuredScanner:
 
         So does the tissue, except its light: other eyes differ.
         """
-        size, scenes = oct_of(self.frames[0].eye), ScenesStudy()
-        row_m, column_m = size.depth_m / size.rows, size.width_m / size.columns
+        size = oct_of(self.frames[0].eye)
+        scenes = ScenesStudy()
+        row_m = size.depth_m / size.rows
+        column_m = size.width_m / size.columns
         units = {
             "speckle_rows": row_m,
             "speckle_columns": column_m,
@@ -290,10 +289,8 @@ def _measure(
         "speckle_skew": skew,
         "spread_slope": slope,
     }
-    shadows, lines = (
-        scanner_light.find_shadows(eye, tissue),
-        scanner_display.find_lines(eye, display),
-    )
+    shadows = scanner_light.find_shadows(eye, tissue)
+    lines = scanner_display.find_lines(eye, display)
     return MeasuredFrame(
         eye, display, values, shadows, lines
     ), scanner_light.surface_light(eye, display, tissue, axial)
@@ -417,7 +414,8 @@ def drawn_alike(
     frame: MeasuredFrame, phantom: PhantomStudy, rng: np.random.Generator
 ) -> Pixels:
     """Draw counts like a measured frame's, with its wall; `phantom` has the scanner's other values."""
-    scanner, known = oct_of(frame.eye), {item.name for item in fields(BscanOptics)}
+    scanner = oct_of(frame.eye)
+    known = {item.name for item in fields(BscanOptics)}
     estimates = {
         name: found.value
         for name, found in frame.values.items()
@@ -480,7 +478,8 @@ def study_text(
     listed = [f"#   {json.dumps(name)}" for name in names[:MOST_NAMES]]
     if len(names) > MOST_NAMES:
         listed.append(f"#   and {len(names) - MOST_NAMES} more")
-    phantom, slope = sections["phantom"], scanner.ranges["spread_slope"]
+    phantom = sections["phantom"]
+    slope = scanner.ranges["spread_slope"]
     taken = (
         f"  # from the noise: {slope.reason}" if isinstance(slope, Unmeasured) else ""
     )
@@ -509,7 +508,8 @@ def study_text(
 
 
 def _line(name: str, phantom: dict[str, str], scanner: MeasuredScanner) -> str:
-    key, found = field_key(FIELDS[name]), scanner.ranges[name]
+    key = field_key(FIELDS[name])
+    found = scanner.ranges[name]
     if isinstance(found, Unmeasured):
         return f"# {key}: not measured, as in the paper's study: {found.reason}"
     return phantom[key] + (

@@ -78,7 +78,9 @@ def level_db(intensity: Floats) -> Floats:
 SMOOTH_M = (
     0.6e-3  # of the surface, laterally: an eye at rest is smoother than its speckle
 )
-EDGE_ROWS, EDGE_M = 4, 20e-6  # what a boundary's own light and its error reach
+# what a boundary's own light and its error reach
+EDGE_ROWS = 4
+EDGE_M = 20e-6
 UNSEEN_M = (
     0.4e-3  # below the surface there is wall, where the inner boundary is not seen
 )
@@ -289,7 +291,10 @@ QUARTILES_DB = float(
 )  # between the quartiles of an exponential: 6.8
 BLOCK = (8, 16)  # rows and columns of the air that are looked at together
 CLIPS = (5.0, 3.0)  # standard deviations: darker and brighter blocks are not noise
-LOWEST, HIGHEST, SHARES = 0.1, 0.95, 35  # quantiles of the noise that tell the scale
+# quantiles of the noise that tell the scale
+LOWEST = 0.1
+HIGHEST = 0.95
+SHARES = 35
 MOST_CUT = 0.8  # of the noise may lie below the display
 BLACK_SHARE = 0.98  # of a block is black: it lies outside of the picture
 GROUPS = 4  # of columns, whose differences tell how sure the scale is
@@ -451,9 +456,13 @@ def _scale(
 
 
 LEAST_SHARE = 0.5  # of the imaged columns must show air in a row that is looked at
-LINE_DB, LINE_SDS = 1.5, 6.0  # over the noise, in dB and in the other rows' deviations
+# over the noise, in dB and in the other rows' deviations
+LINE_DB = 1.5
+LINE_SDS = 6.0
 REACH = 8  # rows about a line that are fitted
-NARROWEST, WIDEST = 0.4, 4.0  # standard deviation of the amplitude, rows
+# standard deviation of the amplitude, rows
+NARROWEST = 0.4
+WIDEST = 4.0
 
 
 def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:

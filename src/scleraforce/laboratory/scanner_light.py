@@ -27,12 +27,14 @@ from scleraforce.laboratory.scanner_display import (
 from scleraforce.library.placement import robust_spread
 
 BIN_M = 15e-6  # of depth
-LEAST_BINS, LEAST_IN_BIN = 5, 50
-OVER_NOISE_DB, BELOW_TOP_DB = 1.0, 1.0  # of a median that tells the light
-SHADED_DB, SHADED_SDS = (
-    0.7,
-    3.0,
-)  # less light than this, and by this number of deviations: a shaded column
+LEAST_BINS = 5
+LEAST_IN_BIN = 50
+# of a median that tells the light
+OVER_NOISE_DB = 1.0
+BELOW_TOP_DB = 1.0
+# less light than this, and by this number of deviations: a shaded column
+SHADED_DB = 0.7
+SHADED_SDS = 3.0
 SMOOTH_M = 60e-6  # of the columns' light
 BASE_M = 2.5e-3  # of its slow changes, wider than a shadow
 MOST_ATTENUATION_SHARE = 0.3
@@ -66,7 +68,8 @@ def depth_profile(
     order = np.argsort(number, kind="stable")
     bins, start = np.unique(number[order], return_index=True)
     parts = np.split(np.arange(len(order)), start[1:])
-    level, depth = levels[chosen][order], depth_m[chosen][order]
+    level = levels[chosen][order]
+    depth = depth_m[chosen][order]
     middle = np.array([np.median(level[part]) for part in parts]) - MEDIAN_DB
     at_m = np.array([depth[part].mean() for part in parts])
     count = np.array([len(part) for part in parts], dtype=np.float64)
@@ -77,7 +80,9 @@ def depth_profile(
 
 def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
     """Fit the light in the wall, in a second pass without shaded columns."""
-    levels, inside, clear = display.levels(eye.pixels), eye.inside, eye.walled
+    levels = display.levels(eye.pixels)
+    inside = eye.inside
+    clear = eye.walled
     depth_m = eye.below_surface_rows * eye.row_m
     for _ in range(2):
         value, error = _fit_light(eye, levels, depth_m, inside & clear, display)
@@ -143,7 +148,8 @@ def _fit_light(
 
 def _column_light(eye: ImagedEye, residual_db: Floats, inside: Flags) -> Floats:
     """Return the light of each column over the typical one, dB."""
-    light, enough = np.full(inside.shape[1], np.nan), inside.sum(axis=0) >= LEAST_BINS
+    light = np.full(inside.shape[1], np.nan)
+    enough = inside.sum(axis=0) >= LEAST_BINS
     if enough.any():
         own_db = (
             np.nanmedian(np.where(inside, residual_db, np.nan)[:, enough], axis=0)
@@ -157,10 +163,8 @@ def _column_light(eye: ImagedEye, residual_db: Floats, inside: Flags) -> Floats:
 
 def _dips(eye: ImagedEye, column_db: Floats) -> Floats:
     """Return the columns' light without its slow changes, a median over more than a shadow's width, dB."""
-    slow, columns = (
-        np.full(len(column_db), np.nan),
-        np.flatnonzero(np.isfinite(column_db)),
-    )
+    slow = np.full(len(column_db), np.nan)
+    columns = np.flatnonzero(np.isfinite(column_db))
     width = max(3, round(BASE_M / eye.scale.lateral_m) | 1)
     slow[columns] = median_filter(
         column_db[columns], min(width, len(columns) | 1), mode="nearest"
@@ -187,10 +191,15 @@ def roll_off(eye: ImagedEye, tissue: WallLight) -> Measured:
 
 
 LAYER_BIN_M = 8e-6
-ABOVE_M, BELOW_M = 60e-6, 700e-6  # of the inner boundary: what is fitted
-LAYER_BINS, LAYER_IN_BIN, LAYER_COLUMNS = 15, 50, 50
+# of the inner boundary: what is fitted
+ABOVE_M = 60e-6
+BELOW_M = 700e-6
+LAYER_BINS = 15
+LAYER_IN_BIN = 50
+LAYER_COLUMNS = 50
 STEEPEST_RAD = 0.35  # of the surface: beyond, the light's way through the wall grows
-MOST_LEVEL_ERROR_DB, MOST_SHARE = 1.5, 0.3
+MOST_LEVEL_ERROR_DB = 1.5
+MOST_SHARE = 0.3
 LEAST_SEEN_DB = (
     1.0  # over the noise: the layer's end must be brighter than that, to be one
 )
@@ -203,10 +212,8 @@ def layer_below(
     eye: ImagedEye, display: Display, tissue: WallLight
 ) -> tuple[Measured, Measured, Measured]:
     """Return level against the wall, dB, attenuation, 1/m, and thickness along the depth, m."""
-    columns, attenuation = (
-        tissue.clear & (eye.slope_rad < STEEPEST_RAD),
-        tissue.attenuation_per_m,
-    )
+    columns = tissue.clear & (eye.slope_rad < STEEPEST_RAD)
+    attenuation = tissue.attenuation_per_m
     few = np.count_nonzero(columns) < LAYER_COLUMNS
     if not eye.wall.inner_found or few or isinstance(attenuation, Unmeasured):
         return (Unmeasured(BLURRED if eye.wall.inner_found else NO_INNER),) * 3
@@ -272,10 +279,9 @@ def layer_below(
     return level, fitted(value[1], error[1], MOST_SHARE * value[1], BLURRED), thickness
 
 
-SHADOW_DB, SHADOW_SDS = (
-    1.0,
-    4.0,
-)  # by which a shadow's columns are darker, in dB and in the others' deviations
+# by which a shadow's columns are darker, in dB and in the others' deviations
+SHADOW_DB = 1.0
+SHADOW_SDS = 4.0
 MARGIN = 1.5  # widths beside a shadow that are fitted with it
 MOST_LOSS_ERROR = 0.15
 SHADOW_COLUMNS = 2
@@ -323,19 +329,21 @@ def _fitted_shadow(eye: ImagedEye, light_db: Floats, place: slice) -> Shadow | N
     found = fitted_curve(shaded, near, light, start, bounds=ends)
     if found is None or not found[1][2] < MOST_LOSS_ERROR:
         return None
-    (column, width, loss, _), lateral_m = map(float, found[0]), eye.scale.lateral_m
+    (column, width, loss, _) = map(float, found[0])
+    lateral_m = eye.scale.lateral_m
     centre_m = (column + 0.5) * lateral_m - lateral_m * len(light_db) / 2
     return Shadow(centre_m=centre_m, width_m=width * lateral_m, loss_fraction=loss)
 
 
-SPECKLE_DB, UNDER_TOP_DB = (
-    6.0,
-    5.0,
-)  # over the noise and below the display's end: pixels whose speckle is whole
+# over the noise and below the display's end: pixels whose speckle is whole
+SPECKLE_DB = 6.0
+UNDER_TOP_DB = 5.0
 LEAST_PIXELS = 2000
 FAR = 60  # the longest lag, pixels
 LEAST_LAGS = 6
-NARROW, WIDE = 0.2, 40.0  # standard deviations of the amplitude, pixels
+# standard deviations of the amplitude, pixels
+NARROW = 0.2
+WIDE = 40.0
 SURE = 2.0  # standard errors over which a correlation is one
 
 
@@ -421,7 +429,8 @@ def _width(correlation: Floats, share: float, pixels: int, pixel_m: float) -> Me
         bounds=((NARROW, -0.2), (WIDE, 0.4)),
         x_scale=(0.1, 0.01),
     )
-    sigma, per_sigma = float(value[0]), 1.0 / amplitude_sigma(1.0)
+    sigma = float(value[0])
+    per_sigma = 1.0 / amplitude_sigma(1.0)
     if sigma <= least:
         return Estimate(value=least * per_sigma * pixel_m, at_most=True)
     misfit = float(np.std(seen - model(seen, *value))) / error
@@ -437,19 +446,23 @@ def _of_logarithms(rho: Floats) -> Floats:
 
 
 LEAST_SIGMA = 0.4  # pixels: no ridge is drawn narrower
-REACH_SIGMAS, REACH_ROWS = 2.5, 2.0  # of the rows about the surface that are looked at
-NORMAL_RAD, STEEP_RAD = (
-    0.05,
-    0.2,
-)  # such slopes have to be seen: for the reflection, and for where the surface is
+# of the rows about the surface that are looked at
+REACH_SIGMAS = 2.5
+REACH_ROWS = 2.0
+# such slopes have to be seen: for the reflection, and for where the surface is
+NORMAL_RAD = 0.05
+STEEP_RAD = 0.2
 FARTHEST_RAD = 0.4  # beyond, the surface leaves the picture, or is found less well
 SURFACE_COLUMNS = 20
 MOST_AT_TOP = (
     0.05  # of the columns near the normal may reach the display's largest count
 )
-MOST_ERROR_DB, MOST_ANGLE_SHARE = 1.5, 0.35
+MOST_ERROR_DB = 1.5
+MOST_ANGLE_SHARE = 0.35
 SPREAD = 2.0  # of the angle over its fit's standard error: neighbours are alike
-START_RAD, START_ROWS = 0.1, 0.3  # angle; deviation of the surface that was found
+# angle; deviation of the surface that was found
+START_RAD = 0.1
+START_ROWS = 0.3
 KNOTS_RAD = (
     0.0,
     0.05,
@@ -499,10 +512,8 @@ def surface_light(
         fault = "the surface is not seen both along the normal and well off it"
     elif at_top.mean() > MOST_AT_TOP:
         fault = "the surface's reflection is brighter than the display's end"
-    slopes, below = (
-        np.broadcast_to(slope, rows.shape).ravel(),
-        (rows - eye.surface_row[columns]).ravel(),
-    )
+    slopes = np.broadcast_to(slope, rows.shape).ravel()
+    below = (rows - eye.surface_row[columns]).ravel()
     noise = float(10.0 ** (-tissue.snr_db.value / 10.0))
     return SurfaceLight(
         slope_rad=slopes,
@@ -572,7 +583,8 @@ def _fit_reflection(
         )
         for name in ("slope_rad", "below", "light", "sigma_rows", "noise")
     )
-    value, errors = start.copy(), np.zeros(len(start))
+    value = start.copy()
+    errors = np.zeros(len(start))
 
     def model(_: Floats, *parameters: float) -> Floats:
         whole = start.copy()

@@ -227,11 +227,9 @@ def draw_tissue(
     snr_db = draw(study.snr_db, rng)
     over_m = _conjunctiva(study, wall, rng)
     rays = rays_below(heights(wall.offset(-over_m), window), window, index)
-    surface, outer, inner = (
-        window.row(rays.surface_m),
-        rays.row_of(wall.outer),
-        rays.row_of(wall.offset(wall.thickness_m)),
-    )
+    surface = window.row(rays.surface_m)
+    outer = rays.row_of(wall.outer)
+    inner = rays.row_of(wall.offset(wall.thickness_m))
     tissue = Tissue(study, wall, picture, rays, surface, outer, inner, snr_db, rng)
     _fill_inside(tissue)
     _fill_wall(tissue)
@@ -272,7 +270,10 @@ def _conjunctiva(
 
 def _fill_inside(tissue: Tissue) -> None:
     """Fill the inside of the eye: haze, light below the sclera, iris and lens, ciliary body and choroid."""
-    study, rng, wall, inner = tissue.study, tissue.rng, tissue.wall, tissue.inner
+    study = tissue.study
+    rng = tissue.rng
+    wall = tissue.wall
+    inner = tissue.inner
     if rng.random() < study.haze_share:
         tissue.fill(
             inner,
@@ -294,8 +295,10 @@ def _fill_inside(tissue: Tissue) -> None:
 
 def _fade_below(tissue: Tissue, top: Floats, level: Floats) -> None:
     """Let the light of tissue, of a level (column,) over the sclera's, fade below its lower end, in some scenes."""
-    study, rng = tissue.study, tissue.rng
-    length_m, level_db = draw(study.below_m, rng), draw(study.below_db, rng)
+    study = tissue.study
+    rng = tissue.rng
+    length_m = draw(study.below_m, rng)
+    level_db = draw(study.below_db, rng)
     if rng.random() < study.below_share:
         length_rows = length_m * tissue.rays.stretch / tissue.picture.window.pixel_m
         tissue.picture.fade(top, level * tissue.light(level_db), length_rows)
@@ -318,12 +321,13 @@ def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) ->
 
 def _fill_uvea(tissue: Tissue, thickness_m: Floats) -> None:
     """Fill ciliary body and choroid; a dark gap parts a layer that is as bright as the sclera from it."""
-    study, rng, wall, inner = tissue.study, tissue.rng, tissue.wall, tissue.inner
-    level_db, gap_m, gap_db = (
-        draw(study.uvea_db, rng),
-        draw(study.gap_m, rng),
-        draw(study.gap_db, rng),
-    )
+    study = tissue.study
+    rng = tissue.rng
+    wall = tissue.wall
+    inner = tissue.inner
+    level_db = draw(study.uvea_db, rng)
+    gap_m = draw(study.gap_m, rng)
+    gap_db = draw(study.gap_db, rng)
     attenuation = draw(study.uvea_attenuation_per_m, rng)
     parted = rng.random() < study.gap_share
     bottom = tissue.rays.row_of(wall.offset(wall.thickness_m + thickness_m))
@@ -343,7 +347,9 @@ def _fill_uvea(tissue: Tissue, thickness_m: Floats) -> None:
 
 def _fill_iris_and_lens(tissue: Tissue, limbus: Limbus, uvea_m: Floats) -> None:
     """Fill the iris, which begins on the face of the ciliary body, and the lens behind it."""
-    study, rng, wall = tissue.study, tissue.rng, tissue.wall
+    study = tissue.study
+    rng = tissue.rng
+    wall = tissue.wall
     root_arc_m = limbus.spur_m + draw(study.iris_root, rng) * draw(
         study.ciliary_rise_m, rng
     )
@@ -373,18 +379,17 @@ def _fill_iris(
     tissue: Tissue, roots: dict[float, Floats], down: Floats, plane_m: float
 ) -> None:
     """Fill both halves of the iris, from their roots (side: place in the frame) to the pupil, and their pigment."""
-    study, rng, wall, picture = tissue.study, tissue.rng, tissue.wall, tissue.picture
+    study = tissue.study
+    rng = tissue.rng
+    wall = tissue.wall
+    picture = tissue.picture
     thick_m, bow_m, pupil_m = (
         draw(values, rng) for values in (study.iris_m, study.iris_bow_m, study.pupil_m)
     )
-    level_db, attenuation = (
-        draw(study.iris_db, rng),
-        draw(study.iris_attenuation_per_m, rng),
-    )
-    pigment_db, grain_db = (
-        level_db + draw(study.pigment_db, rng),
-        draw(study.iris_grain_db, rng),
-    )
+    level_db = draw(study.iris_db, rng)
+    attenuation = draw(study.iris_attenuation_per_m, rng)
+    pigment_db = level_db + draw(study.pigment_db, rng)
+    grain_db = draw(study.iris_grain_db, rng)
     pigment_rows = (
         draw(study.pigment_m, rng) * tissue.rays.stretch / picture.window.pixel_m
     )
@@ -392,10 +397,8 @@ def _fill_iris(
     bump_m = (
         0.15 * thick_m * np.sin(rng.uniform(4.0, 14.0) * ALONG + rng.uniform(0.0, 6.0))
     )
-    upper_m, lower_m = (
-        bow_m * np.sin(np.pi * ALONG) + bump_m,
-        thick_m * (1.0 - 0.5 * (1.0 - ALONG) ** 2),
-    )
+    upper_m = bow_m * np.sin(np.pi * ALONG) + bump_m
+    lower_m = thick_m * (1.0 - 0.5 * (1.0 - ALONG) ** 2)
     for side, root in roots.items():
         pupil = wall.pose.place_points(np.array([[side * pupil_m, plane_m]]))[0]
         middle = root + ALONG[:, None] * (pupil - root)
@@ -433,11 +436,11 @@ def _crypts(
 
 def _fill_lens(tissue: Tissue, plane_m: float) -> None:
     """Fill the lens, its layers within each other, with the bright layers of its capsule."""
-    study, rng, rays = tissue.study, tissue.rng, tissue.rays
-    radius_m, front_m = (
-        draw(study.lens_radius_m, rng),
-        plane_m + draw(study.lens_depth_m, rng),
-    )
+    study = tissue.study
+    rng = tissue.rng
+    rays = tissue.rays
+    radius_m = draw(study.lens_radius_m, rng)
+    front_m = plane_m + draw(study.lens_depth_m, rng)
     lateral = np.linspace(-LENS_HALF_M, LENS_HALF_M, 40)
     sag = radius_m - np.sqrt(radius_m**2 - lateral**2)
     half_m = sag[0] + draw(study.lens_rim_m, rng) / 2
@@ -447,7 +450,8 @@ def _fill_lens(tissue: Tissue, plane_m: float) -> None:
     outline = np.concatenate(
         [np.stack([lateral, -depth_m], 1), np.stack([lateral, depth_m], 1)[::-1]]
     )
-    level_db, layer_db = draw(study.lens_db, rng), draw(study.lens_layer_db, rng)
+    level_db = draw(study.lens_db, rng)
+    layer_db = draw(study.lens_layer_db, rng)
     centre = np.array([0.0, front_m + half_m])
     edges = []
     for size in LENS_LAYERS:
@@ -495,23 +499,24 @@ def _between(tissue: Tissue, outline: Floats) -> tuple[Floats, Floats]:
 
 def _fill_wall(tissue: Tissue) -> None:
     """Fill the wall, layer by layer; the cornea's backscatter falls with the angle of the light to its normal."""
-    study, rng, outer, inner = tissue.study, tissue.rng, tissue.outer, tissue.inner
-    most_db, width_rad = (
-        draw(study.angle_fall_db, rng),
-        draw(study.angle_width_rad, rng),
-    )
+    study = tissue.study
+    rng = tissue.rng
+    outer = tissue.outer
+    inner = tissue.inner
+    most_db = draw(study.angle_fall_db, rng)
+    width_rad = draw(study.angle_width_rad, rng)
     fall_db = most_db * (1.0 - np.exp(-((tissue.rays.slope_rad / width_rad) ** 2) / 2))
     cornea_db = draw(study.cornea_db, rng) - fall_db
-    waves, phase = rng.uniform(0.0, PROFILE_WAVES), rng.uniform(0.0, 2.0 * np.pi)
-    profile_db, attenuation = (
-        draw(study.profile_db, rng),
-        draw(study.attenuation_per_m, rng),
-    )
+    waves = rng.uniform(0.0, PROFILE_WAVES)
+    phase = rng.uniform(0.0, 2.0 * np.pi)
+    profile_db = draw(study.profile_db, rng)
+    attenuation = draw(study.attenuation_per_m, rng)
     for above, below in pairwise(np.linspace(0.0, 1.0, WALL_LAYERS + 1)):
         share = float(above + below) / 2
         level_db = tissue.cornea(share) * cornea_db
         level_db = level_db + profile_db * np.sin(2.0 * np.pi * waves * share + phase)
-        top, bottom = outer + above * (inner - outer), outer + below * (inner - outer)
+        top = outer + above * (inner - outer)
+        bottom = outer + below * (inner - outer)
         tissue.fill(top, bottom, tissue.light(level_db), attenuation)
     for _ in range(int(draw(study.scar_count, rng))):
         _scar(tissue)
@@ -521,7 +526,10 @@ def _fill_wall(tissue: Tissue) -> None:
 
 def _fill_faces(tissue: Tissue, cornea_db: Floats) -> None:
     """Draw the cornea's two faces: its epithelium, and the mirror reflection of its inner boundary."""
-    study, rng, outer, inner = tissue.study, tissue.rng, tissue.outer, tissue.inner
+    study = tissue.study
+    rng = tissue.rng
+    outer = tissue.outer
+    inner = tissue.inner
     cornea = tissue.cornea(0.0)
     rows = (
         draw(study.epithelium_m, rng)
@@ -531,7 +539,8 @@ def _fill_faces(tissue: Tissue, cornea_db: Floats) -> None:
     epithelium = np.where(cornea > 0.5, outer, np.nan)
     gain = 10.0 ** (draw(study.epithelium_db, rng) * cornea / 10.0)
     tissue.picture.brighten(epithelium, np.minimum(outer + rows, inner), gain)
-    facing, cornea = tissue.facing(), tissue.cornea(1.0)
+    facing = tissue.facing()
+    cornea = tissue.cornea(1.0)
     intensity = (
         tissue.light(cornea * cornea_db + draw(study.boundary_db, rng))
         * facing
@@ -542,22 +551,16 @@ def _fill_faces(tissue: Tissue, cornea_db: Floats) -> None:
 
 def _scar(tissue: Tissue) -> None:
     """Draw a spot in the wall, dark or bright, and its shadow."""
-    study, rng, picture, outer, inner = (
-        tissue.study,
-        tissue.rng,
-        tissue.picture,
-        tissue.outer,
-        tissue.inner,
-    )
+    study = tissue.study
+    rng = tissue.rng
+    picture = tissue.picture
+    outer = tissue.outer
+    inner = tissue.inner
     window = picture.window
-    half_m, half_rows = (
-        draw(study.scar_m, rng),
-        draw(study.scar_height_m, rng) * tissue.rays.stretch / window.pixel_m,
-    )
-    share, across = (
-        rng.random(),
-        (window.lateral_m - rng.uniform(*window.lateral_m[[0, -1]])) / half_m,
-    )
+    half_m = draw(study.scar_m, rng)
+    half_rows = draw(study.scar_height_m, rng) * tissue.rays.stretch / window.pixel_m
+    share = rng.random()
+    across = (window.lateral_m - rng.uniform(*window.lateral_m[[0, -1]])) / half_m
     middle = outer + share * (inner - outer)
     near = np.exp(-(across**2) - ((picture.rows - middle) / half_rows) ** 2)
     gain = np.exp(draw(study.scar_db, rng) * np.log(10.0) / 10.0 * near)
@@ -573,11 +576,10 @@ def _grains(
     height_m: float = GRAIN_M,
 ) -> Singles:
     """Return smooth grains of unit variance at their middles, of a size, (row, column)."""
-    window, shape = picture.window, picture.scatter.shape
-    across, down = (
-        round(window.width_m / length_m),
-        round(shape[0] * window.pixel_m / height_m),
-    )
+    window = picture.window
+    shape = picture.scatter.shape
+    across = round(window.width_m / length_m)
+    down = round(shape[0] * window.pixel_m / height_m)
     size = min(max(3, down), shape[0]), min(max(3, across), shape[1])
     drawn = rng.standard_normal(size, dtype=np.float32)
     return cv2.resize(drawn, shape[::-1], interpolation=cv2.INTER_LINEAR).astype(
@@ -587,12 +589,10 @@ def _grains(
 
 def _roughen(tissue: Tissue) -> None:
     """Give the tissue a texture of long grains along its surface."""
-    study, rng, picture, surface = (
-        tissue.study,
-        tissue.rng,
-        tissue.picture,
-        tissue.surface,
-    )
+    study = tissue.study
+    rng = tissue.rng
+    picture = tissue.picture
+    surface = tissue.surface
     shape = picture.scatter.shape
     smooth = _grains(
         picture,

@@ -11,10 +11,9 @@ from scleraforce.laboratory.light import Pose, drawn
 from scleraforce.study import SceneEyeStudy, SceneWindowStudy, draw
 
 ABOVE_SHARE = 0.25  # of the frame's rows that are drawn above the zero delay, and mirrored from there
-BEYOND_SHARE, GRID_POINTS = (
-    0.35,
-    512,
-)  # of the frame's width that curves are known beyond it; points of their grid
+# of the frame's width that curves are known beyond it; points of their grid
+BEYOND_SHARE = 0.35
+GRID_POINTS = 512
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,22 +55,23 @@ class Window:
 
 def draw_window(study: SceneWindowStudy, rng: np.random.Generator) -> Window:
     """Draw a frame's size and pixels; the logarithm of its depth's share of its width is even."""
-    width_m, (least, most) = draw(study.width_m, rng), study.depth_share.bounds
+    width_m = draw(study.width_m, rng)
+    (least, most) = study.depth_share.bounds
     depth_m = width_m * float(np.exp(rng.uniform(np.log(least), np.log(most))))
     finest_m, coarsest_m = study.pixel_m.bounds
     rows = round(
         min(max(draw(study.rows, rng), depth_m / coarsest_m), depth_m / finest_m)
     )
-    columns, above = round(draw(study.columns, rng)), round(ABOVE_SHARE * rows)
+    columns = round(draw(study.columns, rng))
+    above = round(ABOVE_SHARE * rows)
     return Window(
         rows=rows, columns=columns, above=above, width_m=width_m, depth_m=depth_m
     )
 
 
-STEP_M, REACH_M = (
-    0.05e-3,
-    18e-3,
-)  # of the meridian: distance of its points, and its reach to each side
+# of the meridian: distance of its points, and its reach to each side
+STEP_M = 0.05e-3
+REACH_M = 18e-3
 MAX_SLOPE_RAD = 1.15  # of the surface in the frame: where it is steeper the wall ends
 WAVES = 3
 SPUR_M = 0.2e-3  # half width of the scleral spur along the surface
@@ -204,7 +204,8 @@ def _slope(
     rng: np.random.Generator,
 ) -> Floats:
     """Return the angle of the meridian against the lateral axis: the integral of its curvature, and the sulcus."""
-    radius_m, sclera_m = draw(eye.cornea_radius_m, rng), draw(eye.sclera_radius_m, rng)
+    radius_m = draw(eye.cornea_radius_m, rng)
+    sclera_m = draw(eye.sclera_radius_m, rng)
     slope = np.cumsum(cornea / radius_m + (1.0 - cornea) / sclera_m) * STEP_M
     slope -= np.interp(0.0, arc_m, slope)
     sulcus_rad = 0.0 if limbus is None else draw(eye.sulcus_rad, rng)
@@ -260,9 +261,8 @@ def _seen_from_above(placed: Floats) -> slice:
     step = np.diff(placed, axis=0)
     steep = np.arctan2(np.abs(step[:, 1]), step[:, 0]) > MAX_SLOPE_RAD
     middle = int(np.abs(placed[:, 0]).argmin())
-    left, right = np.flatnonzero(steep[:middle]), np.flatnonzero(steep[middle:])
-    first, last = (
-        (int(left[-1]) + 1 if len(left) else 0),
-        (middle + int(right[0]) if len(right) else len(placed) - 1),
-    )
+    left = np.flatnonzero(steep[:middle])
+    right = np.flatnonzero(steep[middle:])
+    first = int(left[-1]) + 1 if len(left) else 0
+    last = middle + int(right[0]) if len(right) else len(placed) - 1
     return slice(first, max(last, first + 2) + 1)

@@ -30,7 +30,9 @@ from scleraforce.study import SceneOverStudy, SceneScannerStudy, ScenesStudy, dr
 OPAQUE_PER_M = 40e3  # attenuation of metal
 LINE_ROWS = (0.5, 1.4)  # half widths of bright curves
 NEEDLE_LENGTH_M = 20e-3
-HAZY_SHARE, HAZE_DB = 0.3, 20.0  # of the contact lenses; below their faces' light
+# of the contact lenses; below their faces' light
+HAZY_SHARE = 0.3
+HAZE_DB = 20.0
 AIR_PASS = 0.02  # share of the light that gets through air between wet surfaces
 
 
@@ -38,16 +40,12 @@ class _Over:
     """The drawing that things over the tissue are added to."""
 
     def __init__(self, study: SceneOverStudy, tissue: Tissue) -> None:
-        self.study, self.tissue, self.picture, self.rng = (
-            study,
-            tissue,
-            tissue.picture,
-            tissue.rng,
-        )
-        self.lateral_m, self.surface_m = (
-            tissue.rays.window.lateral_m,
-            tissue.rays.surface_m,
-        )
+        self.study = study
+        self.tissue = tissue
+        self.picture = tissue.picture
+        self.rng = tissue.rng
+        self.lateral_m = tissue.rays.window.lateral_m
+        self.surface_m = tissue.rays.surface_m
 
     def row(self, depth_m: Floats) -> Floats:
         return self.picture.window.row(depth_m)
@@ -90,7 +88,9 @@ class _Over:
 
 def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
     """Draw things over the tissue and vessels in it; a needle is put into the wall's dent if it has one."""
-    rng, dent_m, over = tissue.rng, tissue.wall.dent_m, _Over(study, tissue)
+    rng = tissue.rng
+    dent_m = tissue.wall.dent_m
+    over = _Over(study, tissue)
     _vessels(over)
     for share, thing in (
         (study.contact_lens_share, _contact_lens),
@@ -109,13 +109,13 @@ def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
 
 def _vessels(over: _Over) -> None:
     """Take light from columns below vessels, which lie in the upper part of the wall, and below air on it."""
-    study, tissue, rng = over.study, over.tissue, over.rng
+    study = over.study
+    tissue = over.tissue
+    rng = over.rng
     for _ in range(int(draw(study.vessel_count, rng))):
-        middle_m, width_m, loss = (
-            over.place(),
-            draw(study.vessel_m, rng),
-            draw(study.vessel_loss_fraction, rng),
-        )
+        middle_m = over.place()
+        width_m = draw(study.vessel_m, rng)
+        loss = draw(study.vessel_loss_fraction, rng)
         shadow = Shadow(centre_m=middle_m, width_m=width_m, loss_fraction=loss)
         depth = rng.uniform(0.0, 0.6) * (tissue.inner - tissue.surface)
         passed = transmission([shadow], over.lateral_m).astype(np.float64)
@@ -147,8 +147,10 @@ def _smooth_surface(over: _Over) -> Floats:
 
 def _contact_lens(over: _Over) -> None:
     """Draw a lens over the eye, two lines that meet at its edge, the haze in it, and what floats below it."""
-    study, rng = over.study, over.rng
-    middle_m, reach_m = over.place(), draw(study.lens_reach_m, rng)
+    study = over.study
+    rng = over.rng
+    middle_m = over.place()
+    reach_m = draw(study.lens_reach_m, rng)
     off = (over.lateral_m - middle_m) / reach_m
     tapered = np.sqrt(np.clip(1.0 - off**2, 0.0, None))
     back_m = _smooth_surface(over) - draw(study.lens_gap_m, rng) * tapered
@@ -178,7 +180,8 @@ def _specks(over: _Over, top_m: Floats) -> None:
 
 
 def _coverslip(over: _Over) -> None:
-    study, rng = over.study, over.rng
+    study = over.study
+    rng = over.rng
     if not np.isfinite(over.surface_m).any():
         return
     plane = np.tan(draw(study.coverslip_tilt_rad, rng)) * over.lateral_m
@@ -194,7 +197,9 @@ def _coverslip(over: _Over) -> None:
 
 def _drape(over: _Over) -> None:
     """Draw a sheet that covers the tissue from one side of the frame on."""
-    study, rng, window = over.study, over.rng, over.picture.window
+    study = over.study
+    rng = over.rng
+    window = over.picture.window
     reach_m = draw(study.drape_reach, rng) * window.width_m
     from_side = over.from_side(left=rng.random() < 0.5)
     folds_m = rng.uniform(0.0, 60e-6) * np.sin(
@@ -216,12 +221,12 @@ def _drape(over: _Over) -> None:
 
 def _lid(over: _Over, left: bool) -> None:
     """Draw a lid that comes in from one side above the eye, with its rounded edge, and lashes below it."""
-    study, rng, window = over.study, over.rng, over.picture.window
+    study = over.study
+    rng = over.rng
+    window = over.picture.window
     from_side = over.from_side(left)
-    reach_m, thick_m = (
-        draw(study.lid_reach, rng) * window.width_m,
-        draw(study.lid_m, rng),
-    )
+    reach_m = draw(study.lid_reach, rng) * window.width_m
+    thick_m = draw(study.lid_m, rng)
     inwards = np.clip(from_side / reach_m, 0.0, 1.0)
     bottom_m = np.where(
         inwards < 1.0,
@@ -242,10 +247,8 @@ def _lid(over: _Over, left: bool) -> None:
 
 def _lash(over: _Over, lateral_m: float) -> None:
     """Draw a lash across the plane or along it: a bright short line with a shadow."""
-    rng, half_m = (
-        over.rng,
-        draw(over.study.lash_m, over.rng) * over.rng.choice([0.5, 6.0]),
-    )
+    rng = over.rng
+    half_m = draw(over.study.lash_m, over.rng) * over.rng.choice([0.5, 6.0])
     off = over.lateral_m - lateral_m
     if not np.isfinite(over.surface_m).any():
         return
@@ -263,8 +266,10 @@ def _lash(over: _Over, lateral_m: float) -> None:
 
 def _bubble(over: _Over) -> None:
     """Draw a bubble over the surface: its bright upper and lower side, and its shadow."""
-    study, rng = over.study, over.rng
-    radius_m, off = draw(study.bubble_m, rng), over.lateral_m - over.place()
+    study = over.study
+    rng = over.rng
+    radius_m = draw(study.bubble_m, rng)
+    off = over.lateral_m - over.place()
     half_m = np.sqrt(np.maximum(radius_m**2 - off**2, 0.0))
     inside = np.abs(off) < radius_m
     rests_m = np.interp(
@@ -287,18 +292,20 @@ def _bubble(over: _Over) -> None:
 
 def _needle(over: _Over, tip_m: float) -> None:
     """Draw a needle in the plane: the bright upper edge of its shaft; metal lets no light through, glass some."""
-    study, rng = over.study, over.rng
-    angle, half_m = draw(study.needle_angle_rad, rng), draw(study.needle_m, rng) / 2
+    study = over.study
+    rng = over.rng
+    angle = draw(study.needle_angle_rad, rng)
+    half_m = draw(study.needle_m, rng) / 2
     tip_depth_m = float(np.interp(tip_m, over.lateral_m, over.surface_m)) - draw(
         study.tip_gap_m, rng
     )
-    along, across = (
-        np.array([sin(angle), -cos(angle)]),
-        np.array([cos(angle), sin(angle)]),
-    )
+    along = np.array([sin(angle), -cos(angle)])
+    across = np.array([cos(angle), sin(angle)])
     bevel = rng.uniform(0.0, 3.0) * half_m * along * rng.integers(0, 2)
-    tip, far = np.array([tip_m, tip_depth_m]), NEEDLE_LENGTH_M * along
-    one, other = tip - half_m * across, tip + half_m * across + bevel
+    tip = np.array([tip_m, tip_depth_m])
+    far = NEEDLE_LENGTH_M * along
+    one = tip - half_m * across
+    other = tip + half_m * across + bevel
     top_m, bottom_m = outline_depths(
         np.array([one, other, other + far, one + far]), over.lateral_m
     )
@@ -349,7 +356,8 @@ def _field(
     study: SceneScannerStudy, picture: Picture, looks: float, rng: np.random.Generator
 ) -> Complex:
     """Return the field of the returning light without noise; looks that move against the tissue average its speckle."""
-    window, lines = picture.window, []
+    window = picture.window
+    lines = []
     for _ in range(int(draw(study.line_count, rng))):
         row = np.full(window.columns, window.above + rng.uniform(0.0, window.rows))
         bright = np.full(window.columns, ratios(draw(study.line_db, rng)))
@@ -372,7 +380,8 @@ def _field(
     field = optics.seen_through(
         np.sqrt(light) * optics.circular_gaussian(light.shape, rng), *sigmas
     )
-    mean, one_look = optics.spread(light, *sigmas), np.square(np.abs(field))
+    mean = optics.spread(light, *sigmas)
+    one_look = np.square(np.abs(field))
     averaged = mean + (one_look - mean) / np.float32(np.sqrt(looks ** rng.random()))
     field *= np.sqrt(
         np.maximum(averaged, 0.0) / np.maximum(one_look, np.float32(1e-12))
@@ -413,7 +422,8 @@ def _folded(
     rng: np.random.Generator,
 ) -> Singles:
     """Return the frame's intensity over the mean noise, with the part above the zero delay mirrored, and noise."""
-    below, above = field[window.above :], field[: window.above][::-1]
+    below = field[window.above :]
+    above = field[: window.above][::-1]
     if rng.random() < study.mirrored_share:
         below[: len(above)] += above
     tilt_db = draw(study.noise_tilt_db, rng) * np.linspace(-0.5, 0.5, len(below))
@@ -434,7 +444,8 @@ def _add_flare(
     rng: np.random.Generator,
 ) -> None:
     """Add the vertical stripe of the apex' mirror reflection, over the whole depth, and its ghosts, short and wide."""
-    width_m, level_db = draw(study.flare_m, rng), draw(study.flare_db, rng)
+    width_m = draw(study.flare_m, rng)
+    level_db = draw(study.flare_db, rng)
     across = (np.arange(window.columns) - apex) * window.step_m / width_m
     for _ in range(int(draw(study.ghost_count, rng))):
         off = (
@@ -495,7 +506,8 @@ def _blacken(
     """Lose columns, blacken bands and arcs, put the frame on a page, draw marks; return which columns are imaged."""
     rows, columns = share.shape
     if rng.random() < study.lost_share:
-        first, lost = int(rng.integers(0, columns)), int(draw(study.lost_columns, rng))
+        first = int(rng.integers(0, columns))
+        lost = int(draw(study.lost_columns, rng))
         share[:, first : first + lost] = 0.0
     imaged = np.ones(columns, dtype=np.bool_)
     if rng.random() < study.band_share:
@@ -569,10 +581,9 @@ def _corner(share: Singles, rng: np.random.Generator) -> tuple[int, int, int, in
 MARKS = _cursor, _box, _letters  # of a program
 
 
-BAND_SHARE, BAND_ROWS = (
-    0.05,
-    4,
-)  # of the frame's rows above and below a boundary that are compared, and at least
+# of the frame's rows above and below a boundary that are compared, and at least
+BAND_SHARE = 0.05
+BAND_ROWS = 4
 ACROSS_SHARE = 0.04  # of the columns whose mean is looked at
 LEAST_STEP = 0.5  # in standard deviations of a pixel on the boundary's dark side
 LEAST_LEVEL = 0.02  # ... and of the level of bright tissue
@@ -586,7 +597,8 @@ def judged_columns(
     frame: Pixels, surface: Floats, outer: Floats, inner: Floats
 ) -> tuple[Flags, Flags]:
     """Return the columns that show wall, and the certain columns, in which no wall is invisible, (column,) each."""
-    there, kept = np.isfinite(outer), seen_columns(frame, surface, inner)
+    there = np.isfinite(outer)
+    kept = seen_columns(frame, surface, inner)
     for (run,) in find_objects(label(kept)[0]):
         kept[run] = run.stop - run.start >= LEAST_RUN * len(kept)
     for (gap,) in find_objects(label(~kept)[0]):
@@ -617,10 +629,9 @@ def _steps(
     """Return the columns in which the frame is brighter on one side of a boundary (1: below it) than on the other."""
     start = np.nan_to_num(np.ceil(boundary), nan=-1e6, posinf=-1e6, neginf=-1e6)
     off = np.arange(1, rows + 1)[:, None]
-    below, above = (
-        start + off,
-        start - 1 - off,
-    )  # a row on each side of the boundary is left out
+    # a row on each side of the boundary is left out
+    below = start + off
+    above = start - 1 - off
     inside = (above[-1] >= 0) & (below[-1] < len(frame))
     column = np.arange(frame.shape[1])
     bright, dark = (
@@ -629,10 +640,8 @@ def _steps(
         )
         for band in (below, above)[::bright_side]
     )
-    step, spread = (
-        _across(bright.mean(axis=0)) - _across(dark.mean(axis=0)),
-        np.sqrt(_across(dark.var(axis=0))),
-    )
+    step = _across(bright.mean(axis=0)) - _across(dark.mean(axis=0))
+    spread = np.sqrt(_across(dark.var(axis=0)))
     return inside & (step > np.maximum(LEAST_STEP * spread, least))
 
 
@@ -681,9 +690,11 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
         row - window.above - 0.5 for row in (tissue.surface, tissue.outer, tissue.inner)
     )
     shown = imaged & (outer < window.rows - 1) & (inner > 0.0) & (inner > outer)
-    outer, inner = np.where(shown, outer, np.nan), np.where(shown, inner, np.nan)
+    outer = np.where(shown, outer, np.nan)
+    inner = np.where(shown, inner, np.nan)
     seen, judged = judged_columns(frame, surface_row, outer, inner)
-    outer, inner = np.where(seen, outer, np.nan), np.where(seen, inner, np.nan)
+    outer = np.where(seen, outer, np.nan)
+    inner = np.where(seen, inner, np.nan)
     scale = PixelScale(
         lateral_m=window.step_m,
         depth_m=window.pixel_m,

@@ -44,7 +44,8 @@ STILL = EyeTurn(about_x_rad=0.0, about_y_rad=0.0)
 def turned_plane(plane: ScanPlane, turn: EyeTurn) -> ScanPlane:
     """Return the plane of the B-scan, and with it the contact, in the turned eye's coordinates."""
     back = Rotation.from_rotvec([-turn.about_x_rad, -turn.about_y_rad, 0.0])
-    normal, lateral = back.apply(plane.contact.normal), back.apply(plane.lateral)
+    normal = back.apply(plane.contact.normal)
+    lateral = back.apply(plane.lateral)
     contact = Contact(
         polar_rad=acos(min(normal[2], 1.0)), azimuth_rad=atan2(normal[1], normal[0])
     )
@@ -63,7 +64,8 @@ def draw_turns(
     phantom: PhantomStudy, times_s: Floats, rng: np.random.Generator
 ) -> tuple[EyeTurn, ...]:
     """Draw the turns of an eye at ascending times (frame,): a steady drift, and a saccade every `SACCADE_S`."""
-    drift_rad, heading = draw(phantom.eye_drift_rad, rng), _unit_vectors(rng, 1)
+    drift_rad = draw(phantom.eye_drift_rad, rng)
+    heading = _unit_vectors(rng, 1)
     count = int(times_s[-1] / SACCADE_S) + 1
     saccades = phantom.eye_saccade_rad.sample(rng, count)[:, None] * _unit_vectors(
         rng, count
@@ -85,7 +87,8 @@ class TurnedSections:
     """An eye's sections for needle forces in N at any turn, from those at each of `knot_turns(reach_rad)`."""
 
     def __init__(self, knots: Sequence["SectionsAt"], reach_rad: float) -> None:
-        self.knots, self.reach_rad = tuple(knots), reach_rad
+        self.knots = tuple(knots)
+        self.reach_rad = reach_rad
 
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
         """Return the sections of the eye at its start; the load paths of all knots are then known."""
@@ -113,7 +116,8 @@ def knot_turns(reach_rad: float) -> tuple[EyeTurn, ...]:
 
 def knot_weights(turn: EyeTurn, reach_rad: float) -> Floats:
     """Return the weights of the knots at a turn, (knot,); they add up to 1."""
-    x, y = turn.about_x_rad / reach_rad, turn.about_y_rad / reach_rad
+    x = turn.about_x_rad / reach_rad
+    y = turn.about_y_rad / reach_rad
     return np.array([1.0 - x - y, x, y])
 
 
@@ -124,10 +128,8 @@ def blended(sections: Sequence[Section], weights: Floats) -> Section:
         *((section.outer, section.inner) for section in sections), strict=True
     ):
         along = [_from_needle_m(curve) for curve in curves]
-        first_m, last_m = (
-            max(distance[0] for distance in along),
-            min(distance[-1] for distance in along),
-        )
+        first_m = max(distance[0] for distance in along)
+        last_m = min(distance[-1] for distance in along)
         shared_m = along[0][(along[0] >= first_m) & (along[0] <= last_m)]
         blended.append(np.zeros((len(shared_m), 2)))
         for weight, distance, curve in zip(weights, along, curves, strict=True):
@@ -197,11 +199,9 @@ def study_sections(
     """Return an eye's sections for needle forces in N, by the study: as it keeps still, turns or leaks."""
     if study.mechanics.kind == "finite-strain" and study.globe.leak_time_s:
         return LeakingSections(eye, study, progress)
-    eyes, report, knots = (
-        turned_eyes(eye, study),
-        progress or (lambda _: None),
-        list[SectionsAt](),
-    )
+    eyes = turned_eyes(eye, study)
+    report = progress or (lambda _: None)
+    knots = list[SectionsAt]()
     for number, (turned, own) in enumerate(eyes):
         if study.mechanics.kind == "linear":
             knots.append(LinearSections(turned, own))
@@ -219,9 +219,11 @@ def study_sections(
 
 def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]:
     """Return an eye as the needle and the scanner meet it at each of `knot_turns`; unchanged if it keeps still."""
-    found, reach_rad = [(eye, study)], farthest_turn_rad(study.phantom)
+    found = [(eye, study)]
+    reach_rad = farthest_turn_rad(study.phantom)
     for turn in knot_turns(reach_rad)[1:] if reach_rad else ():
-        plane, needle = turned_plane(eye.plane, turn), study.needle
+        plane = turned_plane(eye.plane, turn)
+        needle = study.needle
         if (
             needle.tilt_rad
         ):  # its direction counts from the meridian, as that of the plane does
@@ -252,7 +254,10 @@ class BentSections:
         progress: Progress | None = None,
         bent: LoadPath | None = None,
     ) -> None:
-        self.eye, self._study, self._progress, self._bent = eye, study, progress, bent
+        self.eye = eye
+        self._study = study
+        self._progress = progress
+        self._bent = bent
 
     def cut(
         self, forces_n: Sequence[float], planes: Sequence[ScanPlane]
@@ -268,7 +273,8 @@ class BentSections:
 
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
         """Return the sections."""
-        bent, sections = self._bent_to(forces_n), list[Section]()
+        bent = self._bent_to(forces_n)
+        sections = list[Section]()
         for start in range(0, len(forces_n), FORCES_AT_ONCE):
             part = forces_n[start : start + FORCES_AT_ONCE]
             states_fnc = np.stack([bent.displacement_nc(force_n) for force_n in part])
@@ -301,14 +307,12 @@ class BentSections:
         return self._bent
 
 
-LEAK_STEP_S, LEAK_FORCES = (
-    0.05,
-    64,
-)  # of a leak's clock; at which the pressures of its knots are taken
-LEAK_KNOTS, LEAK_REACH = (
-    3,
-    1.25,
-)  # leaked volumes; the largest one over that of an eye whose dents do not grow
+# of a leak's clock; at which the pressures of its knots are taken
+LEAK_STEP_S = 0.05
+LEAK_FORCES = 64
+# leaked volumes; the largest one over that of an eye whose dents do not grow
+LEAK_KNOTS = 3
+LEAK_REACH = 1.25
 LEAST_LEAK_M3 = 1e-12
 
 
@@ -323,11 +327,10 @@ class LeakingSections(BentSections):
             raise StudyError(
                 "globe.leak_time_s: of an eye that keeps still; leave out eye_drift_deg, eye_saccade_deg"
             )
-        law, clock_s = (
-            study_globe(self._study.globe),
-            np.arange(0.0, times_s[-1] + LEAK_STEP_S, LEAK_STEP_S),
-        )
-        driven_n, at_n = force_n(clock_s), force_n(np.array(times_s)).tolist()
+        law = study_globe(self._study.globe)
+        clock_s = np.arange(0.0, times_s[-1] + LEAK_STEP_S, LEAK_STEP_S)
+        driven_n = force_n(clock_s)
+        at_n = force_n(np.array(times_s)).tolist()
         grid_n = np.linspace(0.0, max([*driven_n, *at_n]), LEAK_FORCES)
         leaked = partial(
             law.leaked_m3,
@@ -416,26 +419,23 @@ class LinearSections:
     """An eye's sections for needle forces in N, from linear mechanics, factored once."""
 
     def __init__(self, eye: PhantomEye, study: Study) -> None:
-        self._eye, plane = eye, eye.plane
+        self._eye = eye
+        plane = eye.plane
         wall = linear_wall(
             study, "phantom", eye.thickness_m, plane.contact, eye.youngs_modulus_pa
         )
         self._needle_nc = wall.needle_cnc(
             [plane.contact], study.needle.outer_diameter_m / 2
         )[0]
-        self._mesh, self._modes_knc = (
-            wall.mesh,
-            np.stack([wall.pressure_nc, wall.gravity_nc, self._needle_nc]),
-        )
+        self._modes_knc = np.stack([wall.pressure_nc, wall.gravity_nc, self._needle_nc])
+        self._mesh = wall.mesh
         self._weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
 
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
         """Return the sections."""
         loads = [[self._eye.iop_pa, self._weight_n_m3, force_n] for force_n in forces_n]
-        weights_fk, sections = (
-            np.array(loads) / self._eye.youngs_modulus_pa,
-            list[Section](),
-        )
+        weights_fk = np.array(loads) / self._eye.youngs_modulus_pa
+        sections = list[Section]()
         for start in range(0, len(loads), WEIGHTS_AT_ONCE):
             part = weights_fk[None, start : start + WEIGHTS_AT_ONCE]
             sections += cut_sections(
@@ -487,11 +487,10 @@ def paper_eyes(
         eye = PhantomEye(id=name, **wall, **contact)
         forces_n: list[float] = []
         for target, count in enumerate(trials):
-            low_n, high_n = limits_n[target], limits_n[target + 1]
-            first_n, last_n = (
-                (0.0 if target == 0 else low_n + CLEAR_N),
-                high_n - CLEAR_N,
-            )
+            low_n = limits_n[target]
+            high_n = limits_n[target + 1]
+            first_n = 0.0 if target == 0 else low_n + CLEAR_N
+            last_n = high_n - CLEAR_N
             drawn_n = [
                 first_n + (last_n - first_n) * (index + 0.5) / count
                 for index in range(count)
@@ -569,7 +568,8 @@ def simulate_eye(
     A `displacement_m` of the tip from rest takes precedence over the force, which is then found.
     """
     eye = study.eye
-    modulus_pa, iop_pa = eye.youngs_modulus_pa, eye.iop_pa
+    modulus_pa = eye.youngs_modulus_pa
+    iop_pa = eye.iop_pa
     if study.mechanics.kind == "linear":
         wall = linear_wall(study, "simulate", thickness_m, contact, modulus_pa)
         unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
@@ -588,7 +588,8 @@ def simulate_eye(
             wall.displacement(unit_nc, 0.0, **loads),
             wall.displacement(unit_nc, force_n, **loads),
         )
-        mesh, pressure_pa = wall.mesh, iop_pa
+        mesh = wall.mesh
+        pressure_pa = iop_pa
         tip_m = dent_m = tip_displacement(mesh, contact, states_nc[1] - states_nc[0])
     else:
         path = bend_eye(

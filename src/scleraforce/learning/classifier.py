@@ -85,9 +85,11 @@ def normalisation(
     Both of shape (row * column,). Centred inputs condition the gradient descent far better than 0 and 1 (LeCun et al.,
     "Efficient BackProp", 1998, sec. 4.3). A pixel that never varies teaches nothing; its weights are zero.
     """
-    wall, count = np.count_nonzero(training.slices, axis=0), len(training)
+    wall = np.count_nonzero(training.slices, axis=0)
+    count = len(training)
     if mirror:
-        wall, count = wall + wall[:, ::-1], 2 * count
+        wall = wall + wall[:, ::-1]
+        count = 2 * count
     mean = (wall / count).astype(np.float32)
     return mean.ravel(), ((wall > 0) & (wall < count)).ravel()
 
@@ -241,10 +243,8 @@ def fit(
         training.slices.shape[1:]
     )  # of the varying pixels
     with torch.device(device):
-        centre, mirror_images = (
-            tensor(mean[varies]),
-            tensor(number[:, ::-1].ravel()[varies]),
-        )
+        centre = tensor(mean[varies])
+        mirror_images = tensor(number[:, ::-1].ravel()[varies])
         (wall, target), unseen = (
             (
                 tensor(samples.pixels[:, varies] > 0),
@@ -271,10 +271,8 @@ def fit(
             yield loss, len(index)
         rows.append((right / len(training), *_measure(network, centre, *unseen)))
 
-    build, numbers = (
-        partial(build_network, int(varies.sum()), study, classes),
-        (n for n in range(study.epochs)),
-    )
+    build = partial(build_network, int(varies.sum()), study, classes)
+    numbers = (n for n in range(study.epochs))
     fitted = trained(
         build,
         epoch,
@@ -297,7 +295,8 @@ def _measure(
 ) -> tuple[float, float]:
     """Return mean loss and accuracy without dropout."""
     network.eval()
-    loss, right = 0.0, 0
+    loss = 0.0
+    right = 0
     with torch.inference_mode():
         for index in torch.split(torch.arange(len(target)), 1024):
             logits = network(wall[index].float() - centre)
@@ -369,11 +368,9 @@ def search_sizes(
     Whoever trains, the result is the same on one kind of processor. The validation set chooses, so the accuracy of the
     chosen size is slightly flattered.
     """
-    sizes, fitted, candidates = (
-        grid(study),
-        list[TrainedNetwork | None](),
-        list[Candidate](),
-    )
+    sizes = grid(study)
+    fitted = list[TrainedNetwork | None]()
+    candidates = list[Candidate]()
     reported = progress if workers is None else None
     train = partial(
         fit,

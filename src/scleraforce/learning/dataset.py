@@ -86,8 +86,10 @@ def plan_dataset(study: Study) -> DatasetPlan:
     azimuth uniformly around the eye. The images are spread evenly over the contacts. Each sample draws its own force,
     uniform from 0 to the group's largest, and its own gap, tilt, direction and framing.
     """
-    dataset, needle = study.dataset, study.needle
-    rng, parts = np.random.default_rng(dataset.seed), []
+    dataset = study.dataset
+    needle = study.needle
+    rng = np.random.default_rng(dataset.seed)
+    parts = []
     for group in dataset.group:
         contacts = min(dataset.contacts, group.images)
         unseen = min(
@@ -273,7 +275,8 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
 
 def _layouts(study: Study) -> dict[str, Layout]:
     """Return the layouts of a data set's arrays: slices, a unit of work in each chunk, and the metadata of samples."""
-    units, size = unit_samples(study), (study.slice.rows, study.slice.columns)
+    units = unit_samples(study)
+    size = (study.slice.rows, study.slice.columns)
     images = units[-1].stop
     slices = layout((images, *size), (units[0].stop, *size), "uint8", compressed=True)
     return {
@@ -357,7 +360,8 @@ class SampleSimulator:
 
     def __init__(self, study: Study, youngs_modulus_pa: float) -> None:
         """Make a simulator for walls of Young's modulus `youngs_modulus_pa`."""
-        self._study, self._youngs_modulus_pa = study, youngs_modulus_pa
+        self._study = study
+        self._youngs_modulus_pa = youngs_modulus_pa
         self._wall: LinearWall | None = None
 
     def slices(self, plan: DatasetPlan) -> Bytes:
@@ -402,10 +406,8 @@ class SampleSimulator:
             + eye.density_kg_m3 * STANDARD_GRAVITY_M_S2 * wall.gravity_nc
         )
         modes_knc = np.stack([resting_nc, needle_nc]) / self._youngs_modulus_pa
-        planes, forces_n = (
-            [_plane(plan, sample) for sample in samples],
-            plan.force_n[samples],
-        )
+        planes = [_plane(plan, sample) for sample in samples]
+        forces_n = plan.force_n[samples]
         if all(plane == planes[0] for plane in planes):
             forces_pf = np.r_[0.0, forces_n][None]
             unloaded, *loaded = cut_sections(
@@ -453,14 +455,13 @@ def library_slices(
     thickness, force, the contact's polar angle, plane and framing, not by azimuth or by the direction of the plane.
     `library` is a `near_library` of the whole plan.
     """
-    slices, bounds = [], [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), len(plan)]
+    slices = []
+    bounds = [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), len(plan)]
     for samples in (slice(*part) for part in pairwise(bounds)):  # of one contact
         beside = library.for_contact(float(plan.polar_rad[samples.start]))
-        thickness_m, gap_m, tilt_rad = (
-            plan.thickness_m[samples],
-            plan.gap_m[samples],
-            plan.tilt_rad[samples],
-        )
+        thickness_m = plan.thickness_m[samples]
+        gap_m = plan.gap_m[samples]
+        tilt_rad = plan.tilt_rad[samples]
         iop_ratio = np.full(len(thickness_m), study.eye.iop_pa / youngs_modulus_pa)
         resting = beside.at_tip(thickness_m, iop_ratio, np.zeros(len(thickness_m)))
         top_m = highest_depths(resting.curves_sbnc[:, OUTER], gap_m, tilt_rad)
@@ -574,7 +575,8 @@ def _making(
     study: Study, youngs_modulus_pa: float, library: Library | None, plan: DatasetPlan
 ) -> Callable[[int], Bytes]:
     """Return the worker's function from a unit's number to its slices, drawn from the library or simulated."""
-    units, simulator = unit_samples(study), SampleSimulator(study, youngs_modulus_pa)
+    units = unit_samples(study)
+    simulator = SampleSimulator(study, youngs_modulus_pa)
     if library is None:
         return lambda unit: simulator.slices(plan.part(units[unit]))
     return lambda unit: library_slices(

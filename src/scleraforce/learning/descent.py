@@ -133,7 +133,8 @@ def descend(
     """
     step = 0
     for batches in rounds:
-        total, samples = 0.0, 0
+        total = 0.0
+        samples = 0
         for loss, count in batches:
             for group in optimiser.param_groups:
                 group["lr"] = learning_rate(study, step, steps)
@@ -144,7 +145,8 @@ def descend(
             )
             optimiser.step()
             step += 1
-            total, samples = total + loss.item() * count, samples + count
+            total = total + loss.item() * count
+            samples = samples + count
             if not np.isfinite(total):
                 key = f"{SECTIONS[type(study)]}.learning_rate"
                 raise SolverError(
@@ -226,10 +228,8 @@ def curve(losses: Sequence[float]) -> tuple[float, ...]:
 @contextmanager
 def repeatable(seed: int, of_torch: int, device: str = "cpu") -> Iterator[None]:
     """Seed PyTorch and fix its number of threads; put everything back afterwards."""
-    threads, strict = (
-        torch.get_num_threads(),
-        torch.are_deterministic_algorithms_enabled(),
-    )
+    threads = torch.get_num_threads()
+    strict = torch.are_deterministic_algorithms_enabled()
     with torch.random.fork_rng(devices=[0] if device == "cuda" else []):
         torch.manual_seed(seed)
         torch.set_num_threads(of_torch)

@@ -83,10 +83,9 @@ class RawReaderNetwork(torch.nn.Module):
             ("down", "along"), _slice_weights(window, study.slice), strict=True
         ):
             self.register_buffer(name, torch.from_numpy(weights))
-        self.bins, self.example = (
-            reads_slices.bins,
-            torch.zeros(2, window.rows, window.columns),
-        )  # of its input
+        # of its input
+        self.bins = reads_slices.bins
+        self.example = torch.zeros(2, window.rows, window.columns)
 
     def forward(
         self, frames: torch.Tensor, given: torch.Tensor
@@ -113,10 +112,8 @@ def _slice_weights(window: FrameWindow, study: SliceStudy) -> tuple[Float, Float
 
     Shapes (row of the slice, row of the window) and (pair of the window's columns, column of the slice).
     """
-    edges, pixels = (
-        np.arange(window.rows + 1) * window.row_m,
-        np.arange(study.rows + 1)[:, None] * study.pixel_m,
-    )
+    edges = np.arange(window.rows + 1) * window.row_m
+    pixels = np.arange(study.rows + 1)[:, None] * study.pixel_m
     covered: Floats = (
         np.diff(np.clip(edges, pixels[:-1], pixels[1:]), axis=1) / study.pixel_m
     )
@@ -134,11 +131,10 @@ def draw_optics(
     study: Study, needle_gap_m: float | None, rng: np.random.Generator
 ) -> BscanOptics:
     """Draw a frame's optics within `[phantom]` and `[raw_reader]`; a needle's axis is `needle_gap_m` off, if any."""
-    raw, phantom = study.raw_reader, study.phantom
-    optics, coarser = (
-        sample_optics(phantom, study.oct, rng),
-        draw(raw.speckle_factor, rng),
-    )
+    raw = study.raw_reader
+    phantom = study.phantom
+    optics = sample_optics(phantom, study.oct, rng)
+    coarser = draw(raw.speckle_factor, rng)
     if rng.random() < raw.conjunctiva_share:
         phantom = replace(
             phantom,
@@ -171,7 +167,8 @@ def draw_shafts(
 ) -> list[DrawnShaft]:
     """Return the needles of reduced frames; frames without a needle in their optics give none."""
     window = FrameWindow.of(study.raw_reader)
-    width_m, depth_m = window.columns * window.column_m, window.rows * window.row_m
+    width_m = window.columns * window.column_m
+    depth_m = window.rows * window.row_m
     cells = replace(
         study.oct,
         width_m=width_m,
@@ -207,15 +204,14 @@ class RawSource:
         self.columns = SliceStudy(
             columns=window.columns, rows=window.rows, pixel_m=window.column_m
         )
-        self.library, self.study = (
-            Source(library, study.reader, self.columns).library,
-            study,
-        )
+        self.library = Source(library, study.reader, self.columns).library
+        self.study = study
 
     def chunk(self, number: int, count: int = FRAMES_TOGETHER) -> RawSamples:
         """Draw a chunk of samples, shuffled: a share of them is crossed by a needle."""
         raw = self.study.raw_reader
-        rng, beside = np.random.default_rng([raw.seed, number]), self.study.reader
+        rng = np.random.default_rng([raw.seed, number])
+        beside = self.study.reader
         crossed = int((rng.random(count) < raw.needle_share).sum())
         across = replace(
             beside,
@@ -237,7 +233,8 @@ class RawSource:
         self, reader: ReaderStudy, count: int, needle: bool, rng: np.random.Generator
     ) -> RawSamples:
         """Draw samples of a reader's study, all with a needle or all without."""
-        study, window = self.study, FrameWindow.of(self.study.raw_reader)
+        study = self.study
+        window = FrameWindow.of(self.study.raw_reader)
         library = samples.library_of_tissue(self.library, reader, rng)
         eyes, framing, depth_sbc = samples.draw_framed(
             library, reader, self.columns, count, rng
@@ -257,10 +254,8 @@ class RawSource:
             axis=3
         )  # at every second column
         rows = np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32)
-        given, modulus_pa = (
-            networks.given_inputs(eyes.stated, trained),
-            networks.given_modulus(eyes.stated, trained)[0],
-        )
+        given = networks.given_inputs(eyes.stated, trained)
+        modulus_pa = networks.given_modulus(eyes.stated, trained)[0]
         return RawSamples(
             given, eyes.force_n, modulus_pa, framing.lateral_m, frames, rows
         )
@@ -275,7 +270,8 @@ def fit_raw_reader(
     device: str = "cpu",
 ) -> Fitted[RawReaderNetwork]:
     """Train a raw reader; the same study and library give the same weights on the same machine."""
-    raw, gaps = study.raw_reader, read_by_fit(study.reader)
+    raw = study.raw_reader
+    gaps = read_by_fit(study.reader)
     on_slices = replace(
         study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed)
     )
@@ -283,10 +279,8 @@ def fit_raw_reader(
     reads_slices = fit_reader(
         on_slices, slices.chunk, workers, progress, device
     ).network
-    build, losses_of = (
-        partial(RawReaderNetwork, study, reads_slices),
-        partial(_losses, study),
-    )
+    build = partial(RawReaderNetwork, study, reads_slices)
+    losses_of = partial(_losses, study)
     drawn = _batches(RawSource(library, study), raw, workers)
     return trained(build, losses_of, drawn, raw, raw.batches, learned, device=device)
 
@@ -378,7 +372,8 @@ def _frames(
     eye: VirtualEye, forces_n: Floats, study: Study, rng: np.random.Generator
 ) -> Float:
     """Return reduced frames of an eye under forces (frame, row, column), each with a pose and light of its own."""
-    reader, window = study.reader, FrameWindow.of(study.raw_reader)
+    reader = study.reader
+    window = FrameWindow.of(study.raw_reader)
     framing = reader.lateral_m, reader.surface_depth_m, reader.rotation_rad
     poses = (
         np.array([*(draw(values, rng) for values in framing), 0.0, 0.0])

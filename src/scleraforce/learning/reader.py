@@ -43,7 +43,8 @@ from scleraforce.study import Choice, ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si, to_si
 
 FEATURES = 3  # of a column: wall at all, amount of wall, mean depth below the circle
-KERNEL, STRIDE = 5, 2
+KERNEL = 5
+STRIDE = 2
 GIVEN_UNITS = 32
 COMPONENTS = 3  # of the mixture that describes the force
 SHARPNESS = (
@@ -54,7 +55,8 @@ FAR = 1e4  # stands for the ends of the line, over the range of the histogram
 TYPICAL_WALL = (
     0.6e-3  # m: amounts and depths enter in such units, so that they are of order one
 )
-PLACE_WEIGHT, PLACE_KNEE_MM = 2.0, 0.2
+PLACE_WEIGHT = 2.0
+PLACE_KNEE_MM = 0.2
 
 
 class ReaderNetwork(torch.nn.Module):
@@ -221,12 +223,11 @@ def fit_reader(
 
     The same study and library give the same weights on the same machine, for any number of drawing processes (0: here).
     """
-    reader, done = study.reader, count(1)
+    reader = study.reader
+    done = count(1)
     chunks = -(-reader.samples_per_epoch // CHUNK)
-    rounds, steps = (
-        reader.epochs * chunks,
-        reader.epochs * chunks * -(-CHUNK // reader.batch_size),
-    )
+    rounds = reader.epochs * chunks
+    steps = reader.epochs * chunks * -(-CHUNK // reader.batch_size)
 
     def report(_: int) -> None:
         if progress and next(done) % chunks == 0:
@@ -307,14 +308,10 @@ def compared(
     of the median, the coverage of the 90 % intervals.
     """
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
-    shares, bounds_n = (
-        histogram(mixtures, study.reader.bins).double().tolist(),
-        study.classes.bounds_n,
-    )
-    edges_m2, force_n = (
-        ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist(),
-        truth.force_n,
-    )
+    shares = histogram(mixtures, study.reader.bins).double().tolist()
+    bounds_n = study.classes.bounds_n
+    edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
+    force_n = truth.force_n
     of_eyes = zip(shares, truth.modulus_pa.tolist(), strict=True)
     readings = [
         histogram_reading(each, edges_m2, modulus_pa, bounds_n)
@@ -326,10 +323,8 @@ def compared(
         list(map(study.classes.classify, each.tolist())) for each in (force_n, median_n)
     )
     confusion = confusion_matrix(target, found, len(bounds_n) + 1)
-    share, off_m = (
-        accuracy(confusion),
-        to_si(places_mm.double().numpy(), "mm") - truth.lateral_m,
-    )
+    share = accuracy(confusion)
+    off_m = to_si(places_mm.double().numpy(), "mm") - truth.lateral_m
     return {
         "validation_accuracy": share.value,
         "validation_interval": share.interval,

@@ -131,10 +131,8 @@ def library_of_tissue(
 ) -> Library:
     """Return a library of tissue that stiffens, in a share of the draws: 1 + b is spread evenly in its logarithm."""
     least, most = np.log1p(library.walls.stiffening[[0, -1]])
-    stiffens, number = (
-        rng.random() < reader.stiffening_share,
-        rng.integers(1, TISSUES + 1),
-    )
+    stiffens = rng.random() < reader.stiffening_share
+    number = rng.integers(1, TISSUES + 1)
     if not stiffens or least == most:
         return library
     drawn = np.expm1(least + (most - least) * number / TISSUES)
@@ -184,10 +182,8 @@ def draw_framed(
 ) -> tuple[Eyes, Framing, Floats]:
     """Draw eyes, their places, and the boundaries of their walls, each of another form (eye, boundary, column), m."""
     eyes = draw_eyes(library, reader, count, rng)
-    lateral_m, depth_m = (
-        reader.lateral_m.sample(rng, count),
-        reader.surface_depth_m.sample(rng, count),
-    )
+    lateral_m = reader.lateral_m.sample(rng, count)
+    depth_m = reader.surface_depth_m.sample(rng, count)
     framing = Framing(lateral_m, depth_m, eyes.size, eyes.rotation_rad)
     gap_m = eyes.gap_m / eyes.size
     place = eyes.thickness_m / eyes.size, eyes.iop_ratio
@@ -278,10 +274,8 @@ def draw_eyes(
     force_n = top_n * rng.random(len(largest_n))
     rigidity, low, high = _globes(reader, count, rng)
     pole, stated_pole = _poles(reader, count, rng)
-    values, tissue = (
-        (stated_iop_pa, stated_thickness_m, stated_gap_m),
-        np.full(count, library.stiffening),
-    )
+    values = (stated_iop_pa, stated_thickness_m, stated_gap_m)
+    tissue = np.full(count, library.stiffening)
     stated = GivenEyes(stated_pa, stated_sd, *values, low, high, *stated_pole, tissue)
     iop_ratio = _pressures(
         library, (thickness_m, iop_pa, modulus_pa, size), rigidity, force_n, rng
@@ -318,12 +312,12 @@ def _pressures(
 ) -> Floats:
     """Return the pressure under the needle over E (sample,); forces that drive it beyond the library are lowered."""
     thickness_m, iop_pa, modulus_pa, size = eye
-    thickness, globe = (
-        thickness_m / size,
-        sealed_globe(rigidity * size**3).over(modulus_pa),
-    )  # volumes go as size^3
+    # volumes go as size^3
+    thickness = thickness_m / size
+    globe = sealed_globe(rigidity * size**3).over(modulus_pa)
     highest = BARELY_INSIDE * library.iop_ratio_ends(thickness)[1]
-    ratio, left = iop_pa / modulus_pa, np.flatnonzero(rigidity > 0.0)
+    ratio = iop_pa / modulus_pa
+    left = np.flatnonzero(rigidity > 0.0)
     resting = ratio.copy()
     for _ in range(ROUNDS):
         force_ratio = force_n[left] / (modulus_pa[left] * size[left] ** 2)
@@ -343,11 +337,11 @@ def _globes(
     reader: ReaderStudy, count: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats, Floats]:
     """Return rigidities of globes and the ends of the given band of each, (sample,) in Pa^(1/3)/m^3."""
-    rigidity, low, high = np.zeros(count), np.zeros(count), np.zeros(count)
-    drawn, missing = (
-        rng.random(count),
-        rng.random(count) < reader.rigidity_missing_fraction,
-    )
+    rigidity = np.zeros(count)
+    low = np.zeros(count)
+    high = np.zeros(count)
+    drawn = rng.random(count)
+    missing = rng.random(count) < reader.rigidity_missing_fraction
     sealed = drawn >= reader.globe_open_fraction + reader.globe_missing_fraction
     unknown = (drawn >= reader.globe_open_fraction) & ~sealed
     for which, globe in ((unknown, UNKNOWN), (sealed & missing, SEALED)):
@@ -402,11 +396,9 @@ class Source:
     ) -> None:
         """Keep only the part of a library that slices can show: it is quicker."""
         reach_m = _reach_m(reader, slice_study) + reader.gap_m.bounds[1]
-        self.library, self.reader, self.slice_study = (
-            library.within(reach_m + BEYOND_SLICE_M),
-            reader,
-            slice_study,
-        )
+        self.library = library.within(reach_m + BEYOND_SLICE_M)
+        self.reader = reader
+        self.slice_study = slice_study
 
     def chunk(self, number: int, count: int = CHUNK) -> ReaderSamples:
         """Draw a chunk of samples."""

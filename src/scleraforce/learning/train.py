@@ -159,7 +159,9 @@ def train_reader(
     """Train the reader on a library and write its model folder."""
     check_place(out)
     check_library(library, study)
-    device, own, stored = chosen_device(device), study.reader, BytesIO()
+    device = chosen_device(device)
+    own = study.reader
+    stored = BytesIO()
     errors = save_library(library, stored)
     source = Source(library, own, study.slice)
     fitted = reader.fit_reader(
@@ -180,10 +182,8 @@ def train_reader(
         "curves": {"training_loss": fitted.training_loss},
         "library": asdict(errors),
     }
-    measure, cores = (
-        partial(measuring, study, library, graph),
-        workers or available_cores(),
-    )
+    measure = partial(measuring, study, library, graph)
+    cores = workers or available_cores()
     record |= measured_intervals(measure, own.interval_eyes, cores, EYES, measured)
     curves_um = {"curves_um": from_si(errors.curves_m, "um")}
     return _written(
@@ -210,7 +210,9 @@ def train_raw_reader(
     """Train the raw reader as `train_reader` does; `learned` is called with 1 after each batch of raw frames."""
     check_place(out)
     check_library(library, study)
-    device, raw, stored = chosen_device(device), study.raw_reader, BytesIO()
+    device = chosen_device(device)
+    raw = study.raw_reader
+    stored = BytesIO()
     save_library(library, stored)
     fitted = raw_reader.fit_raw_reader(
         library, study, workers or _other_cores(), progress, learned, device
@@ -219,10 +221,8 @@ def train_raw_reader(
         RawReader.kind, study, raw.seed, device, _of_library(stored, study)
     )
     graph = reader.force_bytes(fitted.network, provenance)
-    frames, slices = (
-        raw.batches * raw.batch_size,
-        raw.slice_epochs * _whole_chunks(study),
-    )
+    frames = raw.batches * raw.batch_size
+    slices = raw.slice_epochs * _whole_chunks(study)
     record = {
         "samples": {
             "slices": slices,
@@ -235,10 +235,8 @@ def train_raw_reader(
         ),
         "curves": {"training_loss": curve(fitted.training_loss)},
     }
-    measure, cores = (
-        partial(raw_reader.measuring_raw, study, library, graph),
-        workers or available_cores(),
-    )
+    measure = partial(raw_reader.measuring_raw, study, library, graph)
+    cores = workers or available_cores()
     record |= measured_intervals(
         measure, raw.interval_eyes, cores, f"{EYES}, drawn as raw frames", measured
     )
@@ -258,7 +256,8 @@ def train_wall_finder(
 ) -> Record:
     """Train the wall finder on scenes that workers draw (a process on each other core), and write its model folder."""
     check_place(out)
-    device, finder = chosen_device(device), study.wall_finder
+    device = chosen_device(device)
+    finder = study.wall_finder
     fitted = wall_finder.fit_wall_finder(
         study, workers or _other_cores(), progress, device
     )
@@ -334,7 +333,8 @@ def _written(
     more: Mapping[str, bytes] = MappingProxyType({}),
 ) -> Record:
     """Write a model folder; its card is the template of its kind, filled from the study, the record and `words`."""
-    kind, cut = provenance["kind"], study.slice
+    kind = provenance["kind"]
+    cut = study.slice
     record: Record = {"kind": kind, "provenance": provenance, **found}
     texts = tomllib.loads(
         files("scleraforce.learning").joinpath("cards.toml").read_text(encoding="utf-8")

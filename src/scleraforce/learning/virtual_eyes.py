@@ -49,7 +49,8 @@ from scleraforce.reader.networks import ForceNetwork
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study, draw
 
-FRAMES, CALIBRATED = 20, 3
+FRAMES = 20
+CALIBRATED = 3
 FINER = 4  # columns and rows of a frame for one of a slice
 FORCE_DRIFT_SD = 0.035  # relative, from no force to the largest: uneven eyes computed in three dimensions
 FRAME_EVERY_S = 12.0  # of a force log: ramps, a hold, a rest
@@ -89,7 +90,8 @@ def draw_eye(
     study: Study, library: Library, number: int, rng: np.random.Generator
 ) -> VirtualEye:
     """Draw an eye within `[reader]`; its globe is stated open, sealed or not at all by turns, its direction or not."""
-    reader, stated_globe = study.reader, OPEN_OR_SEALED[number % 3]
+    reader = study.reader
+    stated_globe = OPEN_OR_SEALED[number % 3]
     library = library_of_tissue(library, reader, rng)
     ranges = reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m
     modulus_pa, thickness_m, gap_m = (draw(values, rng) for values in ranges)
@@ -161,7 +163,8 @@ def draw_frames(
     forces_n = (
         rng.uniform(0.0, eye.largest_n, forces) if isinstance(forces, int) else forces
     )
-    lateral_m, depth_m = draw(reader.lateral_m, rng), draw(reader.surface_depth_m, rng)
+    lateral_m = draw(reader.lateral_m, rng)
+    depth_m = draw(reader.surface_depth_m, rng)
     pose = np.array(
         [lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0]
     )
@@ -236,10 +239,8 @@ def calibrated(
     """
     labelled = label_forces(np.array([frame.force_n for frame in frames]), rng)
     forces_n = labelled.force_n
-    least_n, wanted = (
-        study.calibration.min_force_n,
-        CALIBRATED if chosen is None else len(chosen),
-    )
+    least_n = study.calibration.min_force_n
+    wanted = CALIBRATED if chosen is None else len(chosen)
     if chosen is None:
         order = labels.frame_order(
             forces_n, [True] * len(frames), least_n, wanted, rising=True
@@ -260,7 +261,8 @@ def calibrated(
             )
         except CalibrationError:
             return None
-        used, refused = 0, 0
+        used = 0
+        refused = 0
         for place in order:
             if session.updates >= wanted:
                 break
@@ -270,10 +272,8 @@ def calibrated(
             )
             refused += forces_n[place] > least_n and isinstance(session.last, Skipped)
             used += 1
-        known, borne = (
-            known_after(session),
-            [place for place in order[:used] if forces_n[place] > least_n],
-        )
+        known = known_after(session)
+        borne = [place for place in order[:used] if forces_n[place] > least_n]
         if known.modulus is None:
             return TissueTrial.diverged((known, used), refused)
         seen = [(frames[place].boundaries, float(forces_n[place])) for place in borne]
@@ -331,11 +331,9 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
     modulus = Modulus(
         mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population"
     )
-    stiffening, own, walls = (
-        0.0,
-        eye.model.library.stiffening,
-        eye.model.library.walls.stiffening,
-    )
+    stiffening = 0.0
+    own = eye.model.library.stiffening
+    walls = eye.model.library.walls.stiffening
     if own > 0.0:  # of other eyes with tissue that stiffens
         other = np.expm1(
             np.log1p(own) + POPULATION_STIFFENING_SD * rng.standard_normal()
@@ -350,7 +348,9 @@ STREAM = (
 AHEAD = 2  # eyes for each process that are drawn or wait
 OTHERWISE_EVERY = 2  # of the eyes of each telling, one is calibrated a second time, on frames of any forces
 MOST_CHOSEN = 5  # of these frames
-LEAST_N, LEAST_LARGEST_N = 6e-3, 12e-3  # of their forces, and of the largest of them
+# of their forces, and of the largest of them
+LEAST_N = 6e-3
+LEAST_LARGEST_N = 12e-3
 LEAST_SCORE = 1e-3  # a force at the median has no logarithm
 
 
@@ -503,7 +503,8 @@ def _regression(scores: Sequence[Score]) -> dict[str, float]:
     share = intervals.share_of_new_eye(intervals.eye_count(scores))
     weight = len(scores) * intervals.weights_of_eyes(scores)  # 1 in the mean
     one = eye_array(len(scores))
-    least, most = np.log(intervals.SMALLEST), np.log(intervals.LARGEST)
+    least = np.log(intervals.SMALLEST)
+    most = np.log(intervals.LARGEST)
     ends = [
         (least if trait in intervals.GLOBE_TRAITS else 0.0, most) for trait in traits
     ]

@@ -33,8 +33,11 @@ Float = NDArray[np.float32]
 INPUTS_OF_PIXEL = 3  # level, its root, and the row
 BOUNDARIES = 2  # upper and lower
 VALIDATION_SCENES = 2**31  # numbers from here on are never trained on
-RANKED_WEIGHT, WALL_WEIGHT = 0.5, 1.0
-SECOND_LOOKS, LOOK = 0.35, 1  # of the scenes; part of the seed of its random numbers
+RANKED_WEIGHT = 0.5
+WALL_WEIGHT = 1.0
+# of the scenes; part of the seed of its random numbers
+SECOND_LOOKS = 0.35
+LOOK = 1
 COVERED_WEIGHT = 0.4  # of a column whose wall a lid hides; a judged one has 1
 SDS_OF_90 = 1.645  # standard deviations within which 90 % of a normal distribution lie
 
@@ -45,9 +48,11 @@ class WallFinderNetwork(torch.nn.Module):
     def __init__(self, study: WallFinderStudy) -> None:
         """Build the network with random weights (from PyTorch's generator)."""
         super().__init__()
-        self.rows, self.columns = study.rows, study.columns
+        self.rows = study.rows
+        self.columns = study.columns
         sizes = study.channels
-        self.down, self.level = torch.nn.ModuleList(), torch.nn.ModuleList()
+        self.down = torch.nn.ModuleList()
+        self.level = torch.nn.ModuleList()
         for before, size in zip((INPUTS_OF_PIXEL, *sizes), sizes, strict=False):
             self.down.append(_convolution(before, size, stride=2))
             self.level.append(_convolution(size, size))
@@ -63,7 +68,8 @@ class WallFinderNetwork(torch.nn.Module):
 
     def forward(self, frames: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return both logits."""
-        signal, shortcuts = self.inputs(frames), []
+        signal = self.inputs(frames)
+        shortcuts = []
         for down, level in zip(self.down, self.level, strict=True):
             signal = level(down(signal))
             shortcuts.append(signal)
@@ -75,7 +81,8 @@ class WallFinderNetwork(torch.nn.Module):
             )
             signal = block(torch.cat([signal, shortcut], dim=1))
         pooled = torch.cat([signal.amax(dim=2), signal.mean(dim=2)], dim=1)
-        rows, columns = self.rows // 2, self.columns // 2
+        rows = self.rows // 2
+        columns = self.columns // 2
         parts = (
             self.boundaries(signal)
             .reshape(-1, BOUNDARIES, 2, rows, columns)
@@ -143,7 +150,8 @@ def scene_batch(study: Study, number: int, first: int = 0) -> SceneBatch:
 
 def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
     """Draw a scene, and return its part of a `SceneBatch`."""
-    scene, finder = draw_scene(study.scenes, number), study.wall_finder
+    scene = draw_scene(study.scenes, number)
+    finder = study.wall_finder
     top, bottom = _shown_rows(
         scene, np.random.default_rng([study.scenes.seed, number, LOOK])
     )
@@ -165,11 +173,10 @@ def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
 
 def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
     """Return the rows of a scene that are learned from: all of them or, in some, the rows of a second look."""
-    there, rows = np.isfinite(scene.outer_row), len(scene.frame)
-    share, chosen = (
-        finders.BEYOND_SHARE * rng.uniform(0.5, 2.0),
-        rng.random() < SECOND_LOOKS,
-    )
+    there = np.isfinite(scene.outer_row)
+    rows = len(scene.frame)
+    share = finders.BEYOND_SHARE * rng.uniform(0.5, 2.0)
+    chosen = rng.random() < SECOND_LOOKS
     if chosen and there.any():
         return finders.rows_about(
             scene.outer_row[there], scene.inner_row[there], rows, share
@@ -182,7 +189,8 @@ def fit_wall_finder(
 ) -> Fitted[WallFinderNetwork]:
     """Train the network; scenes and weights are the same for any number of workers (0: none), on the same machine."""
     finder = study.wall_finder
-    build, losses_of = partial(WallFinderNetwork, finder), partial(_losses, finder)
+    build = partial(WallFinderNetwork, finder)
+    losses_of = partial(_losses, finder)
     drawn = drawn_ahead(partial(scene_batch, study), range(finder.batches), workers)
     return trained(
         build, losses_of, drawn, finder, finder.batches, progress, device=device
@@ -228,7 +236,8 @@ def finder_loss(
         return WALL_WEIGHT * wall
     of_row = row_logits.log_softmax(dim=2).transpose(2, 3)  # (n, 2, column, row)
     seen = there[:, None].expand(-1, of_row.shape[1], -1)
-    logs, true = of_row[seen], boundaries[seen]
+    logs = of_row[seen]
+    true = boundaries[seen]
     rows = torch.arange(logs.shape[1], dtype=logs.dtype)
     target = torch.softmax(-((rows - true[:, None]) ** 2) / (2.0 * blur**2), dim=1)
     entropy = -(target * logs).sum(dim=1).mean()
@@ -244,7 +253,9 @@ def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]
     Dice of the scenes that show wall, its 5th percentile too; median errors of the boundaries in reduced rows; coverage
     of 1.645 standard deviations; share of columns with the right decision on wall.
     """
-    shares, errors, right = [], [], []
+    shares = []
+    errors = []
+    right = []
     for number in range(study.wall_finder.validation_scenes):
         scene = draw_scene(study.scenes, VALIDATION_SCENES + number)
         seen = finder.find(scene.frame)
@@ -267,7 +278,8 @@ def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]
 
 def seen_mask(seen: finders.SeenWall, shape: tuple[int, ...]) -> Flags:
     """Return the pixels of a frame that a network's wall covers, (row, column)."""
-    column, row = np.arange(shape[1]), np.arange(shape[0])[:, None]
+    column = np.arange(shape[1])
+    row = np.arange(shape[0])[:, None]
     outer, inner = (
         np.interp(column, seen.column, curve)
         for curve in (seen.outer_row, seen.inner_row)
@@ -282,7 +294,8 @@ def scene_dice(found: Flags, scene: Scene) -> float:
 
 def _errors(scene: Scene, seen: finders.SeenWall, rows: int) -> Floats:
     """Return the errors of both boundaries in reduced rows, and in their standard deviations, (4, column)."""
-    at, last = seen.frame_column, len(scene.frame) - 1.0
+    at = seen.frame_column
+    last = len(scene.frame) - 1.0
     both = np.isfinite(scene.outer_row[at]) & seen.there
     off = [
         (np.clip(curve, 0.0, last) - np.clip(true[at], 0.0, last))[both]

@@ -18,12 +18,17 @@ from scleraforce.library.unknowns import shining
 from scleraforce.study import SliceStudy
 
 # Relative, of the curvature: semi-axes within 6 % of the radius (sd 3.5 %) turn it along a section by sqrt(5) as much.
-CURVATURE_SD, SKEW_SD = 0.08, 0.05
-CORNEA_RADIUS_M, LIMBUS_M, LIMBUS_SHARE = 7.8e-3, (2e-3, 6e-3), 0.3
+CURVATURE_SD = 0.08
+SKEW_SD = 0.05
+CORNEA_RADIUS_M = 7.8e-3
+LIMBUS_M = (2e-3, 6e-3)
+LIMBUS_SHARE = 0.3
 # Spheres of 12 and 7.8 mm that meet at a ring of 5.5 to 6 mm radius make 0.31 to 0.35 rad; real eyes are smoother.
-LIMBUS_RAD, SOFT_M = (0.05, 0.36), (0.2e-3, 0.6e-3)
+LIMBUS_RAD = (0.05, 0.36)
+SOFT_M = (0.2e-3, 0.6e-3)
 # Relative, of the thickness, a radian from the contact and by the square of the angle: waves of 12 % along the globe.
-WEDGE_SD, BOW_SD = 0.12, 0.12
+WEDGE_SD = 0.12
+BOW_SD = 0.12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,7 +202,8 @@ def _smoothing(columns: int, length: float) -> Floats:
     """Return the matrix (column, column) that smooths rows by a Gaussian, carried on straight at both ends."""
     reach = int(np.ceil(4.0 * length))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / length) ** 2)
-    matrix, target = np.zeros((columns, columns)), np.arange(columns)
+    matrix = np.zeros((columns, columns))
+    target = np.arange(columns)
     for offset, weight in zip(
         range(-reach, reach + 1), kernel / kernel.sum(), strict=True
     ):

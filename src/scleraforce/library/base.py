@@ -114,7 +114,8 @@ def contact_rises(
         meridian_angles(undented_tpbnc[0, 0].astype(np.float64), radius_m)
     )
     contact_tpac = spline.shares(polar_rad) @ outer_tpnc
-    away, above = contact_tpac[..., 0], radius_m - contact_tpac[..., 1]
+    away = contact_tpac[..., 0]
+    above = radius_m - contact_tpac[..., 1]
     return np.moveaxis(
         away * np.sin(polar_rad) + above * np.cos(polar_rad) - radius_m, -1, 0
     )

@@ -188,7 +188,8 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
 
 def _check_size(values: int) -> None:
     """Check that this many values of float32 fit into a file of a model folder."""
-    found, most = 4 * values, KINDS["model file"].max_bytes
+    found = 4 * values
+    most = KINDS["model file"].max_bytes
     if found > most:
         raise InputError(
             f"library: its curves have {found // MIB} MiB, a model folder may have {most // MIB} MiB of "

@@ -42,7 +42,8 @@ from scleraforce.study.eye import RIGIDITY_LAWS
 NO_WALL_M = 20e-6
 DRAWS = 512
 # Frames of even walls lie nearer to an even wall of the library, frames of uneven walls farther from it.
-LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
+LARGEST_MISFIT_M = 6e-6
+LARGEST_FORM = 1.0
 
 
 def library_walls(
@@ -170,7 +171,8 @@ def fit_boundaries(
 
 def doubt_of(prior: Prior) -> Doubt:
     """Return the numbers that draw an eye's forces."""
-    off, count = prior.discrepancy, len(at.NAMES)
+    off = prior.discrepancy
+    count = len(at.NAMES)
     terms = np.array(
         [
             [off.level, off.level_sd, *off.level_by],
@@ -187,7 +189,8 @@ def doubt_of(prior: Prior) -> Doubt:
 
 def empty_fit(library: Library) -> Fitted:
     """Return a fit without values."""
-    count, wall_bmc = len(at.NAMES), np.empty((2, 2 * len(library.node_angles()), 2))
+    count = len(at.NAMES)
+    wall_bmc = np.empty((2, 2 * len(library.node_angles()), 2))
     return Fitted(
         np.empty(count),
         np.empty((count, count)),
@@ -199,14 +202,10 @@ def empty_fit(library: Library) -> Fitted:
 
 def fit_of(library: Library, globe: KnownGlobe, fitted: Fitted) -> BoundaryFit:
     """Return a fit from its arrays."""
-    unknown, (force, low_n, high_n, misfit, outliers, cost) = (
-        fitted.unknown,
-        fitted.numbers.tolist(),
-    )
-    radius_m, pressure = (
-        library.radius_m * np.exp(unknown[at.SIZE]),
-        unknown[law_of(globe).pressure],
-    )
+    unknown = fitted.unknown
+    (force, low_n, high_n, misfit, outliers, cost) = fitted.numbers.tolist()
+    radius_m = library.radius_m * np.exp(unknown[at.SIZE])
+    pressure = unknown[law_of(globe).pressure]
     return BoundaryFit(
         force_n=force,
         interval_n=(low_n, high_n),

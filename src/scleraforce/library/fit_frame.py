@@ -25,19 +25,21 @@ from scleraforce.library.search_loops import MOVING, UNKNOWNS, Belief, Problem, 
 from scleraforce.library.splines import SplineTables
 
 COLUMNS = 110  # of each boundary that are fitted
-OUTER_SD_M, INNER_SD_M = 5e-6, 9e-6  # of the boundaries along their normal
+# of the boundaries along their normal
+OUTER_SD_M = 5e-6
+INNER_SD_M = 9e-6
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
-LEAST_NOISE, MOST_NOISE = (
-    0.3,
-    1e3,
-)  # of a frame's boundaries, over their SDs: a small misfit may be chance
+# of a frame's boundaries, over their SDs: a small misfit may be chance
+LEAST_NOISE = 0.3
+MOST_NOISE = 1e3
 OUTLIER_SD = 8.0
 LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
 MODEL_SD = 0.01  # relative, of the force: real walls against the library's
 MODEL_SD_N = 0.1e-3
 # A limbus is looked for where a fit leaves aside more than such a share of the columns, or loses more than 99 % of the
 # fits of even walls of the library do (138 frames of 16 virtual eyes).
-LOST, STRAINED = 0.05, 30.0
+LOST = 0.05
+STRAINED = 30.0
 LIMBUS_STARTS = 4  # the best ones
 STOPPING = Stopping(
     iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2
@@ -50,7 +52,10 @@ FIRST_STEPS = Stopping(
 )  # from each start
 # Of a sealed globe's fit: how unsure the logarithm of the pressure is where others are sought, how far off in its
 # standard deviations, how much lower a cost has to be, and how often.
-VALLEY_SD, VALLEY_STRIDE, VALLEY_LOWER, VALLEY_ROUNDS = 0.08, 2.0, 0.1, 4
+VALLEY_SD = 0.08
+VALLEY_STRIDE = 2.0
+VALLEY_LOWER = 0.1
+VALLEY_ROUNDS = 4
 FARTHEST_EYE = 3.0  # standard deviations of E and k that a discrepancy is followed to
 INTERVAL = (0.05, 0.95)
 
@@ -103,7 +108,8 @@ def fit_frame(
         return False
     problem = _problem(tables, law, (at_m, depth_m, sd_m, outer), smoothing_m, belief)
     work = search_loops.work_of(problem.scene)
-    unknown, spread = fitted.unknown, fitted.spread
+    unknown = fitted.unknown
+    spread = fitted.spread
     if len(begun):
         unknown[:] = begun
         search_loops.keep_inside(tables, unknown)
@@ -126,20 +132,18 @@ def _columns(
     lateral_m: Floats, depth_bc: Floats, wall_sd_m: float
 ) -> tuple[Floats, Floats, Floats, int]:
     """Return place, depth and its standard deviation of some columns, (place,), m, and how many are outer ones."""
-    step, count, outer = max(1, -(-len(lateral_m) // COLUMNS)), 0, 0
-    at_m, depth_m, sd_m = (
-        np.empty(2 * COLUMNS),
-        np.empty(2 * COLUMNS),
-        np.empty(2 * COLUMNS),
-    )
+    step = max(1, -(-len(lateral_m) // COLUMNS))
+    count = 0
+    outer = 0
+    at_m = np.empty(2 * COLUMNS)
+    depth_m = np.empty(2 * COLUMNS)
+    sd_m = np.empty(2 * COLUMNS)
     for boundary in range(2):
         outer = count
         for column in range(0, len(lateral_m), step):
             if np.isfinite(depth_bc[boundary, column]):
-                at_m[count], depth_m[count] = (
-                    lateral_m[column],
-                    depth_bc[boundary, column],
-                )
+                at_m[count] = lateral_m[column]
+                depth_m[count] = depth_bc[boundary, column]
                 sd_m[count] = np.hypot(
                     INNER_SD_M if boundary else OUTER_SD_M, wall_sd_m
                 )
@@ -192,15 +196,18 @@ def fit_plane(
         smoothing_m,
         belief,
     )
-    work, unknown = search_loops.work_of(problem.scene), fitted.unknown
-    work.wall.pushed[2], work.other.pushed[2] = tilt, tilt
+    work = search_loops.work_of(problem.scene)
+    unknown = fitted.unknown
+    work.wall.pushed[2] = tilt
+    work.other.pushed[2] = tilt
     cost, nodes = search_loops.evaluate(problem, unknown, work)
     if len(gradient) == 0:
         _write_fit(problem, cost, _misfit(problem, work), doubt, work, fitted)
     else:
         fitted.numbers[3], fitted.numbers[4] = _misfit(problem, work)
         search_loops.find_normal(problem, unknown, nodes, work, scale)
-        normal[:UNKNOWNS, :UNKNOWNS], gradient[:UNKNOWNS] = work.normal, work.gradient
+        normal[:UNKNOWNS, :UNKNOWNS] = work.normal
+        gradient[:UNKNOWNS] = work.gradient
         search_loops.add_tilt(problem, unknown, scale, work, normal, gradient)
     return cost
 
@@ -214,13 +221,15 @@ def into_library(tables: SplineTables, unknown: Floats) -> None:
 @compiled_part
 def _best_fit(problem: Problem, starts: Floats, work: Work, unknown: Floats) -> float:
     """Write the unknowns of the best fit from any start (start, unknown); return its cost."""
-    unknown[:], best = starts[0], np.inf
+    unknown[:] = starts[0]
+    best = np.inf
     if len(starts) > 1:
         for start in starts:
             tried = start.copy()
             cost = search_loops.descend(problem, tried, FIRST_STEPS, work)
             if cost < best:
-                best, unknown[:] = cost, tried
+                best = cost
+                unknown[:] = tried
     return search_loops.descend(problem, unknown, STOPPING, work)
 
 
@@ -232,7 +241,8 @@ def _better(
     tried = np.empty(UNKNOWNS)
     cost = _best_fit(problem, starts, work, tried)
     if cost < best:
-        unknown[:], best = tried, cost
+        unknown[:] = tried
+        best = cost
     return best
 
 
@@ -250,19 +260,22 @@ def _with_limbus(
             )
         if lost <= LOST * len(work.off):
             return best
-    begun, count = np.empty((4 + 2 * fit_starts.STARTS, UNKNOWNS)), 0
+    begun = np.empty((4 + 2 * fit_starts.STARTS, UNKNOWNS))
+    count = 0
     for near in (unknown, first):
         for sign in (-1.0, 1.0):
             if fit_starts.limbus_start(problem, near, sign, work, begun[count]):
                 count += 1
     count += fit_starts.one_sided_starts(problem, work, begun[count:])
-    costs, chosen = np.empty(count), np.empty((min(count, LIMBUS_STARTS), UNKNOWNS))
+    costs = np.empty(count)
+    chosen = np.empty((min(count, LIMBUS_STARTS), UNKNOWNS))
     for number in range(count):
         search_loops.keep_inside(problem.scene.tables, begun[number])
         costs[number] = search_loops.evaluate(problem, begun[number], work)[0]
     for number in range(len(chosen)):
         least = int(np.argmin(costs))
-        chosen[number], costs[least] = begun[least], np.inf
+        chosen[number] = begun[least]
+        costs[least] = np.inf
     return _better(problem, chosen, best, work, unknown) if count else best
 
 
@@ -281,7 +294,8 @@ def _beyond(
     """
     if problem.law.mean <= 0.0:
         return best
-    starts, tried = np.empty((2, UNKNOWNS)), np.empty(UNKNOWNS)
+    starts = np.empty((2, UNKNOWNS))
+    tried = np.empty(UNKNOWNS)
     count = (
         1 if fit_starts.higher_start(problem, surface, unknown, work, starts[0]) else 0
     )
@@ -296,7 +310,8 @@ def _beyond(
             and force_at(problem.scene.tables, problem.law, tried)
             < fit_starts.LARGEST_N
         ):
-            unknown[:], best = tried, cost
+            unknown[:] = tried
+            best = cost
     return best
 
 
@@ -318,7 +333,8 @@ def _along_valley(
         sd = np.sqrt(with_pressure[at.PRESSURE])
         if sd < VALLEY_SD:
             break
-        before, starts = best, np.empty((2, UNKNOWNS))
+        before = best
+        starts = np.empty((2, UNKNOWNS))
         for number in range(2):
             starts[number] = (
                 unknown + (2.0 * number - 1.0) * VALLEY_STRIDE * with_pressure / sd
@@ -349,7 +365,9 @@ def _conclude(
 @compiled_part
 def _misfit(problem: Problem, work: Work) -> tuple[float, float]:
     """Return the misfit over the SDs, and the share of outliers, of the wall that was evaluated last."""
-    seen, off, lost = work.depths.seen, work.off, 0
+    seen = work.depths.seen
+    off = work.off
+    lost = 0
     size = np.where(seen, np.abs(off), np.inf)
     misfit = NORMAL_MEDIAN * np.median(size)
     for place in range(len(off)):
@@ -377,11 +395,9 @@ def _write_fit(
     fitted.numbers[:3] = np.quantile(
         fitted.draws_n, np.array([0.5, INTERVAL[0], INTERVAL[1]])
     )
-    fitted.numbers[3], fitted.numbers[4], fitted.numbers[5] = (
-        found[0] * (problem.sd_m[0] / OUTER_SD_M),
-        found[1],
-        cost,
-    )
+    fitted.numbers[3] = found[0] * (problem.sd_m[0] / OUTER_SD_M)
+    fitted.numbers[4] = found[1]
+    fitted.numbers[5] = cost
 
 
 @compiled_part
@@ -390,18 +406,14 @@ def _draw_forces(
 ) -> None:
     """Write forces drawn from the posterior, with the model error of the library on top."""
     tables = problem.scene.tables  # once: each look into the problem counts references
-    law, drawn, moved, deciding = (
-        problem.law,
-        unknown.copy(),
-        np.empty(len(MOVING)),
-        np.empty((UNKNOWNS, len(MOVING))),
-    )
+    law = problem.law
+    drawn = unknown.copy()
+    moved = np.empty(len(MOVING))
+    deciding = np.empty((UNKNOWNS, len(MOVING)))
     for number in range(len(MOVING)):
         deciding[:, number] = spread[:, MOVING[number]]
-    (normals, grown, terms, across), follows_eye = (
-        doubt,
-        np.abs(doubt.terms[:, 2:]).max() > 0.0,
-    )
+    (normals, grown, terms, across) = doubt
+    follows_eye = np.abs(doubt.terms[:, 2:]).max() > 0.0
     for draw in range(len(draws_n)):
         normal = normals[draw]
         moved[:] = 0.0
@@ -412,7 +424,8 @@ def _draw_forces(
             drawn[MOVING[place]] = unknown[MOVING[place]] + moved[place]
         drawn[at.TIP] = max(drawn[at.TIP], 0.0)
         if not law.is_open:
-            volume, resting = displaced(tables, law, drawn), np.exp(drawn[at.IOP])
+            volume = displaced(tables, law, drawn)
+            resting = np.exp(drawn[at.IOP])
             level = level_of(resting, law.is_logarithmic)
             low = np.log(
                 pressure_of_level(level + law.lowest * volume, law.is_logarithmic)
@@ -431,10 +444,8 @@ def _draw_forces(
             off = search_loops.deviations(problem, drawn)
             for one in range(2):
                 eye_z = min(max(off[one], -FARTHEST_EYE), FARTHEST_EYE)
-                level, growth = (
-                    level + eye_z * terms[0, 2 + one],
-                    growth + eye_z * terms[1, 2 + one],
-                )
+                level = level + eye_z * terms[0, 2 + one]
+                growth = growth + eye_z * terms[1, 2 + one]
         level += growth * (min(max(borne_n / REFERENCE_N, 0.0), 1.0) - 0.5)
         borne_n = (
             borne_n * np.exp(level) * np.exp(MODEL_SD * normal[UNKNOWNS])

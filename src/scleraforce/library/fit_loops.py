@@ -33,8 +33,11 @@ STATION_RAD = (
 )
 SPARE_M = 1.0e-3  # of a wall beyond the frame, at rest, and under the needle
 SPARE_DENTED_M = 0.1e-3
-ALONG, ACROSS = at.POLE.start, at.POLE.start + 1
-LEFT, RIGHT, WEDGE = at.FORM.start, at.FORM.start + 3, at.FORM.start + 6
+ALONG = at.POLE.start
+ACROSS = at.POLE.start + 1
+LEFT = at.FORM.start
+RIGHT = at.FORM.start + 3
+WEDGE = at.FORM.start + 6
 UP = (0.0, 0.0, 1.0)
 
 
@@ -103,16 +106,17 @@ def scene_of(
 ) -> Scene:
     """Return the scene of walls of about a gap and a thickness, m; `places`: `at_m`, `outer` and `smoothing_m`."""
     nodes = tables.curves.shape[1] // 4
-    count, sines = (
-        int(np.ceil(tables.angles[nodes - 1] / STATION_RAD)) + 1,
-        np.sin(tables.angles),
-    )
+    count = int(np.ceil(tables.angles[nodes - 1] / STATION_RAD)) + 1
+    sines = np.sin(tables.angles)
     along = sines[nodes - 1] * (np.arange(2 * count + 1) / count - 1.0)
-    stations, about_needle = np.empty((2, len(along), 3)), np.empty((2, len(along), 5))
-    left, share = np.empty((2, 2 * nodes), dtype=np.intp), np.empty((2, 2 * nodes))
+    stations = np.empty((2, len(along), 3))
+    about_needle = np.empty((2, len(along), 5))
+    left = np.empty((2, 2 * nodes), dtype=np.intp)
+    share = np.empty((2, 2 * nodes))
     for boundary in range(2):
         across = gap_m / (tables.radius_m - boundary * thickness_m)
-        stations[boundary, :, 0], stations[boundary, :, 1] = along, across
+        stations[boundary, :, 0] = along
+        stations[boundary, :, 1] = across
         stations[boundary, :, 2] = np.sqrt(np.maximum(1.0 - along**2 - across**2, 0.0))
         for ring in range(2 * nodes):
             wanted = np.sqrt(max(sines[ring % nodes] ** 2 - across**2, 0.0)) * (
@@ -124,7 +128,8 @@ def scene_of(
                 along[station + 1] - along[station]
             )
     _turn(stations, tables.angles, UP, about_needle)
-    (at_m, outer, smoothing_m), cosines = places, np.cos(tables.angles)
+    (at_m, outer, smoothing_m) = places
+    cosines = np.cos(tables.angles)
     return Scene(
         tables,
         pressure,
@@ -146,7 +151,8 @@ def _before(nodes: Floats, place: float) -> int:
 
     Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra, for 0.1 s.
     """
-    node, after = 0, len(nodes) - 1
+    node = 0
+    after = len(nodes) - 1
     while after - node > 1:
         middle = (node + after) // 2
         if nodes[middle] < place:
@@ -159,7 +165,8 @@ def _before(nodes: Floats, place: float) -> int:
 @compiled_part
 def empty_wall(scene: Scene) -> Wall:
     """Return a wall without values."""
-    nodes, stations = scene.tables.curves.shape[1] // 4, scene.stations.shape[1]
+    nodes = scene.tables.curves.shape[1] // 4
+    stations = scene.stations.shape[1]
     return Wall(
         np.empty((2, nodes, 2)),
         np.zeros((2, 2 * nodes, 3)),
@@ -178,13 +185,12 @@ def empty_wall(scene: Scene) -> Wall:
 @compiled_in_place
 def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vector:
     """Return thickness, pressure over E and tip in the library's own size, kept within its ranges."""
-    size, (low, high) = np.exp(unknown[at.SIZE]), tables.thickness_ends_m
+    size = np.exp(unknown[at.SIZE])
+    (low, high) = tables.thickness_ends_m
     thickness = min(max(unknown[at.THICKNESS] / size, low), high)
     per_tension = thickness / tables.radius_m
-    least, most = (
-        tables.tension_ends[0] * per_tension,
-        tables.tension_ends[1] * per_tension,
-    )
+    least = tables.tension_ends[0] * per_tension
+    most = tables.tension_ends[1] * per_tension
     ratio = min(max(np.exp(unknown[pressure] - unknown[at.MODULUS]), least), most)
     return (
         thickness,
@@ -196,7 +202,8 @@ def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vecto
 @compiled_in_place
 def _find_wall(scene: Scene, unknown: Floats, count: int, wall: Wall) -> None:
     """Write the wall of unknowns up to `count` nodes."""
-    state, axis = library_place(scene.tables, unknown, scene.pressure), _axis(unknown)
+    state = library_place(scene.tables, unknown, scene.pressure)
+    axis = _axis(unknown)
     find_curve(scene.tables, state, count, wall, 2)
     _find_push(scene.tables, state, unknown, wall.pushed)
     wall.motion[:] = 0.0
@@ -223,10 +230,8 @@ def find_curve(
     """Write the first nodes of the curves of a state, of the outer boundary or of both."""
     state_weights(tables, state[0], state[1], state[2], wall.rows, wall.weights)
     for boundary in range(boundaries):
-        first, curve = (
-            2 * wall.curve.shape[1] * boundary,
-            wall.curve[boundary, :count].reshape(2 * count),
-        )
+        first = 2 * wall.curve.shape[1] * boundary
+        curve = wall.curve[boundary, :count].reshape(2 * count)
         curves_at(tables.curves, wall.rows, wall.weights, first, curve)
 
 
@@ -237,7 +242,8 @@ def _find_push(
     """Write the push of the base at a state (`base.base_push`)."""
     force_ratio = value_of(tables, tables.forces, state[0], state[1], state[2])
     share = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * force_ratio / state[0]
-    pushed[0], pushed[1] = unknown[ALONG] * share, unknown[ACROSS] * share
+    pushed[0] = unknown[ALONG] * share
+    pushed[1] = unknown[ACROSS] * share
 
 
 @compiled_in_place
@@ -245,7 +251,8 @@ def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
     """Write how the pressure alone moves a wall (boundary, node, [away from the axis, up])."""
     undented_at(scene.tables, state[0], state[1], meridian.reshape(meridian.size))
     for boundary in range(2):
-        radius_m, way = scene.tables.radius_m - boundary * state[0], meridian[boundary]
+        radius_m = scene.tables.radius_m - boundary * state[0]
+        way = meridian[boundary]
         for node in range(len(way)):
             way[node, 0] -= radius_m * scene.sines[node]
             way[node, 1] = (
@@ -263,17 +270,20 @@ def _turn(stations: Floats, angles: Floats, axis: Vector, turned: Floats) -> Non
         for place in range(stations.shape[1]):
             x, y, z = stations[boundary, place]
             along = x * axis[0] + y * axis[1] + z * axis[2]
-            x, y, z = x - along * axis[0], y - along * axis[1], z - along * axis[2]
+            x = x - along * axis[0]
+            y = y - along * axis[1]
+            z = z - along * axis[2]
             norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
             angle = min(
                 max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1]
             )
-            node, turn = _before(angles, angle), turned[boundary, place]
-            turn[0], turn[1] = (
-                node,
-                (angle - angles[node]) / (angles[node + 1] - angles[node]),
-            )
-            turn[2], turn[3], turn[4] = x / norm, y / norm, z / norm
+            node = _before(angles, angle)
+            turn = turned[boundary, place]
+            turn[0] = node
+            turn[1] = (angle - angles[node]) / (angles[node + 1] - angles[node])
+            turn[2] = x / norm
+            turn[3] = y / norm
+            turn[4] = z / norm
 
 
 @compiled_in_place
@@ -287,13 +297,15 @@ def _move(
     motion: Floats,
 ) -> None:
     """Write how the pressure moves the first rings of a wall beside the pole (boundary, ring, 3) (`base_bulge`)."""
-    nodes, left = motion.shape[1] // 2, scene.left
+    nodes = motion.shape[1] // 2
+    left = scene.left
     for boundary in range(2):
         way = meridian[boundary]
         for place in range(
             left[boundary, count - 1], left[boundary, nodes + count - 1] + 2
         ):
-            turn, rest = turned[boundary, place], scene.about_needle[boundary, place]
+            turn = turned[boundary, place]
+            rest = scene.about_needle[boundary, place]
             away, up = _moved_along(way, turn)
             resting, above = _moved_along(way, rest)
             moved[place, 0] = away * turn[2] + up * axis[0] - resting * rest[2]
@@ -301,16 +313,19 @@ def _move(
             moved[place, 2] = above - away * turn[4] - up * axis[2]
         for side in range(2):
             for ring in range(side * nodes, side * nodes + count):
-                station, share = left[boundary, ring], scene.share[boundary, ring]
+                station = left[boundary, ring]
+                share = scene.share[boundary, ring]
                 for part in range(3):
-                    low, high = moved[station, part], moved[station + 1, part]
+                    low = moved[station, part]
+                    high = moved[station + 1, part]
                     motion[boundary, ring, part] = low + share * (high - low)
 
 
 @compiled_in_place
 def _moved_along(way: Floats, turn: Floats) -> tuple[float, float]:
     """Return the motion along the meridian, away from its axis and up, at a station."""
-    node, share = int(turn[0]), turn[1]
+    node = int(turn[0])
+    share = turn[1]
     away = way[node, 0] + share * (way[node + 1, 0] - way[node, 0])
     return away, way[node, 1] + share * (way[node + 1, 1] - way[node, 1])
 
@@ -325,22 +340,20 @@ def cut_wall(
     wall: Wall,
 ) -> None:
     """Write a boundary's section in the frame: where the plane meets its first nodes, left side first, (2 count,)."""
-    nodes, squares, lateral, down, gap_m = (
-        len(curve),
-        wall.steep,
-        wall.lateral,
-        wall.down,
-        unknown[at.GAP],
-    )
-    size, c, s = (
-        np.exp(unknown[at.SIZE]),
-        np.cos(unknown[at.ROTATION]),
-        np.sin(unknown[at.ROTATION]),
-    )
+    nodes = len(curve)
+    squares = wall.steep
+    lateral = wall.lateral
+    down = wall.down
+    gap_m = unknown[at.GAP]
+    size = np.exp(unknown[at.SIZE])
+    c = np.cos(unknown[at.ROTATION])
+    s = np.sin(unknown[at.ROTATION])
     tilt = size * pushed[2]
     longer = np.sqrt(1.0 + pushed[2] ** 2)  # depths along the plane
     for side in range(2):
-        ring, sign, first = side * nodes, 2.0 * side - 1.0, count
+        ring = side * nodes
+        sign = 2.0 * side - 1.0
+        first = count
         for node in range(count):
             gap = (
                 gap_m
@@ -350,7 +363,9 @@ def cut_wall(
             squares[node] = (size * curve[node, 0]) ** 2 - gap**2
             if squares[node] > 0.0 and first == count:
                 first = node
-        beyond, first, share = first, first % count, 1.0
+        beyond = first
+        first = first % count
+        share = 1.0
         last = max(first - 1, 0)
         if first > 0:
             share = min(
@@ -378,7 +393,8 @@ def without_folds(lateral: Floats, down: Floats, length: int) -> int:
     kept = 1
     for node in range(1, length):
         if lateral[node] > lateral[kept - 1]:
-            lateral[kept], down[kept] = lateral[node], down[node]
+            lateral[kept] = lateral[node]
+            down[kept] = down[node]
             kept += 1
     return kept
 
@@ -388,16 +404,20 @@ def _read_depths(
     scene: Scene, boundary: int, length: int, wall: Wall, depth_m: Floats, slope: Floats
 ) -> None:
     """Write depth and slope of a boundary's section at its places, under a Gaussian (`placement.curve_depths`)."""
-    lateral, down, steep = wall.lateral, wall.down, wall.steep
+    lateral = wall.lateral
+    down = wall.down
+    steep = wall.steep
     begin, end = (scene.outer, len(scene.at_m)) if boundary else (0, scene.outer)
-    depth_m[begin:end], slope[begin:end] = down[0] if length == 1 else 0.0, 0.0
+    depth_m[begin:end] = down[0] if length == 1 else 0.0
+    slope[begin:end] = 0.0
     for segment in range(length - 1):
         steep[segment] = (down[segment + 1] - down[segment]) / (
             lateral[segment + 1] - lateral[segment]
         )
     smoothing_m = 0.0 if boundary else scene.smoothing_m
     for point in range(3) if smoothing_m > 0.0 else range(1, 2):
-        weight, segment = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0, 0
+        weight = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0
+        segment = 0
         for place in range(begin, end if length > 1 else begin):
             along = scene.at_m[place] + GAUSS_HERMITE[0][point] * smoothing_m
             while segment < length - 2 and lateral[segment + 1] < along:
@@ -411,17 +431,23 @@ def _read_depths(
 @compiled_in_place
 def _ends(scene: Scene) -> tuple[float, float]:
     """Return the ends of a frame's places, m."""
-    low, high, last = scene.at_m[0], scene.at_m[scene.outer - 1], len(scene.at_m) - 1
+    low = scene.at_m[0]
+    high = scene.at_m[scene.outer - 1]
+    last = len(scene.at_m) - 1
     if scene.outer <= last:
-        low, high = min(low, scene.at_m[scene.outer]), max(high, scene.at_m[last])
+        low = min(low, scene.at_m[scene.outer])
+        high = max(high, scene.at_m[last])
     return low - 2.0 * scene.smoothing_m, high + 2.0 * scene.smoothing_m
 
 
 @compiled_in_place
 def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
     """Write the depths that a frame shows of the wall of unknowns; return the number of its nodes that are found."""
-    tables, (low, high), nodes = scene.tables, _ends(scene), len(scene.share[0]) // 2
-    size, s = np.exp(unknown[at.SIZE]), np.abs(np.sin(unknown[at.ROTATION]))
+    tables = scene.tables
+    (low, high) = _ends(scene)
+    nodes = len(scene.share[0]) // 2
+    size = np.exp(unknown[at.SIZE])
+    s = np.abs(np.sin(unknown[at.ROTATION]))
     reach = (
         max(high - unknown[at.LATERAL], unknown[at.LATERAL] - low)
         + s * size * tables.radius_m
@@ -445,11 +471,13 @@ def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
             wall,
         )
         length = without_folds(wall.lateral, wall.down, 2 * count)
-        left, right = wall.lateral[0], wall.lateral[length - 1]
+        left = wall.lateral[0]
+        right = wall.lateral[length - 1]
         if count < nodes and (
             left > low - SPARE_DENTED_M or right < high + SPARE_DENTED_M
         ):
-            count, boundary = nodes, 0
+            count = nodes
+            boundary = 0
             _find_wall(scene, unknown, count, wall)
             continue
         _read_depths(scene, boundary, length, wall, depths.even_m, depths.even_slope)
@@ -483,27 +511,25 @@ def derive(
     scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, depths: Depths
 ) -> None:
     """Write the derivatives of the wall that `show_wall` has just shown; `other` is workspace."""
-    tables, axis, jacobian, varied = (
-        scene.tables,
-        _axis(unknown),
-        depths.jacobian,
-        unknown.copy(),
-    )
+    tables = scene.tables
+    axis = _axis(unknown)
+    jacobian = depths.jacobian
+    varied = unknown.copy()
     if axis[2] == 1.0:
         _find_meridian(
             scene, library_place(tables, unknown, scene.pressure), wall.meridian
         )
-    depth_m, slope = np.empty(len(scene.at_m)), np.empty(len(scene.at_m))
+    depth_m = np.empty(len(scene.at_m))
+    slope = np.empty(len(scene.at_m))
     jacobian[:] = 0.0
     for moving in np.array(
         [at.TIP, at.GAP, at.THICKNESS, scene.pressure, ALONG, ACROSS]
     ):
         varied[moving] = unknown[moving] + _step(scene, unknown, moving)
-        moved, state = (
-            varied[moving] - unknown[moving],
-            library_place(tables, varied, scene.pressure),
-        )
-        curve, motion = wall.curve, wall.motion
+        moved = varied[moving] - unknown[moving]
+        state = library_place(tables, varied, scene.pressure)
+        curve = wall.curve
+        motion = wall.motion
         if moving in (at.TIP, at.THICKNESS, scene.pressure):
             find_curve(tables, state, count, other, 2)
             curve = other.curve
@@ -533,54 +559,51 @@ def derive(
         jacobian[:, moving] = (depth_m - depths.even_m) / moved
         varied[moving] = unknown[moving]
     for place in range(len(depth_m)):
-        row, steep, deep = (
-            jacobian[place],
-            depths.even_slope[place],
-            depths.even_m[place],
-        )
+        row = jacobian[place]
+        steep = depths.even_slope[place]
+        deep = depths.even_m[place]
         if not depths.seen[place]:
             row[:] = 0.0
             continue
-        is_inner, across = (
-            0.0 if place < scene.outer else 1.0,
-            scene.at_m[place] - unknown[at.LATERAL],
-        )
+        is_inner = 0.0 if place < scene.outer else 1.0
+        across = scene.at_m[place] - unknown[at.LATERAL]
         by_size = deep - unknown[at.DEPTH] - steep * across
         by_size -= unknown[at.TIP] * row[at.TIP] + unknown[at.GAP] * row[at.GAP]
         row[at.SIZE] = by_size - unknown[at.THICKNESS] * row[at.THICKNESS]
-        row[at.MODULUS], row[at.INNER_OFFSET] = -row[scene.pressure], is_inner
-        row[at.LATERAL], row[at.DEPTH] = -depths.slope[place], 1.0
+        row[at.MODULUS] = -row[scene.pressure]
+        row[at.INNER_OFFSET] = is_inner
+        row[at.LATERAL] = -depths.slope[place]
+        row[at.DEPTH] = 1.0
         row[at.ROTATION] = across + steep * (deep - unknown[at.DEPTH])
         row[at.SHINE] = (is_inner - 1.0) * _shine(depths.slope[place])
         row[WEDGE] = across * is_inner
         for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
             ramp, rise = _ramp(side * across - unknown[first])
             row[first] = -(unknown[first + 1] + unknown[first + 2] * ramp) * rise
-            row[first + 1], row[first + 2] = ramp, 0.5 * ramp**2
+            row[first + 1] = ramp
+            row[first + 2] = 0.5 * ramp**2
 
 
 @compiled_in_place
 def _step(scene: Scene, unknown: Floats, place: int) -> float:
     """Return the step of an unknown; one that would leave the library goes the other way (`library.fit`)."""
-    tables, size = scene.tables, np.exp(unknown[at.SIZE])
-    thickness, step, leaves = (
-        unknown[at.THICKNESS] / size,
-        at.POLE_STEP,
-        unknown[place] > 0.0,
-    )
+    tables = scene.tables
+    size = np.exp(unknown[at.SIZE])
+    thickness = unknown[at.THICKNESS] / size
+    step = at.POLE_STEP
+    leaves = unknown[place] > 0.0
     if place == at.TIP:
         step = at.TIP_STEP_M
         leaves = unknown[at.TIP] / size + step > tables.tip_m[-1]
     elif place == at.GAP:
-        step, leaves = at.GAP_STEP_M, False
+        step = at.GAP_STEP_M
+        leaves = False
     elif place == at.THICKNESS:
         step = at.THICKNESS_STEP_M
         leaves = thickness + step > tables.thickness_ends_m[1]
     elif place == scene.pressure:
-        step, highest = (
-            at.LOG_PRESSURE_STEP,
-            tables.tension_ends[1] * (thickness / tables.radius_m),
-        )
+        step = at.LOG_PRESSURE_STEP
+        highest = tables.tension_ends[1] * (thickness / tables.radius_m)
         leaves = np.exp(unknown[place] - unknown[at.MODULUS] + step) > highest
     return -step if leaves else step
 
@@ -597,9 +620,11 @@ def _form(
     unknown: Floats, from_contact_m: float, is_inner: float
 ) -> tuple[float, float]:
     """Return the contribution of a form to depth and slope (`unknowns.form_depths`)."""
-    depth, slope = unknown[WEDGE] * from_contact_m * is_inner, unknown[WEDGE] * is_inner
+    depth = unknown[WEDGE] * from_contact_m * is_inner
+    slope = unknown[WEDGE] * is_inner
     for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
-        angle, curvature = unknown[first + 1], unknown[first + 2]
+        angle = unknown[first + 1]
+        curvature = unknown[first + 2]
         ramp, rise = _ramp(side * from_contact_m - unknown[first])
         depth += (angle + 0.5 * curvature * ramp) * ramp
         slope += side * (angle + curvature * ramp) * rise
@@ -624,10 +649,8 @@ def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -
             formed, _ = _form(
                 unknown, wall.lateral[place] - unknown[at.LATERAL], float(boundary)
             )
-            section[boundary, place, 0], section[boundary, place, 1] = (
-                wall.lateral[place],
-                wall.down[place] + formed,
-            )
+            section[boundary, place, 0] = wall.lateral[place]
+            section[boundary, place, 1] = wall.down[place] + formed
 
 
 LEAST_SD = (
@@ -653,11 +676,9 @@ class Law(NamedTuple):
 @compiled_in_place
 def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float, float]:
     """Return how far level(P) is off its mean, and its standard deviation (`library.fit`)."""
-    volume, pressure, resting = (
-        displaced(tables, law, unknown),
-        np.exp(unknown[at.PRESSURE]),
-        np.exp(unknown[at.IOP]),
-    )
+    volume = displaced(tables, law, unknown)
+    pressure = np.exp(unknown[at.PRESSURE])
+    resting = np.exp(unknown[at.IOP])
     risen = level_of(pressure, law.is_logarithmic) - level_of(
         resting, law.is_logarithmic
     )
@@ -698,7 +719,8 @@ def predict(
 ) -> float:
     """Write depths and derivatives of walls of about a gap and a thickness, and their section; return the force, N."""
     scene = scene_of(tables, law.pressure, places, gap_m, thickness_m)
-    wall, other = empty_wall(scene), empty_wall(scene)
+    wall = empty_wall(scene)
+    other = empty_wall(scene)
     derive(scene, unknown, show_wall(scene, unknown, wall, depths), wall, other, depths)
     formed_section(scene, unknown, wall, section)
     return force_at(tables, law, unknown)

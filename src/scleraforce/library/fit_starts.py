@@ -61,14 +61,16 @@ class Surface(NamedTuple):
 @compiled_part
 def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface:
     """Return some places of an outer boundary, (place,), where it is seen."""
-    count, some = len(lateral_m), np.empty((2, min(POINTS, len(lateral_m))))
+    count = len(lateral_m)
+    some = np.empty((2, min(POINTS, len(lateral_m))))
     for point in range(some.shape[1]):
         place = (
             count - 1
             if point == POINTS - 1
             else int(point * max(1.0, (count - 1) / (POINTS - 1)))
         )
-        some[0, point], some[1, point] = lateral_m[place], depth_m[place]
+        some[0, point] = lateral_m[place]
+        some[1, point] = depth_m[place]
     reach = (
         int(np.ceil((max(-lateral_m[0], lateral_m[count - 1]) + farthest_m) / GRID_M))
         + 1
@@ -86,27 +88,26 @@ def _lay(
 
     The wall is taken at the pose of other unknowns, `pose`, as one over the pole.
     """
-    wall, tables, nodes, posed = (
-        work.other,
-        problem.scene.tables,
-        work.other.curve.shape[1],
-        unknown.copy(),
-    )
+    wall = work.other
+    tables = problem.scene.tables
+    nodes = work.other.curve.shape[1]
+    posed = unknown.copy()
     for place in (at.LATERAL, at.DEPTH, at.ROTATION):
         posed[place] = pose[place]
     find_curve(
         tables, library_place(tables, posed, problem.law.pressure), nodes, wall, 1
     )
-    wall.motion[0], wall.pushed[:] = 0.0, 0.0
+    wall.motion[0] = 0.0
+    wall.pushed[:] = 0.0
     cut_wall(wall.curve[0], wall.motion[0], wall.pushed, nodes, posed, wall)
-    length, segment, after = without_folds(wall.lateral, wall.down, 2 * nodes), 0, 0
-    lateral, down, grid_m, reach, steep = (
-        wall.lateral,
-        wall.down,
-        surface.grid_m,
-        len(surface.grid_m) // 2,
-        0.0,
-    )
+    length = without_folds(wall.lateral, wall.down, 2 * nodes)
+    segment = 0
+    after = 0
+    lateral = wall.lateral
+    down = wall.down
+    grid_m = surface.grid_m
+    reach = len(surface.grid_m) // 2
+    steep = 0.0
     for place in range(len(grid_m)):
         along = min(max((place - reach) * GRID_M, lateral[0]), lateral[length - 1])
         while segment < length - 2 and lateral[segment + 1] <= along:
@@ -115,9 +116,12 @@ def _lay(
             after = segment + 1
             steep = (down[after] - down[segment]) / (lateral[after] - lateral[segment])
         grid_m[place] = down[segment] + steep * (along - lateral[segment])
-    best, rest_m, count = np.inf, surface.rest_m, len(surface.rest_m)
+    best = np.inf
+    rest_m = surface.rest_m
+    count = len(surface.rest_m)
     for number in range(int(np.ceil(2.0 * surface.farthest_m / SHIFT_M + 0.5))):
-        shift, off = number * SHIFT_M - surface.farthest_m, 0.0
+        shift = number * SHIFT_M - surface.farthest_m
+        off = 0.0
         for place in range(count):
             cell = int(np.rint((surface.lateral_m[place] - shift) / GRID_M)) + reach
             rest_m[place] = surface.depth_m[place] - grid_m[cell]
@@ -128,7 +132,9 @@ def _lay(
             if off < best:
                 off += min(np.abs(rest_m[place] - middle), FAR_M) / count
         if off < best:
-            best, unknown[at.LATERAL], unknown[at.DEPTH] = off, shift, middle
+            best = off
+            unknown[at.LATERAL] = shift
+            unknown[at.DEPTH] = middle
     return best
 
 
@@ -139,12 +145,12 @@ def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -
     The best comes first. Each has its best lateral place and depth. A dent that lies much worse than the best is not a
     start. Where no pressure bears any dent, the mean is one.
     """
-    tables, law, mean = problem.scene.tables, problem.law, problem.belief.mean
-    laid, least, tried = (
-        np.empty((DENTS, UNKNOWNS)),
-        np.full(DENTS + 2, np.inf),
-        np.empty(UNKNOWNS),
-    )
+    tables = problem.scene.tables
+    law = problem.law
+    mean = problem.belief.mean
+    laid = np.empty((DENTS, UNKNOWNS))
+    least = np.full(DENTS + 2, np.inf)
+    tried = np.empty(UNKNOWNS)
     thickness, resting, size, modulus, per_rate = _resting(problem)
     for rigidity in range(1 if law.is_open else 2):
         for dent in range(
@@ -161,18 +167,23 @@ def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -
                 tried[at.PRESSURE] = np.log(ratio * modulus)
             off = _lay(problem, surface, tried, mean, work)
             if off < least[dent + 1]:
-                least[dent + 1], laid[dent] = off, tried
-    worst, count, costs = MUCH_WORSE * least.min(), 0, np.full(DENTS, np.inf)
+                least[dent + 1] = off
+                laid[dent] = tried
+    worst = MUCH_WORSE * least.min()
+    count = 0
+    costs = np.full(DENTS, np.inf)
     for dent in range(DENTS):
         off = least[dent + 1]
         if off <= least[dent] and off <= least[dent + 2] and off <= worst:
             costs[dent] = off
     while count < STARTS and costs.min() < np.inf:
         best = int(np.argmin(costs))
-        found[count], costs[best] = laid[best], np.inf
+        found[count] = laid[best]
+        costs[best] = np.inf
         count += 1
     if count == 0:
-        found[0], count = mean, 1
+        found[0] = mean
+        count = 1
     return count
 
 
@@ -184,7 +195,8 @@ def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
     """
     mean = problem.belief.mean
     thickness, ratio, _ = library_place(problem.scene.tables, mean, at.IOP)
-    size, modulus = np.exp(mean[at.SIZE]), np.exp(mean[at.MODULUS])
+    size = np.exp(mean[at.SIZE])
+    modulus = np.exp(mean[at.MODULUS])
     return (
         thickness,
         ratio,
@@ -199,13 +211,15 @@ def bearing_start(
     problem: Problem, surface: Surface, borne_n: float, work: Work, start: Floats
 ) -> None:
     """Write the start in a sealed globe whose needle is known to bear a force."""
-    states, best = np.empty((PRESSURES, UNKNOWNS)), np.inf
+    states = np.empty((PRESSURES, UNKNOWNS))
+    best = np.inf
     for state in range(_find_states(problem, states)):
         off = np.abs(
             force_at(problem.scene.tables, problem.law, states[state]) - borne_n
         )
         if off < best:
-            best, start[:] = off, states[state]
+            best = off
+            start[:] = states[state]
     _lay(problem, surface, start, problem.belief.mean, work)
 
 
@@ -217,7 +231,9 @@ def higher_start(
 
     Return False if all lie much worse than that one, or the globe has none.
     """
-    states, tried, found = np.empty((PRESSURES, UNKNOWNS)), fitted.copy(), False
+    states = np.empty((PRESSURES, UNKNOWNS))
+    tried = fitted.copy()
+    found = False
     best = MUCH_WORSE * _lay(problem, surface, tried, fitted, work)
     for state in range(_find_states(problem, states)):
         tried[:] = states[state]
@@ -225,32 +241,34 @@ def higher_start(
         if tried[at.PRESSURE] > fitted[at.PRESSURE] + HIGHER and borne_n < LARGEST_N:
             off = _lay(problem, surface, tried, fitted, work)
             if off < best or (off == best and not found):
-                best, start[:], found = off, tried, True
+                best = off
+                start[:] = tried
+                found = True
     return found
 
 
 @compiled_part
 def _find_states(problem: Problem, states: Floats) -> int:
     """Write states of a globe of the mean rigidity (state, unknown), by their pressure; return their number."""
-    tables, law, count = problem.scene.tables, problem.law, 0
-    (thickness, resting, size, modulus, per_rate), tips = (
-        _resting(problem),
-        tables.tip_m,
-    )
+    tables = problem.scene.tables
+    law = problem.law
+    count = 0
+    (thickness, resting, size, modulus, per_rate) = _resting(problem)
+    tips = tables.tip_m
     highest = tables.tension_ends[1] * thickness / tables.radius_m
     for number in range(PRESSURES):
-        ratio, tip = resting * (highest / resting) ** (number / (PRESSURES - 1)), 0
+        ratio = resting * (highest / resting) ** (number / (PRESSURES - 1))
+        tip = 0
         risen = level_of(ratio, law.is_logarithmic) - level_of(
             resting, law.is_logarithmic
         )
-        volume, low = (
-            risen / (law.mean * per_rate),
-            value_of(tables, tables.volumes, thickness, ratio, tips[0]),
-        )
+        volume = risen / (law.mean * per_rate)
+        low = value_of(tables, tables.volumes, thickness, ratio, tips[0])
         if volume <= value_of(tables, tables.volumes, thickness, ratio, tips[-1]):
             high = value_of(tables, tables.volumes, thickness, ratio, tips[1])
             while tip < len(tips) - 2 and high <= volume:
-                tip, low = tip + 1, high
+                tip = tip + 1
+                low = high
                 high = value_of(tables, tables.volumes, thickness, ratio, tips[tip + 1])
             states[count] = problem.belief.mean
             states[count, at.PRESSURE] = np.log(ratio * modulus)
@@ -277,40 +295,35 @@ def limbus_start(
     them, follow by linear least squares on the outer boundary. `unknown` is a fit without that limbus; side -1 is the
     left one, 1 the right one.
     """
-    scene, depths, work.last[0] = problem.scene, work.depths, np.nan
+    scene = problem.scene
+    depths = work.depths
+    work.last[0] = np.nan
     show_wall(scene, unknown, work.wall, depths)
-    basis, along_m, rest_m = (
-        np.zeros((scene.outer, 4)),
-        np.empty(scene.outer),
-        np.empty(scene.outer),
-    )
+    basis = np.zeros((scene.outer, 4))
+    along_m = np.empty(scene.outer)
+    rest_m = np.empty(scene.outer)
     for place in range(scene.outer):
         across = scene.at_m[place] - unknown[at.LATERAL]
-        along_m[place], rest_m[place] = (
-            sign * across,
-            problem.depth_m[place] - depths.depth_m[place],
-        )
+        along_m[place] = sign * across
+        rest_m[place] = problem.depth_m[place] - depths.depth_m[place]
         if depths.seen[place]:
             basis[place, 0] = 1.0
             basis[place, 1] = across + depths.even_slope[place] * (
                 depths.even_m[place] - unknown[at.DEPTH]
             )
-    best, solution, first = (
-        np.inf,
-        np.empty(4),
-        at.FORM.start + (0 if sign < 0.0 else 3),
-    )
+    best = np.inf
+    solution = np.empty(4)
+    first = at.FORM.start + (0 if sign < 0.0 else 3)
     for limbus_m in LIMBUS_PLACES_M:
         off_m = _fit_limbus(limbus_m, along_m, rest_m, basis, solution)
         if off_m < best:
-            best, start[:] = off_m, unknown
+            best = off_m
+            start[:] = unknown
             start[at.DEPTH] += solution[0]
             start[at.ROTATION] += solution[1]
-            start[first], start[first + 1], start[first + 2] = (
-                limbus_m,
-                solution[2],
-                solution[3],
-            )
+            start[first] = limbus_m
+            start[first + 1] = solution[2]
+            start[first + 2] = solution[3]
     return best < np.inf
 
 
@@ -327,23 +340,28 @@ def _fit_limbus(
     for place in range(len(along_m)):
         beyond_m = max(along_m[place] - limbus_m, 0.0)
         count += beyond_m > 0.0
-        basis[place, 2], basis[place, 3] = beyond_m, 0.5 * beyond_m**2
+        basis[place, 2] = beyond_m
+        basis[place, 3] = 0.5 * beyond_m**2
     if count < LEAST_COLUMNS:
         return np.inf
-    matrix, solution[:] = np.zeros((4, 4)), 0.0
+    matrix = np.zeros((4, 4))
+    solution[:] = 0.0
     for place in range(len(along_m)):
         for i in range(4):
             solution[i] += basis[place, i] * rest_m[place]
             for j in range(4):
                 matrix[i, j] += basis[place, i] * basis[place, j]
-    towards, lower, off_m = solution.copy(), matrix.copy(), 0.0
+    towards = solution.copy()
+    lower = matrix.copy()
+    off_m = 0.0
     factorise(lower)
     solve(lower, solution)
     curvature = min(
         max(solution[3], at.FORM_ENDS[0, CURVATURE]), at.FORM_ENDS[1, CURVATURE]
     )
     if curvature != solution[3]:
-        solution[:3], solution[3] = towards[:3] - curvature * matrix[:3, 3], curvature
+        solution[:3] = towards[:3] - curvature * matrix[:3, 3]
+        solution[3] = curvature
         solve(lower[:3, :3], solution[:3])
     for place in range(len(along_m)):
         off_m += np.abs(rest_m[place] - dot(basis[place], solution))
@@ -357,11 +375,10 @@ def one_sided_starts(problem: Problem, work: Work, found: Floats) -> int:
     A needle that hardly dents the wall 2 mm beside a limbus shows less than the furrow there, which a search over the
     whole surface takes for the dent.
     """
-    count, begun = 0, np.empty((STARTS, UNKNOWNS))
-    lateral_m, depth_m = (
-        problem.scene.at_m[: problem.scene.outer],
-        problem.depth_m[: problem.scene.outer],
-    )
+    count = 0
+    begun = np.empty((STARTS, UNKNOWNS))
+    lateral_m = problem.scene.at_m[: problem.scene.outer]
+    depth_m = problem.depth_m[: problem.scene.outer]
     for sign in (-1.0, 1.0):
         near = sign * lateral_m <= MIDDLE_M
         if np.count_nonzero(near) < LEAST_COLUMNS:

@@ -46,37 +46,44 @@ _FORM, _POLE = (
     for place in (at.FORM, at.POLE)
 )
 # Of the logarithm of the bed's compliance, m/N, the travel's shift, m, and the rigidity over the globe's mean.
-EXTRA_MEAN, EXTRA_SD = np.array([log(1 / 60.0), 0.0, 1.0]), np.array([1.0, 1e-3, 1e-3])
-TRAVEL_SD_M, TIP_SD = 10e-6, 0.01  # of a travel; its share for the library's dent
+EXTRA_MEAN = np.array([log(1 / 60.0), 0.0, 1.0])
+EXTRA_SD = np.array([1.0, 1e-3, 1e-3])
+# of a travel; its share for the library's dent
+TRAVEL_SD_M = 10e-6
+TIP_SD = 0.01
 FORCE_SD = 0.02  # of the logarithm of a known force: the level of real walls beside the library's
 EDGE_M = (
     0.7e-3  # at either end of a frame's surface, where the segmentation bends it up
 )
 COARSER = 2  # columns of a single frame's fit for one here
 # The discrepancy: knots along asinh(x/1 mm) and over the dent, lengths of correlation, share of the thickness.
-KNOTS, KNOT_TIPS_M = (
-    np.linspace(-np.arcsinh(6.5), np.arcsinh(6.5), 17),
-    np.array([0.0, 1.3e-3, 2.8e-3, 4.8e-3]),
-)
-ALONG, OVER_M, INNER_SHARE, REFERENCE_M, WARP_M = 0.5, 2e-3, 0.7, 2e-3, 1e-3
-ROUNDING, LEAST_SIZE_M = (
-    1e-4,
-    0.3e-6,
-)  # of the kernel; of a part that differs between depths of dents
+KNOTS = np.linspace(-np.arcsinh(6.5), np.arcsinh(6.5), 17)
+KNOT_TIPS_M = np.array([0.0, 1.3e-3, 2.8e-3, 4.8e-3])
+ALONG = 0.5
+OVER_M = 2e-3
+INNER_SHARE = 0.7
+REFERENCE_M = 2e-3
+WARP_M = 1e-3
+# of the kernel; of a part that differs between depths of dents
+ROUNDING = 1e-4
+LEAST_SIZE_M = 0.3e-6
 RESTING_SIZES_M = np.array([1e-6, 2e-6, 4e-6, 8e-6, 16e-6])
 GROWING_SIZES_M = np.array([4e-6, 8e-6, 16e-6, 32e-6])
 LEAST_NOISE = 0.8  # of the boundaries over their SDs
 # Of the standard deviation of ln E: rms of its errors over it, of 12 virtual eyes in three dimensions, a half of them
 # uneven, each with and without travel (benchmarks/README.md).
 WIDER = 1.4
-ROUNDS, SIZED_ROUNDS, SETTLED = (
-    30,
-    (2, 4, 6, 8, 10, 12),
-    2e-3,
-)  # of the fit; with sizes sought; of the cost
-FIRST_DAMPING, RETRY_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-2, 1e-6, 1e6
+# of the fit; with sizes sought; of the cost
+ROUNDS = 30
+SIZED_ROUNDS = (2, 4, 6, 8, 10, 12)
+SETTLED = 2e-3
+FIRST_DAMPING = 1e-3
+RETRY_DAMPING = 1e-2
+LEAST_DAMPING = 1e-6
+MOST_DAMPING = 1e6
 FARTHEST = 8.0  # standard deviations that unknowns may leave their prior by
-EXTRA_STEP, LEAST_N = 1e-5, 1e-6
+EXTRA_STEP = 1e-5
+LEAST_N = 1e-6
 STEPS = np.where(
     np.isin(MOVING, (at.TIP, at.THICKNESS)), 1e-7, 1e-4
 )  # of derivatives of force and volume
@@ -130,8 +137,11 @@ class _Frame:
     """A frame's columns (column,), outer ones first, with a workspace; its IOP's logarithm and gap beside the eye's."""
 
     def __init__(self, shown: ShownFrame, log_iop: float, gap_m: float) -> None:
-        self.shown, self.log_iop, self.gap_m = shown, log_iop, gap_m
-        seen, lateral_m = np.isfinite(shown.depth_bc), shown.lateral_m
+        self.shown = shown
+        self.log_iop = log_iop
+        self.gap_m = gap_m
+        seen = np.isfinite(shown.depth_bc)
+        lateral_m = shown.lateral_m
         ends = lateral_m[seen[0]][[0, -1]] + EDGE_M * np.array([1.0, -1.0])
         inside = (lateral_m > ends[0]) & (lateral_m < ends[1])
         inside[
@@ -139,16 +149,16 @@ class _Frame:
             > 0
         ] = False
         boundary, column = np.nonzero(seen & inside)
-        self.at_m, self.depth_m = lateral_m[column], shown.depth_bc[boundary, column]
-        self.is_inner, self.outer = boundary == 1, int((boundary == 0).sum())
+        self.at_m = lateral_m[column]
+        self.depth_m = shown.depth_bc[boundary, column]
+        self.is_inner = boundary == 1
+        self.outer = int((boundary == 0).sum())
         self.sd_m = np.where(self.is_inner, INNER_SD_M, OUTER_SD_M)
         self.as_one = max(
             1.0, CORRELATED_M / float(np.median(np.diff(self.at_m[: self.outer])))
         )
-        lines, flags = (
-            [np.empty(len(column)) for _ in range(4)],
-            np.empty(len(column), dtype=np.bool_),
-        )
+        lines = [np.empty(len(column)) for _ in range(4)]
+        flags = np.empty(len(column), dtype=np.bool_)
         self.depths = Depths(
             lines[0],
             lines[1],
@@ -180,17 +190,13 @@ class _Problem:
         smoothing_m: float,
     ) -> None:
         prior = prior_of(known, trained)
-        self.library, self.smoothing_m, self.globe, self.law = (
-            library,
-            smoothing_m,
-            prior.globe,
-            law_of(prior.globe),
-        )
+        self.library = library
+        self.smoothing_m = smoothing_m
+        self.law = law_of(prior.globe)
+        self.globe = prior.globe
         resting_pa = known.iop_pa or float(np.exp(prior.mean[at.IOP]))
-        self.about, own_gap_m = (
-            (float(prior.mean[at.GAP]), float(prior.mean[at.THICKNESS])),
-            known.gap_m or 0.0,
-        )
+        self.about = (float(prior.mean[at.GAP]), float(prior.mean[at.THICKNESS]))
+        own_gap_m = known.gap_m or 0.0
         gaps_m = [
             0.0 if shown.gap_m is None else shown.gap_m - own_gap_m for shown in frames
         ]
@@ -198,7 +204,8 @@ class _Problem:
         self.frames = [
             _Frame(*of_frame) for of_frame in zip(frames, logs, gaps_m, strict=True)
         ]
-        self.own_mean, self.own_sd = prior.mean[OWN], prior.sd[OWN]
+        self.own_mean = prior.mean[OWN]
+        self.own_sd = prior.sd[OWN]
         self.mean = np.concatenate(
             [
                 prior.mean[SHARED],
@@ -211,21 +218,17 @@ class _Problem:
             known.modulus is not None
         ):  # E has these moments, and its logarithm is normal
             variance = float(np.log1p(known.modulus.relative_sd**2))
-            self.mean[MODULUS], self.sd[MODULUS] = (
-                log(known.modulus.mean_pa) - 0.5 * variance,
-                np.sqrt(variance),
-            )
+            self.mean[MODULUS] = log(known.modulus.mean_pa) - 0.5 * variance
+            self.sd[MODULUS] = np.sqrt(variance)
         if not self.law.is_open:
             self.sd[RIGIDITY] = prior.globe.sd / prior.globe.mean
         self.is_heavy = np.append(
             np.isin(SHARED, [*HEAVY, at.THICKNESS]),
             np.zeros(len(EXTRA_SD), dtype=np.bool_),
         )
-        self.noise, self.resting_m, self.growing_m = (
-            1.0,
-            float(RESTING_SIZES_M[1]),
-            float(GROWING_SIZES_M[0]),
-        )
+        self.noise = 1.0
+        self.resting_m = float(RESTING_SIZES_M[1])
+        self.growing_m = float(GROWING_SIZES_M[0])
         self.precision = self.weights_precision()
 
     def weights_precision(self) -> Floats:
@@ -248,27 +251,24 @@ class _Problem:
     def unknown(self, frame: _Frame, shared: Floats, own: Floats) -> Floats:
         """Return a frame's unknowns in the order of `NAMES`."""
         found = np.empty(len(at.NAMES))
-        found[SHARED], found[OWN] = shared[: len(SHARED)], own
+        found[SHARED] = shared[: len(SHARED)]
+        found[OWN] = own
         found[at.IOP] += frame.log_iop
         found[at.GAP] += frame.gap_m
         return found
 
     def basis(self, frame: _Frame, unknown: Floats) -> Floats:
         """Return how the weights move the columns (column, weight): linear between knots."""
-        along, over = (
-            np.arcsinh((frame.at_m - unknown[at.LATERAL]) / WARP_M),
-            np.array([unknown[at.TIP]]),
-        )
+        along = np.arcsinh((frame.at_m - unknown[at.LATERAL]) / WARP_M)
+        over = np.array([unknown[at.TIP]])
         at_knots = _hats(KNOTS, along)[:, :, None] * _hats(KNOT_TIPS_M, over)
         both = at_knots.reshape(len(along), -1)
         return np.concatenate([both, both * frame.is_inner[:, None]], axis=1)
 
     def forces_volumes(self, unknown_su: Floats) -> tuple[Floats, Floats]:
         """Return forces, N, and displaced volumes, m^3, of states (state, unknown)."""
-        size, wall = (
-            np.exp(unknown_su[:, at.SIZE]),
-            library_walls(self.library, unknown_su, self.law.pressure),
-        )
+        size = np.exp(unknown_su[:, at.SIZE])
+        wall = library_walls(self.library, unknown_su, self.law.pressure)
         forces = (
             np.exp(unknown_su[:, at.MODULUS]) * size**2 * self.library.forces(*wall)
         )
@@ -276,22 +276,16 @@ class _Problem:
 
     def numbers(self, frame: _Frame, unknown_su: Floats, extra: Floats) -> Floats:
         """Return how far law, travel and force are off, in standard deviations (state, number); `extra`: (3,)."""
-        shown, (compliance, shift_m, rigidity), found = (
-            frame.shown,
-            extra,
-            list[Floats](),
-        )
+        shown = frame.shown
+        (compliance, shift_m, rigidity) = extra
+        found = list[Floats]()
         forces, volumes = self.forces_volumes(unknown_su)
-        pressure, resting = (
-            np.exp(unknown_su[:, self.law.pressure]),
-            np.exp(unknown_su[:, at.IOP]),
-        )
+        pressure = np.exp(unknown_su[:, self.law.pressure])
+        resting = np.exp(unknown_su[:, at.IOP])
         if not self.law.is_open:
             globe = self.globe.globe(self.globe.mean * rigidity)
-            risen, slope = (
-                globe.level(pressure) - globe.level(resting),
-                resting[0] * globe.level_slope(resting[0]),
-            )
+            risen = globe.level(pressure) - globe.level(resting)
+            slope = resting[0] * globe.level_slope(resting[0])
             found.append((globe.rate * volumes - risen) / (LEAST_SD * slope))
         if (
             shown.travel_m is not None
@@ -320,25 +314,19 @@ class _Problem:
         self, frame: _Frame, shared: Floats, own: Floats, derive: bool = True
     ) -> _Seen:
         """Return a frame beside the wall of unknowns; without normal matrix and gradient if they are not asked for."""
-        unknown, depths, extra = (
-            self.unknown(frame, shared, own),
-            frame.depths,
-            shared[COMPLIANCE:WEIGHTS],
-        )
+        unknown = self.unknown(frame, shared, own)
+        depths = frame.depths
+        extra = shared[COMPLIANCE:WEIGHTS]
         section = np.empty((2, 2 * len(self.library.node_angles()), 2))
         places = frame.at_m, frame.outer, self.smoothing_m
         about = self.about[0] + frame.gap_m, self.about[1]
         predict(self.library.tables, self.law, places, *about, unknown, depths, section)
-        basis, unit_m = (
-            self.basis(frame, unknown),
-            frame.sd_m * np.sqrt(1.0 + depths.slope**2),
-        )
+        basis = self.basis(frame, unknown)
+        unit_m = frame.sd_m * np.sqrt(1.0 + depths.slope**2)
         off = (frame.depth_m - depths.depth_m - basis @ shared[WEIGHTS:]) / unit_m
         lost = np.where(depths.seen, np.log1p((off / CAUCHY) ** 2), UNSEEN_LOSS).sum()
-        away, numbers = (
-            (own - self.own_mean) / self.own_sd,
-            self.numbers(frame, unknown[None], extra)[0],
-        )
+        away = (own - self.own_mean) / self.own_sd
+        numbers = self.numbers(frame, unknown[None], extra)[0]
         share = 1.0 / (frame.as_one * self.noise**2)
         cost = float(share * CAUCHY**2 * lost + away @ away + numbers @ numbers)
         if not derive:
@@ -360,20 +348,17 @@ class _Problem:
         self, frame: _Frame, unknown: Floats, extra: Floats, numbers: Floats, count: int
     ) -> Floats:
         """Return the derivatives of the predicted numbers (number, shared and own)."""
-        found, moving = np.zeros((len(numbers), count)), list(MOVING)
+        found = np.zeros((len(numbers), count))
+        moving = list(MOVING)
         if len(numbers):
-            by_unknown, varied = (
-                np.zeros((len(numbers), len(unknown))),
-                np.tile(unknown, (len(moving), 1)),
-            )
+            by_unknown = np.zeros((len(numbers), len(unknown)))
+            varied = np.tile(unknown, (len(moving), 1))
             varied[np.arange(len(moving)), moving] += STEPS
             by_unknown[:, moving] = (
                 numbers - self.numbers(frame, varied, extra)
             ).T / STEPS
-            found[:, : len(SHARED)], found[:, -len(OWN) :] = (
-                by_unknown[:, SHARED],
-                by_unknown[:, OWN],
-            )
+            found[:, : len(SHARED)] = by_unknown[:, SHARED]
+            found[:, -len(OWN) :] = by_unknown[:, OWN]
             for place, one in enumerate(np.eye(len(extra)) * EXTRA_STEP):
                 moved = self.numbers(frame, unknown[None], extra + one)[0]
                 found[:, COMPLIANCE + place] = (numbers - moved) / EXTRA_STEP
@@ -384,15 +369,11 @@ class _Problem:
         away = (shared[:WEIGHTS] - self.mean[:WEIGHTS]) / self.sd
         bent = 1.0 + (away / HEAVY_CAUCHY) ** 2
         lost = np.where(self.is_heavy, HEAVY_CAUCHY**2 * np.log(bent), away**2)
-        precision, weights = (
-            np.where(self.is_heavy, 1.0 / bent, 1.0) / self.sd**2,
-            shared[WEIGHTS:],
-        )
+        precision = np.where(self.is_heavy, 1.0 / bent, 1.0) / self.sd**2
+        weights = shared[WEIGHTS:]
         normal = np.zeros((len(shared), len(shared)))
-        normal[:WEIGHTS, :WEIGHTS], normal[WEIGHTS:, WEIGHTS:] = (
-            np.diag(precision),
-            self.precision,
-        )
+        normal[:WEIGHTS, :WEIGHTS] = np.diag(precision)
+        normal[WEIGHTS:, WEIGHTS:] = self.precision
         gradient = -np.concatenate(
             [precision * away * self.sd, self.precision @ weights]
         )
@@ -407,7 +388,8 @@ class _Problem:
 
     def inside(self, shared: Floats, own: Floats) -> tuple[Floats, Floats]:
         """Return unknowns within the ranges where walls can be cut."""
-        shared, own = shared.copy(), own.copy()
+        shared = shared.copy()
+        own = own.copy()
         away = FARTHEST * self.sd
         shared[:WEIGHTS] = np.clip(
             shared[:WEIGHTS], self.mean[:WEIGHTS] - away, self.mean[:WEIGHTS] + away
@@ -416,11 +398,10 @@ class _Problem:
         shared[_POLE] *= HIGHEST_POLE / max(
             float(np.hypot(*shared[_POLE])), HIGHEST_POLE
         )
-        low, high = (
-            self.own_mean - FARTHEST * self.own_sd,
-            self.own_mean + FARTHEST * self.own_sd,
-        )
-        low[0], high[0] = 0.0, self.library.tip_m[-1] * np.exp(shared[SIZE])
+        low = self.own_mean - FARTHEST * self.own_sd
+        high = self.own_mean + FARTHEST * self.own_sd
+        low[0] = 0.0
+        high[0] = self.library.tip_m[-1] * np.exp(shared[SIZE])
         return shared, np.clip(own, low, high)
 
     def size(self, shared: Floats, seen: Sequence[_Seen]) -> None:
@@ -429,19 +410,19 @@ class _Problem:
         self.noise = max(LEAST_NOISE, float(np.median(misfits)))
         normal, gradient = _eliminated(seen, len(shared), 0.0)[:2]
         _, own_normal, own_gradient = self.prior(shared)
-        own_normal[WEIGHTS:, WEIGHTS:], own_gradient[WEIGHTS:] = 0.0, 0.0
-        normal, gradient, weights, best = (
-            normal + own_normal,
-            gradient + own_gradient,
-            shared[WEIGHTS:],
-            np.inf,
-        )
+        own_normal[WEIGHTS:, WEIGHTS:] = 0.0
+        own_gradient[WEIGHTS:] = 0.0
+        normal = normal + own_normal
+        gradient = gradient + own_gradient
+        weights = shared[WEIGHTS:]
+        best = np.inf
         chosen = self.resting_m, self.growing_m, self.precision
         for self.resting_m, self.growing_m in product(
             RESTING_SIZES_M.tolist(), GROWING_SIZES_M.tolist()
         ):
             self.precision = precision = self.weights_precision()
-            with_weights, pull = normal.copy(), gradient.copy()
+            with_weights = normal.copy()
+            pull = gradient.copy()
             with_weights[WEIGHTS:, WEIGHTS:] += precision
             pull[WEIGHTS:] -= precision @ weights
             lower = np.linalg.cholesky(with_weights)
@@ -453,7 +434,8 @@ class _Problem:
             )
             loss -= np.linalg.slogdet(precision)[1]
             if loss < best:
-                best, chosen = loss, (self.resting_m, self.growing_m, precision)
+                best = loss
+                chosen = (self.resting_m, self.growing_m, precision)
         self.resting_m, self.growing_m, self.precision = chosen
 
 
@@ -468,11 +450,9 @@ def _eliminated(
     seen: Sequence[_Seen], shared: int, damping: float
 ) -> tuple[Floats, Floats, list[Floats]]:
     """Return the frames' normal matrix and gradient of the shared unknowns, and how each frame's own ones follow."""
-    normal, gradient, follow = (
-        np.zeros((shared, shared)),
-        np.zeros(shared),
-        list[Floats](),
-    )
+    normal = np.zeros((shared, shared))
+    gradient = np.zeros(shared)
+    follow = list[Floats]()
     for one in seen:
         own = one.normal[shared:, shared:] + damping * np.diag(
             np.diag(one.normal)[shared:]
@@ -504,7 +484,8 @@ def fit_jointly(
     """
     problem = _Problem(library, frames, known, trained, smoothing_m)
     shared, own = problem.inside(problem.mean if shared is None else shared, own)
-    damping, cost = FIRST_DAMPING, np.inf
+    damping = FIRST_DAMPING
+    cost = np.inf
     for number in range(ROUNDS):
         seen = [
             problem.look(frame, shared, one)
@@ -530,7 +511,8 @@ def fit_jointly(
                 break
             damping = max(10.0 * damping, RETRY_DAMPING)
         if cost <= before:
-            (shared, own), damping = trial, max(damping / 10.0, LEAST_DAMPING)
+            (shared, own) = trial
+            damping = max(damping / 10.0, LEAST_DAMPING)
         if number > max(SIZED_ROUNDS) and before - cost < SETTLED:
             break
     seen = [

@@ -52,7 +52,8 @@ def place_curves(
     curves: Floats, lateral_m: float, depth_m: float, rotation_rad: float
 ) -> Floats:
     """Return curves (..., sample, 2) in the frame: turned about the section's origin, then shifted."""
-    c, s = np.cos(rotation_rad), np.sin(rotation_rad)
+    c = np.cos(rotation_rad)
+    s = np.sin(rotation_rad)
     return curves @ np.array([[c, s], [-s, c]]) + np.array([lateral_m, depth_m])
 
 
@@ -60,7 +61,8 @@ def pose_derivatives(
     places: Places, depth_m: Floats, slope: Floats, pose: tuple[float, float]
 ) -> tuple[Floats, ...]:
     """Return the derivatives of depths (place,) by lateral shift, depth and rotation of the pose, (place,) each."""
-    across, down = places.lateral_m - pose[0], depth_m - pose[1]
+    across = places.lateral_m - pose[0]
+    down = depth_m - pose[1]
     return -slope, np.ones_like(depth_m), across + slope * down
 
 
@@ -81,7 +83,8 @@ def depths_along(curve_sc: Floats, at: Floats) -> tuple[Floats, Floats, Flags]:
         ahead = np.concatenate(
             [[True], lateral[1:] > np.maximum.accumulate(lateral)[:-1]]
         )
-        lateral, down = lateral[ahead], down[ahead]
+        lateral = lateral[ahead]
+        down = down[ahead]
         if len(lateral) == 1:
             return (
                 np.full(at.shape, down[0]),
@@ -89,7 +92,8 @@ def depths_along(curve_sc: Floats, at: Floats) -> tuple[Floats, Floats, Flags]:
                 np.zeros(at.shape, dtype=np.bool_),
             )
     segment = np.minimum(np.maximum(lateral.searchsorted(at) - 1, 0), len(lateral) - 2)
-    left, top = lateral[segment], down[segment]
+    left = lateral[segment]
+    top = down[segment]
     slope = (down[segment + 1] - top) / (lateral[segment + 1] - left)
     return top + slope * (at - left), slope, (at >= lateral[0]) & (at <= lateral[-1])
 
@@ -183,7 +187,8 @@ def gauss_newton(
     step_of: Callable[[Floats, Floats], Floats] | None = None,
 ) -> tuple[Floats, Prediction, float]:
     """Return the fitted unknowns, their prediction and their cost; `step_of` solves the damped equations."""
-    unknown, damping = start, FIRST_DAMPING
+    unknown = start
+    damping = FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)
     for _ in range(stopping.iterations):
         normal, gradient = problem.normal_equations(unknown, placed)
@@ -198,7 +203,10 @@ def gauss_newton(
             continue
         hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
         settled = hardly_damped and cost - trial_cost < stopping.settled_cost
-        unknown, placed, cost, damping = trial, trial_placed, trial_cost, damping / 10
+        unknown = trial
+        placed = trial_placed
+        cost = trial_cost
+        damping = damping / 10
         if settled:
             break
     return unknown, placed, cost

@@ -32,7 +32,9 @@ SUPPORTS_DEG = (
     140.0,
     145.0,
 )  # beside 90: where its base may lie
-SUPPORT_THICKNESSES, SUPPORT_TENSIONS = 4, 6  # at most, of the library's
+# at most, of the library's
+SUPPORT_THICKNESSES = 4
+SUPPORT_TENSIONS = 6
 LITTLE_STIFFENING = (
     0.2  # b, below which states change evenly with it, and above with its logarithm
 )
@@ -143,20 +145,17 @@ class LibraryPlan:
         '0.00035 5.83e-06'
         """
         first, thickness, tension = self.place(unit)
-        stiffening, support_rad, tip_m = (
-            float(self.stiffening[0]),
-            0.5 * np.pi,
-            self.tip_m,
-        )
+        stiffening = float(self.stiffening[0])
+        support_rad = 0.5 * np.pi
+        tip_m = self.tip_m
         if unit < self.paths:
             stiffening = float(self.stiffening[first])
         else:
-            support_rad, tip_m = (
-                float(np.radians(SUPPORTS_DEG[first])),
-                tip_m[: self.support_tips],
-            )
+            support_rad = float(np.radians(SUPPORTS_DEG[first]))
+            tip_m = tip_m[: self.support_tips]
             thicknesses, tensions = self._with_supports
-            thickness, tension = int(thicknesses[thickness]), int(tensions[tension])
+            thickness = int(thicknesses[thickness])
+            tension = int(tensions[tension])
         thickness_m = float(self.thickness_m[thickness])
         iop_ratio = float(self.tension[tension]) * thickness_m / self.radius_m
         return PlannedPath(
@@ -185,11 +184,13 @@ class LibraryPlan:
 
 def plan_library(study: Study) -> LibraryPlan:
     """Return the plan of a study: `[library]`, sizes and nu, and the middle of the needle's polar angles."""
-    eye, needle = study.eye, study.needle
+    eye = study.eye
+    needle = study.needle
     middle_rad = min(
         0.5 * sum(needle.polar_angle_rad.bounds), float(np.radians(LARGEST_POLAR_DEG))
     )
-    highest, burst = study.library.tension.bounds[1], burst_tension(eye.poisson_ratio)
+    highest = study.library.tension.bounds[1]
+    burst = burst_tension(eye.poisson_ratio)
     if not highest < burst:
         raise InputError(
             f"library.tension: up to {highest:g}; must stay below {burst:.3g}, at which the wall bursts"

@@ -85,7 +85,8 @@ class SpatialPlace:
 
     def at_depth(self, depth_m: float, sd_m: float) -> "SpatialPlace":
         """Return the place with the contact at a depth."""
-        (x_m, y_m, _), (x_sd_m, y_sd_m, _) = self.contact_m, self.contact_sd_m
+        (x_m, y_m, _) = self.contact_m
+        (x_sd_m, y_sd_m, _) = self.contact_sd_m
         return replace(
             self, contact_m=(x_m, y_m, depth_m), contact_sd_m=(x_sd_m, y_sd_m, sd_m)
         )
@@ -114,22 +115,24 @@ class SpatialPlace:
 def beside(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
     """Return matrix (unknown + 1, unknown + 1) and shift that give a plane's unknowns and tilt for the first one's."""
     turn = other.direction_rad - first.direction_rad
-    c, s = np.cos(turn), np.sin(turn)
-    matrix, shift = np.eye(TILT + 1), np.zeros(TILT + 1)
+    c = np.cos(turn)
+    s = np.sin(turn)
+    matrix = np.eye(TILT + 1)
+    shift = np.zeros(TILT + 1)
     for along, across in ((at.ROTATION, TILT), (at.POLE.start, at.POLE.start + 1)):
         matrix[np.ix_([along, across], [along, across])] = [[c, s], [-s, c]]
     matrix[np.ix_([at.LATERAL, at.GAP], [at.LATERAL, at.GAP])] = [[c, -s], [s, c]]
-    shift[at.LATERAL], shift[at.GAP] = (
-        s * first.offset_m,
-        other.offset_m - c * first.offset_m,
-    )
+    shift[at.LATERAL] = s * first.offset_m
+    shift[at.GAP] = other.offset_m - c * first.offset_m
     return matrix, shift
 
 
 def contact_place(plane: SeenPlane, unknown: Floats) -> Floats:
     """Return where the contact lies about the scanner's axis: x, y, m."""
-    c, s = np.cos(plane.direction_rad), np.sin(plane.direction_rad)
-    along, across = unknown[at.LATERAL], plane.offset_m - unknown[at.GAP]
+    c = np.cos(plane.direction_rad)
+    s = np.sin(plane.direction_rad)
+    along = unknown[at.LATERAL]
+    across = plane.offset_m - unknown[at.GAP]
     return np.array([c * along - s * across, s * along + c * across])
 
 
@@ -157,16 +160,23 @@ class _Problem:
         cls, library: Library, planes: Sequence[SeenPlane], smoothing_m: float
     ) -> "_Problem":
         """The problem."""
-        count, maps, beliefs = TILT + 1 + len(OWN) * (len(planes) - 1), [], []
+        count = TILT + 1 + len(OWN) * (len(planes) - 1)
+        maps = []
+        beliefs = []
         for number, plane in enumerate(planes):
-            prior, (matrix, shift) = plane.prior, beside(planes[0], plane)
+            prior = plane.prior
+            (matrix, shift) = beside(planes[0], plane)
             mapped = np.zeros((TILT + 1, count))
             mapped[:, : TILT + 1] = matrix
-            precision, calibrated = prior.precision.copy(), prior.calibrated
-            mean, sd = prior.mean.copy(), prior.sd.copy()
-            mean[at.GAP], sd[at.GAP] = plane.offset_m, FARTHEST_SD_M
+            precision = prior.precision.copy()
+            calibrated = prior.calibrated
+            mean = prior.mean.copy()
+            sd = prior.sd.copy()
+            mean[at.GAP] = plane.offset_m
+            sd[at.GAP] = FARTHEST_SD_M
             if plane.gap_sd_m is not None:
-                mean[at.GAP], sd[at.GAP] = 0.0, plane.gap_sd_m
+                mean[at.GAP] = 0.0
+                sd[at.GAP] = plane.gap_sd_m
             precision[at.GAP, at.GAP] = sd[at.GAP] ** -2.0
             if number:  # all else is the first plane's
                 first = TILT + 1 + len(OWN) * (number - 1)
@@ -175,7 +185,8 @@ class _Problem:
                 held = np.zeros(len(at.NAMES))
                 held[OWN[1:]] = np.diag(precision)[OWN[1:]]
                 held[at.GAP] = precision[at.GAP, at.GAP] * (plane.gap_sd_m is not None)
-                precision, calibrated = np.diag(held), np.zeros((2, 2))
+                precision = np.diag(held)
+                calibrated = np.zeros((2, 2))
             maps.append((mapped, shift))
             beliefs.append(
                 Belief(
@@ -197,15 +208,16 @@ class _Problem:
 
     def terms(self, unknown: Floats, scales: Sequence[float]) -> tuple[_Terms, float]:
         """Return the normal equations and the cost; the columns' SDs of a plane count `scales` times."""
-        count, cost = len(unknown), 0.0
-        normal, gradient, misfits = (
-            np.zeros((count, count)),
-            np.zeros(count),
-            list[float](),
-        )
+        count = len(unknown)
+        cost = 0.0
+        normal = np.zeros((count, count))
+        gradient = np.zeros(count)
+        misfits = list[float]()
         for number, scale in enumerate(scales):
-            own, own_gradient = np.empty((TILT + 1, TILT + 1)), np.empty(TILT + 1)
-            matrix, fitted = self.maps[number][0], empty_fit(self.library)
+            own = np.empty((TILT + 1, TILT + 1))
+            own_gradient = np.empty(TILT + 1)
+            matrix = self.maps[number][0]
+            fitted = empty_fit(self.library)
             fitted.unknown[:], tilt = self.of_plane(number, unknown)
             cost += self._look(number, tilt, scale, own, own_gradient, fitted)
             normal += matrix.T @ own @ matrix
@@ -234,7 +246,8 @@ class _Problem:
         fitted: fit_frame.Fitted,
     ) -> float:
         """Write a plane's normal equations, or its fit (`fit_frame.fit_plane`); return its cost."""
-        plane, prior = self.planes[number], self.planes[number].prior
+        plane = self.planes[number]
+        prior = self.planes[number].prior
         return fit_frame.fit_plane(
             self.library.tables,
             law_of(prior.globe),
@@ -307,8 +320,10 @@ class _Problem:
         place: Floats,
         turned: Floats,
     ) -> Floats:
-        first, start = self.planes[0], np.zeros(self.maps[0][0].shape[1])
-        c, s = np.cos(first.direction_rad), np.sin(first.direction_rad)
+        first = self.planes[0]
+        start = np.zeros(self.maps[0][0].shape[1])
+        c = np.cos(first.direction_rad)
+        s = np.sin(first.direction_rad)
         start[:TILT] = fit.unknown
         start[at.POLE] = self.planes[0].prior.mean[at.POLE]
         start[[at.LATERAL, at.ROTATION]] = (
@@ -333,10 +348,8 @@ class _Problem:
         start = self._start(
             fits, fits[0], np.array(place.contact_m[:2]), np.array(place.tilt_rad)
         )
-        start[at.POLE], start[at.MODULUS] = (
-            fits[0].unknown[at.POLE],
-            self.beliefs[0].mean[at.MODULUS],
-        )
+        start[at.POLE] = fits[0].unknown[at.POLE]
+        start[at.MODULUS] = self.beliefs[0].mean[at.MODULUS]
         start[self._depths] = [
             fit.unknown[at.DEPTH] - fits[0].unknown[at.DEPTH] for fit in fits[1:]
         ]
@@ -359,7 +372,8 @@ class _Problem:
         covariance = np.linalg.inv(normal * np.outer(sd, sd)) * np.outer(sd, sd)
         found = list[BoundaryFit]()
         for number, plane in enumerate(self.planes):
-            matrix, fitted = self.maps[number][0][:TILT], empty_fit(self.library)
+            matrix = self.maps[number][0][:TILT]
+            fitted = empty_fit(self.library)
             fitted.unknown[:], tilt = self.of_plane(number, unknown)
             own = plane.prior.sd
             size, ways = np.linalg.eigh(
@@ -378,8 +392,10 @@ class _Problem:
         return tuple(found), self._place(unknown, covariance)
 
     def _place(self, unknown: Floats, covariance: Floats) -> SpatialPlace:
-        first, ways = self.planes[0], np.zeros((5, len(unknown)))
-        c, s = np.cos(first.direction_rad), np.sin(first.direction_rad)
+        first = self.planes[0]
+        ways = np.zeros((5, len(unknown)))
+        c = np.cos(first.direction_rad)
+        s = np.sin(first.direction_rad)
         turned = np.array([[c, -s], [s, c]])
         ways[:2, [at.LATERAL, at.GAP]] = turned * [1.0, -1.0]
         ways[2, [at.DEPTH, at.TIP]] = 1.0
@@ -403,10 +419,8 @@ class PlanesFit:
     @property
     def whole(self) -> BoundaryFit:
         """The first plane's fit, with the worst misfit and the mean loss of all."""
-        misfit_m, loss = (
-            max(fit.misfit_m for fit in self.fits),
-            float(np.mean([fit.loss for fit in self.fits])),
-        )
+        misfit_m = max(fit.misfit_m for fit in self.fits)
+        loss = float(np.mean([fit.loss for fit in self.fits]))
         return replace(self.fits[0], misfit_m=misfit_m, loss=loss)
 
     def with_priors(

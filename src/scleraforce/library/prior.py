@@ -29,13 +29,15 @@ FREE_SD = {
 }
 # Where the surface faces the light its mirror reflection moves the edge found up: by 3.0 +- 2.7 um in 716 frames
 # of 60 drawn eyes, with the noise of the fit to each (`benchmarks/bench_boundary_errors.py 30`, seeds 21, 22).
-SHINE_MEAN_M, SHINE_SD_M = 3e-6, 2.3e-6
+SHINE_MEAN_M = 3e-6
+SHINE_SD_M = 2.3e-6
 KNOWN_SD = {at.GAP: 30e-6, at.THICKNESS: 15e-6, at.IOP: 0.05}  # of a stated value
 PRESSURE_SD = (
     3.0  # of the logarithm of that under the needle: the globe's rigidity ties it
 )
 # At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
-FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
+FORCE_BY_LOG_THICKNESS = 2.0
+FORCE_BY_LOG_IOP = 1.0 / 3.0
 # Place, angle and curvature of either side, and the wedge (`resting_form.FORMS`).
 FORM_MEAN = np.array([3.5e-3, 0.0, 0.0, 3.5e-3, 0.0, 0.0, 0.0])
 FORM_SD = np.array([1.2e-3, 5e-3, 2.0, 1.2e-3, 5e-3, 2.0, 3e-3])
@@ -71,11 +73,14 @@ class Prior:
 
 def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     """Return the prior of a frame's unknowns: the known eye, else the ranges that the model was trained for."""
-    mean, sd = np.zeros(len(at.NAMES)), np.zeros(len(at.NAMES))
+    mean = np.zeros(len(at.NAMES))
+    sd = np.zeros(len(at.NAMES))
     for place, value in FREE_SD.items():
         sd[place] = value
-    mean[at.SHINE], sd[at.SHINE] = SHINE_MEAN_M, SHINE_SD_M
-    mean[at.FORM], sd[at.FORM] = FORM_MEAN, FORM_SD
+    mean[at.SHINE] = SHINE_MEAN_M
+    sd[at.SHINE] = SHINE_SD_M
+    mean[at.FORM] = FORM_MEAN
+    sd[at.FORM] = FORM_SD
     mean[at.POLE], sd[at.POLE] = _pole(known)
     mean[at.GAP], sd[at.GAP] = _stated(
         known.gap_m, trained.gap_m.bounds, KNOWN_SD[at.GAP]
@@ -88,21 +93,18 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
         iop, _logs(trained.iop_pa.bounds), KNOWN_SD[at.IOP]
     )
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
-    modulus_sd, discrepancy = (
-        known.modulus.relative_sd if known.modulus else 0.0,
-        known.discrepancy or NO_DISCREPANCY,
-    )
+    modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
+    discrepancy = known.discrepancy or NO_DISCREPANCY
     if (
         known.modulus is not None and known.modulus.source == "shape"
     ):  # frames do not tell it once more
-        modulus_sd, discrepancy = (
-            LEAST_MODULUS_SD,
-            replace(NO_DISCREPANCY, level_sd=modulus_sd),
-        )
+        discrepancy = replace(NO_DISCREPANCY, level_sd=modulus_sd)
+        modulus_sd = LEAST_MODULUS_SD
     mean[at.MODULUS], sd[at.MODULUS] = _stated(
         modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd
     )
-    mean[at.PRESSURE], sd[at.PRESSURE] = mean[at.IOP], PRESSURE_SD
+    mean[at.PRESSURE] = mean[at.IOP]
+    sd[at.PRESSURE] = PRESSURE_SD
     own = known.has_own_modulus
     same_force = _same_force(mean, sd) if own else np.zeros(len(at.NAMES))
     precision = np.diag(

@@ -76,7 +76,8 @@ def check_arrays(library: "Library") -> None:
             f"library: {shape} thicknesses, tensions, tips and {len(polar_rad)} polar angles; must be at "
             f"least {splines.SUPPORT} of each"
         )
-    walls, at_pole = library.walls, (len(library.walls.stiffening), *shape)
+    walls = library.walls
+    at_pole = (len(library.walls.stiffening), *shape)
     for name, found, wanted in (
         ("force_ratio_btpd", walls.force_ratio_btpd.shape, at_pole),
         ("displaced_btpd", walls.displaced_btpd.shape, at_pole),
@@ -129,7 +130,9 @@ Walls = tuple[
     Places, Floats
 ]  # rows of (thickness, tension) and their weights, each (sample, 16)
 
-OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
+# the boundaries of a wall, as an index
+OUTER = 0
+INNER = 1
 OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 20 MB
 
 
@@ -430,11 +433,9 @@ class Library:
     @cached_property
     def tables(self) -> SplineTables:
         """Tables that the loops of `splines` interpolate; they share the library's arrays."""
-        along, forces, volumes = (
-            self._splines,
-            self._contact_forces,
-            self._contact_volumes,
-        )
+        along = self._splines
+        forces = self._contact_forces
+        volumes = self._contact_volumes
         thickness, tension, tip = (spline.pieces for spline in along)
         return SplineTables(
             thickness=thickness,
@@ -516,7 +517,8 @@ class Library:
             np.log(inside_ends(thickness_m, self.thickness_m))
         )
         p, of_p = self._splines[1].weights(np.log(inside_ends(tension, self.tension)))
-        support, shape = np.arange(splines.SUPPORT), (len(t), splines.SUPPORT**2)
+        support = np.arange(splines.SUPPORT)
+        shape = (len(t), splines.SUPPORT**2)
         rows = (t[:, None] + support)[:, :, None] * len(self.tension) + (
             p[:, None] + support
         )[:, None]
@@ -527,7 +529,8 @@ class Library:
         check_inside(
             "thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm"
         )
-        tension, ends = self._tension(thickness_m, iop_ratio), self._ends(self.tension)
+        tension = self._tension(thickness_m, iop_ratio)
+        ends = self._ends(self.tension)
         inside = (tension >= ends[0] * (1.0 - SLACK)) & (
             tension <= ends[1] * (1.0 + SLACK)
         )

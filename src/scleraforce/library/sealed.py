@@ -62,7 +62,8 @@ def pressure_at_dent(
         return float(resting)
     t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
     d, of_d = spline_weights(tables.tip, tip_m)
-    tensions, path = tables.tensions, np.zeros(2 * tables.tensions)
+    tensions = tables.tensions
+    path = np.zeros(2 * tables.tensions)
     for i in range(SUPPORT):
         for j in range(SUPPORT):
             path -= (
@@ -115,7 +116,8 @@ def pressures_under_forces(
     `eyes_ns`: thickness, resting pressure over E, F/E, the globe's rate, and the library's lowest and highest pressure.
     """
     columns = tables.paths.shape[1]
-    along, path = np.empty((tables.tensions, columns)), np.empty(columns)
+    along = np.empty((tables.tensions, columns))
+    path = np.empty(columns)
     for n in range(len(found)):
         thickness_m, resting, force_ratio, rate, lowest, highest = eyes_ns[:, n]
         _paths_of_thickness(tables, thickness_m, along)
@@ -133,20 +135,20 @@ def _pressure(
     highest: float,
     tolerance: float,
 ) -> float:
-    resting, rate = eye.resting, eye.rate
+    resting = eye.resting
+    rate = eye.rate
     most = _displaced(tables, eye, resting)
     bound = pressure_of_level(
         level_of(resting, eye.is_logarithmic) + rate * (1.0 + SPARE) * most,
         eye.is_logarithmic,
     )
     if rate > 0.0:
-        low, high, below = (
-            np.log(resting),
-            np.log(min(max(bound, resting), highest)),
-            -rate * most,
-        )
+        low = np.log(resting)
+        high = np.log(min(max(bound, resting), highest))
+        below = -rate * most
     else:
-        low, high = np.log(lowest), np.log(resting)
+        low = np.log(lowest)
+        high = np.log(resting)
         below = _missing(tables, eye, low)
     above = _missing(tables, eye, high)
     if above <= 0.0:
@@ -160,9 +162,11 @@ def _pressure(
         middle = 0.5 * (low + high)
         missing = _missing(tables, eye, middle)
         if missing < 0.0:
-            low, below = middle, missing
+            low = middle
+            below = missing
         else:
-            high, above = middle, missing
+            high = middle
+            above = missing
     return float(np.exp(low - below * (high - low) / (above - below)))
 
 
@@ -182,7 +186,8 @@ def _displaced(tables: SplineTables, eye: SealedEye, ratio: float) -> float:
     first, weights = spline_weights(
         tables.tension, np.log(ratio * tables.radius_m / eye.thickness_m)
     )
-    path, eye.path[:] = eye.path, 0.0
+    path = eye.path
+    eye.path[:] = 0.0
     for number in range(SUPPORT):
         for column in range(len(path)):
             path[column] += weights[number] * eye.along[first + number, column]
@@ -237,10 +242,8 @@ def iop_ratio_under_force(
         return found
     eyes_ns = np.array([values[sealed] for values in walls], dtype=np.float64)
     library.check_walls(eyes_ns[0], eyes_ns[1])
-    eyes_ns, pressures = (
-        np.vstack([eyes_ns, library.iop_ratio_ends(eyes_ns[0])]),
-        np.empty(len(sealed)),
-    )
+    eyes_ns = np.vstack([eyes_ns, library.iop_ratio_ends(eyes_ns[0])])
+    pressures = np.empty(len(sealed))
     pressures_under_forces(
         library.tables, eyes_ns, globe.law == RIGIDITY_LAWS[1], tolerance, pressures
     )
@@ -274,10 +277,9 @@ def iop_ratio_at_dent(
     return ratio
 
 
-DENTS, ROUNDS = (
-    400,
-    2,
-)  # of the search for the deepest dent: each round divides the interval around it
+# of the search for the deepest dent: each round divides the interval around it
+DENTS = 400
+ROUNDS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +298,8 @@ class LibraryEye:
     @cached_property
     def max_dent_m(self) -> float:
         """Deepest dent, m: the library's, or where the pressure of a sealed globe runs away or leaves the library."""
-        low, high = 0.0, float(self.library.tip_m[-1])
+        low = 0.0
+        high = float(self.library.tip_m[-1])
         for _ in range(ROUNDS):
             dents_m = np.linspace(low, high, DENTS)
             beyond = np.isnan(self._ratios(dents_m))

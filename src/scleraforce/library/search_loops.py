@@ -32,9 +32,11 @@ HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit t
 # Of where the pole lies, in one step: towards the base the wall's bulge turns quickly with it, and a fit that strides
 # farther goes to and fro.
 POLE_STRIDE = 0.05
-POLE, FORM = at.POLE.start, at.FORM.start
+POLE = at.POLE.start
+FORM = at.FORM.start
 MOVING = (at.TIP, at.THICKNESS, at.MODULUS, at.IOP, at.SIZE, at.PRESSURE)  # the law's
-LENGTH_STEP_M, LOG_STEP = 1e-7, 1e-4
+LENGTH_STEP_M = 1e-7
+LOG_STEP = 1e-4
 NO_PIVOT = 1e-15  # of a diagonal: what is left of it is rounding
 
 
@@ -85,8 +87,10 @@ class Work(NamedTuple):
 @compiled_part
 def work_of(scene: Scene) -> Work:
     """Return a workspace without values."""
-    count, square = len(scene.at_m), (UNKNOWNS, UNKNOWNS)
-    seen, jacobian = np.empty(count, dtype=np.bool_), np.empty((count, UNKNOWNS))
+    count = len(scene.at_m)
+    square = (UNKNOWNS, UNKNOWNS)
+    seen = np.empty(count, dtype=np.bool_)
+    jacobian = np.empty((count, UNKNOWNS))
     depths = Depths(
         np.empty(count),
         np.empty(count),
@@ -112,22 +116,26 @@ def work_of(scene: Scene) -> Work:
 @compiled_part
 def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]:
     """Return the cost, the loss of the columns and of leaving the prior, and the number of nodes that are found."""
-    belief, depths, off, lost, known = problem.belief, work.depths, work.off, 0.0, 0.0
+    belief = problem.belief
+    depths = work.depths
+    off = work.off
+    lost = 0.0
+    known = 0.0
     is_last = True
     for place in range(UNKNOWNS):
         is_last = is_last and work.last[place] == unknown[place]
     if is_last:
         return work.last[UNKNOWNS], int(work.last[UNKNOWNS + 1])
-    count, (seen, slope) = (
-        show_wall(problem.scene, unknown, work.wall, depths),
-        (depths.seen, depths.slope),
-    )
+    count = show_wall(problem.scene, unknown, work.wall, depths)
+    seen = depths.seen
+    slope = depths.slope
     off[:] = (problem.depth_m - depths.depth_m) / (
         problem.sd_m * np.sqrt(1.0 + slope**2)
     )
     for place in range(len(off)):
         lost += np.log1p((off[place] / CAUCHY) ** 2) if seen[place] else UNSEEN_LOSS
-    away, apart = unknown - belief.mean, deviations(problem, unknown)
+    away = unknown - belief.mean
+    apart = deviations(problem, unknown)
     for place in HEAVY:
         known += HEAVY_CAUCHY**2 * np.log1p(
             (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
@@ -135,10 +143,8 @@ def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]
         away[place] = 0.0
     known += _square(belief.precision, away) + _square(belief.calibrated, apart)
     work.last[:UNKNOWNS] = unknown
-    work.last[UNKNOWNS], work.last[UNKNOWNS + 1] = (
-        CAUCHY**2 * lost / problem.as_one + known,
-        count,
-    )
+    work.last[UNKNOWNS] = CAUCHY**2 * lost / problem.as_one + known
+    work.last[UNKNOWNS + 1] = count
     return work.last[UNKNOWNS], count
 
 
@@ -182,24 +188,21 @@ def find_normal(
     problem: Problem, unknown: Floats, count: int, work: Work, scale: float
 ) -> None:
     """Write normal matrix and gradient of the wall that was evaluated last, the columns' SDs times `scale`."""
-    belief, law, normal, gradient, away = (
-        problem.belief,
-        problem.law,
-        work.normal,
-        work.gradient,
-        unknown.copy(),
-    )
+    belief = problem.belief
+    law = problem.law
+    normal = work.normal
+    gradient = work.gradient
+    away = unknown.copy()
     derive(problem.scene, unknown, count, work.wall, work.other, work.depths)
-    normal[:], away[:] = belief.precision, unknown - belief.mean
+    normal[:] = belief.precision
+    away[:] = unknown - belief.mean
     for place in HEAVY:
         normal[place, place] /= (
             1.0 + (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
         )
-    slopes, off, varied = (
-        np.zeros((2, UNKNOWNS)),
-        deviations(problem, unknown),
-        unknown.copy(),
-    )
+    slopes = np.zeros((2, UNKNOWNS))
+    off = deviations(problem, unknown)
+    varied = unknown.copy()
     slopes[0] = belief.same_force
     if not law.is_open:
         here, sd = off_the_law(problem.scene.tables, law, unknown)
@@ -225,26 +228,27 @@ def find_normal(
 @compiled_part
 def _add_columns(problem: Problem, scale: float, work: Work) -> None:
     """Add the columns' normal matrix and gradient, by blocks: the matrix is touched once for several columns."""
-    normal, gradient, rows, rest = (
-        work.normal,
-        work.gradient,
-        work.rows,
-        np.empty(BLOCK),
-    )
-    off, jacobian = work.off, work.depths.jacobian
+    normal = work.normal
+    gradient = work.gradient
+    rows = work.rows
+    rest = np.empty(BLOCK)
+    off = work.off
+    jacobian = work.depths.jacobian
     weight = 1.0 / np.sqrt((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
-    per_m, seen = (
-        weight / (problem.sd_m * np.sqrt(1.0 + work.depths.slope**2)),
-        work.depths.seen,
-    )
+    per_m = weight / (problem.sd_m * np.sqrt(1.0 + work.depths.slope**2))
+    seen = work.depths.seen
     for first in range(0, len(off), BLOCK):
-        rows[:], rest[:] = 0.0, 0.0
+        rows[:] = 0.0
+        rest[:] = 0.0
         for place in range(first, min(first + BLOCK, len(off))):
             if seen[place]:
                 rest[place - first] = weight[place] * off[place]
                 _add(rows[place - first], per_m[place], jacobian[place])
         for i in range(UNKNOWNS):
-            a, b, c, d = rows[0, i], rows[1, i], rows[2, i], rows[3, i]
+            a = rows[0, i]
+            b = rows[1, i]
+            c = rows[2, i]
+            d = rows[3, i]
             gradient[i] += a * rest[0] + b * rest[1] + c * rest[2] + d * rest[3]
             if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
                 for j in range(UNKNOWNS):
@@ -269,17 +273,20 @@ def add_tilt(
 
     With the depth the gap grows by it, and the way down the plane is longer than that along the needle axis.
     """
-    tilt, c, s = UNKNOWNS, np.cos(unknown[at.ROTATION]), np.sin(unknown[at.ROTATION])
-    normal[tilt, :], gradient[tilt], depths = 0.0, 0.0, work.depths
+    tilt = UNKNOWNS
+    c = np.cos(unknown[at.ROTATION])
+    s = np.sin(unknown[at.ROTATION])
+    normal[tilt, :] = 0.0
+    gradient[tilt] = 0.0
+    depths = work.depths
     for place in range(len(work.off)):
         if depths.seen[place]:
-            row, off = depths.jacobian[place], work.off[place]
+            row = depths.jacobian[place]
+            off = work.off[place]
             weight = 1.0 / ((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
             sd_m = problem.sd_m[place] * np.sqrt(1.0 + depths.slope[place] ** 2)
-            across, down = (
-                problem.scene.at_m[place] - unknown[at.LATERAL],
-                depths.even_m[place] - unknown[at.DEPTH],
-            )
+            across = problem.scene.at_m[place] - unknown[at.LATERAL]
+            down = depths.even_m[place] - unknown[at.DEPTH]
             deep = c * down - s * across
             by_tilt = (
                 (row[at.GAP] + (c + depths.even_slope[place] * s) * work.wall.pushed[2])
@@ -297,37 +304,35 @@ def add_tilt(
 def keep_inside(tables: SplineTables, unknown: Floats) -> None:
     """Keep dent and pressure within the library; a search strides beyond, even to walls of no thickness."""
     unknown[at.SIZE] = min(max(unknown[at.SIZE], -LARGEST_LOG_SIZE), LARGEST_LOG_SIZE)
-    size, (low, high), modulus = (
-        np.exp(unknown[at.SIZE]),
-        tables.thickness_ends_m,
-        unknown[at.MODULUS],
-    )
+    size = np.exp(unknown[at.SIZE])
+    (low, high) = tables.thickness_ends_m
+    modulus = unknown[at.MODULUS]
     unknown[at.TIP] = min(max(unknown[at.TIP], 0.0), tables.tip_m[-1] * size)
     per_tension = min(max(unknown[at.THICKNESS] / size, low), high) / tables.radius_m
-    least, most = (
-        np.log(tables.tension_ends[0] * per_tension),
-        np.log(tables.tension_ends[1] * per_tension),
-    )
+    least = np.log(tables.tension_ends[0] * per_tension)
+    most = np.log(tables.tension_ends[1] * per_tension)
     unknown[at.PRESSURE] = min(
         max(unknown[at.PRESSURE], least + modulus), most + modulus
     )
     for place in range(at.FORM_ENDS.shape[1]):
-        form, least, most = FORM + place, at.FORM_ENDS[0, place], at.FORM_ENDS[1, place]
+        form = FORM + place
+        least = at.FORM_ENDS[0, place]
+        most = at.FORM_ENDS[1, place]
         unknown[form] = min(max(unknown[form], least), most)
     farthest = min(
         1.0,
         HIGHEST_POLE / max(np.hypot(unknown[POLE], unknown[POLE + 1]), HIGHEST_POLE),
     )
-    unknown[POLE], unknown[POLE + 1] = (
-        unknown[POLE] * farthest,
-        unknown[POLE + 1] * farthest,
-    )
+    unknown[POLE] *= farthest
+    unknown[POLE + 1] *= farthest
 
 
 @compiled_part
 def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -> float:
     """Move unknowns to the least cost near them, and return it; damping is Marquardt's (`placement`)."""
-    damping, trial, is_new = FIRST_DAMPING, np.empty(UNKNOWNS), True
+    damping = FIRST_DAMPING
+    trial = np.empty(UNKNOWNS)
+    is_new = True
     cost, count = evaluate(problem, unknown, work)
     for _ in range(stopping.iterations):
         if is_new:
@@ -344,7 +349,9 @@ def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -
             continue
         hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
         settled = hardly_damped and cost - trial_cost < stopping.settled_cost
-        unknown[:], cost, damping = trial, trial_cost, damping / 10.0
+        unknown[:] = trial
+        cost = trial_cost
+        damping = damping / 10.0
         if settled:
             break
     return cost
@@ -353,26 +360,27 @@ def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -
 @compiled_part
 def _find_step(work: Work, damping: float) -> None:
     """Write the step of damped normal equations, where the pole moves no farther than its effect is straight."""
-    lower, step = work.lower, work.step
-    lower[:], step[:] = work.normal, work.gradient
+    lower = work.lower
+    step = work.step
+    lower[:] = work.normal
+    step[:] = work.gradient
     for i in range(UNKNOWNS):
         lower[i, i] += damping * work.normal[i, i]
     factorise(lower)
     solve(lower, step)
     farther = np.hypot(step[POLE], step[POLE + 1]) / POLE_STRIDE
     if farther > 1.0:
-        rest, along, across = (
-            step[:POLE],
-            step[POLE] / farther,
-            step[POLE + 1] / farther,
-        )
+        rest = step[:POLE]
+        along = step[POLE] / farther
+        across = step[POLE + 1] / farther
         rest[:] = (
             work.gradient[:POLE]
             - work.normal[:POLE, POLE] * along
             - work.normal[:POLE, POLE + 1] * across
         )
         solve(lower[:POLE], rest)
-        step[POLE], step[POLE + 1] = along, across
+        step[POLE] = along
+        step[POLE + 1] = across
 
 
 @compiled_in_place
@@ -408,10 +416,9 @@ def find_spread(
 ) -> None:
     """Write how standard normal numbers draw about the unknowns (number, unknown)."""
     find_normal(problem, unknown, count, work, scale)
-    sd, lower = (
-        problem.belief.sd,
-        work.lower,
-    )  # in these units the matrix is well conditioned
+    # in these units the matrix is well conditioned
+    sd = problem.belief.sd
+    lower = work.lower
     for i in range(UNKNOWNS):
         lower[i] = sd[i] * work.normal[i] * sd
     factorise(lower)

@@ -41,10 +41,8 @@ def cut_rings(
 
     The curves are distance from the needle axis and depth of the rings (..., node, 2), m; gap and tilt broadcast.
     """
-    distance, deep = (
-        curves[..., 0].astype(np.float64),
-        curves[..., 1].astype(np.float64),
-    )
+    distance = curves[..., 0].astype(np.float64)
+    deep = curves[..., 1].astype(np.float64)
     return distance**2 - (gap_m + deep * np.tan(tilt_rad)) ** 2, deep / np.cos(tilt_rad)
 
 
@@ -142,8 +140,10 @@ class SectionMotion:
         )
         left = np.minimum(from_first.astype(np.intp), len(self.lateral_p) - 2)
         weights = np.zeros((len(lateral_t), len(self.lateral_p)))
-        rows, share = np.arange(len(lateral_t)), from_first - left
-        weights[rows, left], weights[rows, left + 1] = 1.0 - share, share
+        rows = np.arange(len(lateral_t))
+        share = from_first - left
+        weights[rows, left] = 1.0 - share
+        weights[rows, left + 1] = share
         return np.asarray(weights @ self.moved_sbpc)
 
     @property
@@ -217,7 +217,8 @@ def depths_at_columns(
     )
     if moved:
         reach_m = reach_m + np.abs(moved[1].moved_sbpc[..., ALONG]).max(axis=(1, 2))
-    low, high = square_sbn[..., :-1], square_sbn[..., 1:]
+    low = square_sbn[..., :-1]
+    high = square_sbn[..., 1:]
     shown = (np.maximum(low, high) >= 0.0) & (low < reach_m[:, None, None] ** 2)
     folds_sb = (shown & (high <= low)).any(
         axis=2
@@ -227,7 +228,8 @@ def depths_at_columns(
         curves = curves.moved(*moved)
     folds_sb |= curves.hang_over(turn_s, reach_m)
     found = np.empty((*folds_sb.shape, columns_sc.shape[1]))
-    upright, turned = np.flatnonzero(turn_s == 0.0), np.flatnonzero(turn_s)
+    upright = np.flatnonzero(turn_s == 0.0)
+    turned = np.flatnonzero(turn_s)
     if len(upright):
         found[upright] = curves.of(upright).at(
             np.broadcast_to(columns_sc[upright, None], found[upright].shape)
@@ -244,11 +246,10 @@ def depths_at_columns(
                 .of(slice(sample, sample + 1))
                 .at(curve[:, 0])[0, boundary][:, [ALONG, DOWN]]
             )
-        c, s = np.cos(turn_s[sample]), np.sin(turn_s[sample])
-        place, depth = (
-            c * curve[:, 0] - s * curve[:, 1],
-            s * curve[:, 0] + c * curve[:, 1],
-        )
+        c = np.cos(turn_s[sample])
+        s = np.sin(turn_s[sample])
+        place = c * curve[:, 0] - s * curve[:, 1]
+        depth = s * curve[:, 0] + c * curve[:, 1]
         found[sample, boundary] = _seen_from_above(columns_sc[sample], place, depth)
     return found, np.asarray(folds_sb.any(axis=1))
 
@@ -261,7 +262,8 @@ class _Stations:
     """
 
     def __init__(self, depth_sbt: Floats, middle: int = 0) -> None:
-        self.depth_sbt, self.middle = depth_sbt, middle
+        self.depth_sbt = depth_sbt
+        self.middle = middle
         self.lateral_t = (np.arange(depth_sbt.shape[2]) - middle) * STATION_M
         self.slope_sbt = np.diff(depth_sbt, axis=2) / np.diff(self.lateral_t**2)
 
@@ -270,7 +272,8 @@ class _Stations:
         cls, square_sbn: Floats, depth_sbn: Floats, reach_m: float
     ) -> "_Stations":
         stations = int(reach_m / STATION_M) + 2
-        nodes, rows = square_sbn.shape[2], square_sbn.shape[0] * square_sbn.shape[1]
+        nodes = square_sbn.shape[2]
+        rows = square_sbn.shape[0] * square_sbn.shape[1]
         # The last ring at or before each station: count the rings up to it.
         first = (
             np.ceil(np.sqrt(np.maximum(square_sbn, 0.0)) / STATION_M)
@@ -284,7 +287,8 @@ class _Stations:
         ring = (np.cumsum(count, axis=1) - 1).clip(0, nodes - 2) + np.arange(rows)[
             :, None
         ] * nodes
-        square, depth = square_sbn.ravel(), depth_sbn.ravel()
+        square = square_sbn.ravel()
+        depth = depth_sbn.ravel()
         rise = np.diff(square, append=square[-1])
         slope = np.diff(depth, append=depth[-1]) / np.where(rise == 0.0, 1.0, rise)
         wanted = (np.arange(stations) * STATION_M) ** 2
@@ -303,11 +307,9 @@ class _Stations:
         lateral = np.arange(-last, last + 1) * STATION_M
         moved = motion.at(lateral)
         # r^2 = (X - along)^2 + (gap - across)^2, and the rings were cut where the contact has come from.
-        gap, contact, across = (
-            gap_s[:, None, None],
-            motion.across_contact[:, None, None],
-            moved[..., ACROSS],
-        )
+        gap = gap_s[:, None, None]
+        contact = motion.across_contact[:, None, None]
+        across = moved[..., ACROSS]
         square = (lateral - moved[..., ALONG]) ** 2 + (contact - across) * (
             2.0 * gap - contact - across
         )
@@ -334,7 +336,8 @@ class _Stations:
 
     def at_turned(self, columns_sbc: Floats, turn_sbc: Floats) -> Floats:
         """Return the depth at the columns of sections that are turned."""
-        c, s = np.cos(turn_sbc), np.sin(turn_sbc)
+        c = np.cos(turn_sbc)
+        s = np.sin(turn_sbc)
         lateral = np.broadcast_to(
             columns_sbc, (*self.depth_sbt.shape[:2], columns_sbc.shape[2])
         )
@@ -403,7 +406,8 @@ class Framing:
 
     def place(self, sample: int | np.integer[Any], points: Floats) -> Floats:
         """Return points (point, 2) of a sample's plane, lateral and depth in m, in its slice."""
-        c, s = np.cos(self.turn_rad[sample]), np.sin(self.turn_rad[sample])
+        c = np.cos(self.turn_rad[sample])
+        s = np.sin(self.turn_rad[sample])
         turned = points @ np.array([[c, s], [-s, c]])
         return np.asarray(
             self.scale[sample] * turned + [self.lateral_m[sample], self.depth_m[sample]]

@@ -60,11 +60,13 @@ class CubicSpline:
 
     def shares(self, places: Floats) -> Floats:
         """Return the weight of each node's value at places (place, node); for a few, cheaper than all weights."""
-        left, right = self._spread(self.nodes).T.copy(), self._spread(places).T.copy()
+        left = self._spread(self.nodes).T.copy()
+        right = self._spread(places).T.copy()
         # Elimination without pivoting: B-splines' matrices are banded and totally positive (de Boor, XIII), and the
         # threads of LAPACK wait for busy cores.
         for row in range(len(left)):
-            below, beside = slice(row + 1, row + SUPPORT), slice(row, row + SUPPORT)
+            below = slice(row + 1, row + SUPPORT)
+            beside = slice(row, row + SUPPORT)
             factor = left[below, row, None] / left[row, row]
             left[below, beside] -= factor * left[row, beside]
             right[below] -= factor * right[row]
@@ -75,7 +77,8 @@ class CubicSpline:
 
     def slopes(self, coefficients: Floats) -> Floats:
         """Return the spline's derivative at the nodes; `coefficients` and result have the nodes as last axis."""
-        knots, degree = self.knots, SUPPORT - 1
+        knots = self.knots
+        degree = SUPPORT - 1
         of_slope = np.diff(coefficients, axis=-1) * (
             degree / (knots[SUPPORT:-1] - knots[1:-SUPPORT])
         )
@@ -117,7 +120,8 @@ class Pieces(NamedTuple):
     def of(cls, knots: Floats, degree: int) -> "Pieces":
         """Return the B-splines of a degree, by Cox and de Boor's recursion."""
         ends = knots[degree : len(knots) - degree]
-        start, step = ends[:-1], np.diff(ends)
+        start = ends[:-1]
+        step = np.diff(ends)
         span = degree + np.arange(len(start))
         found = np.zeros(
             (degree + 1, degree + 1, len(start))
@@ -126,7 +130,8 @@ class Pieces(NamedTuple):
         for order in range(1, degree + 1):
             rest = np.zeros_like(found[0])
             for number in range(order):
-                right, left = knots[span + number + 1], knots[span + number + 1 - order]
+                right = knots[span + number + 1]
+                left = knots[span + number + 1 - order]
                 part = found[number] / (right - left)
                 found[number] = rest + _times(part, right - start, -step)
                 rest = _times(part, start - left, step)
@@ -197,7 +202,8 @@ def first_place(tip_m: Floats, path: Floats, wanted: float) -> float:
         return float(tip_m[0])
     for tip in range(tips - 1):
         step = tip_m[tip + 1] - tip_m[tip]
-        start, end = path[tips + tip] * step, path[tips + tip + 1] * step
+        start = path[tips + tip] * step
+        end = path[tips + tip + 1] * step
         rise = path[tip + 1] - path[tip]
         cubic = (
             path[tip],
@@ -231,7 +237,8 @@ def _rising_root(
     cubic: tuple[float, float, float, float], wanted: float, high: float
 ) -> float:
     """Return where a cubic reaches a value from below."""
-    low, place = 0.0, 0.5 * high
+    low = 0.0
+    place = 0.5 * high
     for _ in range(MOST_STEPS):
         over = _value(cubic, place) - wanted
         if over < 0.0:
@@ -288,18 +295,18 @@ def spline_weights(
     pieces: Pieces, place: float
 ) -> tuple[int, tuple[float, float, float, float]]:
     """Return the first of four B-splines that are not zero at a place, and their weights (`CubicSpline.weights`)."""
-    interval, after = 0, len(pieces.start)
+    interval = 0
+    after = len(pieces.start)
     while after - interval > 1:
         middle = (interval + after) // 2
         if pieces.start[middle] <= place:
             interval = middle
         else:
             after = middle
-    share, powers = (
-        (place - pieces.start[interval]) / pieces.step[interval],
-        pieces.coefficient_ikb[interval],
-    )
-    first, second = _power(powers, 0, share), _power(powers, 1, share)
+    share = (place - pieces.start[interval]) / pieces.step[interval]
+    powers = pieces.coefficient_ikb[interval]
+    first = _power(powers, 0, share)
+    second = _power(powers, 1, share)
     return interval, (first, second, _power(powers, 2, share), _power(powers, 3, share))
 
 
@@ -334,8 +341,10 @@ def state_weights(
             for k in range(SUPPORT):
                 rows[place + k] = row + j * tables.tips + k
             scale = of_t[i] * weight
-            weights[place], weights[place + 1] = scale * of_d[0], scale * of_d[1]
-            weights[place + 2], weights[place + 3] = scale * of_d[2], scale * of_d[3]
+            weights[place] = scale * of_d[0]
+            weights[place + 1] = scale * of_d[1]
+            weights[place + 2] = scale * of_d[2]
+            weights[place + 3] = scale * of_d[3]
 
 
 Weights = tuple[float, float, float, float]
@@ -355,14 +364,13 @@ def value_of(
         tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m)
     )
     d, of_d = spline_weights(tables.tip, tip_m)
-    tips, row = tables.tips, (t * tables.tensions + p) * tables.tips + d
+    tips = tables.tips
+    row = (t * tables.tensions + p) * tables.tips + d
     step = (
         tips * tables.tensions
     )  # written out: a loop over a tuple takes three times as long
-    first, second = (
-        _over_tensions(values, row, tips, of_p, of_d),
-        _over_tensions(values, row + step, tips, of_p, of_d),
-    )
+    first = _over_tensions(values, row, tips, of_p, of_d)
+    second = _over_tensions(values, row + step, tips, of_p, of_d)
     third = _over_tensions(values, row + 2 * step, tips, of_p, of_d)
     fourth = _over_tensions(values, row + 3 * step, tips, of_p, of_d)
     return float(
@@ -374,17 +382,17 @@ def value_of(
 def _over_tensions(
     values: Floats, row: int, tips: int, of_p: Weights, of_d: Weights
 ) -> float:
-    first, second = _over_tips(values, row, of_d), _over_tips(values, row + tips, of_d)
-    third, fourth = (
-        _over_tips(values, row + 2 * tips, of_d),
-        _over_tips(values, row + 3 * tips, of_d),
-    )
+    first = _over_tips(values, row, of_d)
+    second = _over_tips(values, row + tips, of_d)
+    third = _over_tips(values, row + 2 * tips, of_d)
+    fourth = _over_tips(values, row + 3 * tips, of_d)
     return of_p[0] * first + of_p[1] * second + of_p[2] * third + of_p[3] * fourth
 
 
 @compiled_in_place
 def _over_tips(values: Floats, row: int, of_d: Weights) -> float:
-    first, second = of_d[0] * values[row], of_d[1] * values[row + 1]
+    first = of_d[0] * values[row]
+    second = of_d[1] * values[row + 1]
     return float(first + second + of_d[2] * values[row + 2] + of_d[3] * values[row + 3])
 
 
@@ -395,13 +403,12 @@ def curves_at(
     """Write values of the curves (b n c,) of a state, from `first` on; four rows follow one another."""
     found[:] = 0.0
     for place in range(0, len(rows), SUPPORT):
-        row, end = rows[place], first + len(found)
-        a, b, c, d = (
-            weights[place],
-            weights[place + 1],
-            weights[place + 2],
-            weights[place + 3],
-        )
+        row = rows[place]
+        end = first + len(found)
+        a = weights[place]
+        b = weights[place + 1]
+        c = weights[place + 2]
+        d = weights[place + 3]
         _add_rows(
             found,
             a,
@@ -424,7 +431,8 @@ def undented_at(
     p, of_p = spline_weights(
         tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m)
     )
-    undented, found[:] = tables.undented, 0.0
+    undented = tables.undented
+    found[:] = 0.0
     for i in range(SUPPORT):
         row = (t + i) * tables.tensions + p
         _add_rows(
@@ -488,11 +496,9 @@ def curves_of(
     found: Curves,
 ) -> None:
     """Write the curves (sample, b n c) of states (sample,)."""
-    rows, weights, curves = (
-        np.empty(SUPPORT**3, dtype=np.intp),
-        np.empty(SUPPORT**3),
-        np.empty(found.shape[1]),
-    )
+    rows = np.empty(SUPPORT**3, dtype=np.intp)
+    weights = np.empty(SUPPORT**3)
+    curves = np.empty(found.shape[1])
     for sample in range(len(found)):
         state_weights(
             tables, thickness_m[sample], iop_ratio[sample], tip_m[sample], rows, weights

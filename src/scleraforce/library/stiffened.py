@@ -69,9 +69,11 @@ class ReducedRows:
 
 def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
     """Return finite rows (row, value) in a reduced basis, with no value off by more than `largest_error`."""
-    rest_rv, step = rows_rv.astype(np.float64), STEP * largest_error
+    rest_rv = rows_rv.astype(np.float64)
+    step = STEP * largest_error
     found = _worst(rest_rv)
-    directions, steps = [], []
+    directions = []
+    steps = []
     while found.max(initial=0.0) > largest_error:
         farthest = rest_rv[np.argmax(found)]
         directions.append(
@@ -106,10 +108,8 @@ def _by_size(
 ) -> ReducedRows:
     """Put the parts with the largest integers first, and every integer into the smallest type that holds it."""
     rows, values = rows_rv.shape
-    basis_kv, steps_kr = (
-        np.reshape(np.array(directions, np.float32), (-1, values)),
-        np.reshape(steps, (-1, rows)),
-    )
+    basis_kv = np.reshape(np.array(directions, np.float32), (-1, values))
+    steps_kr = np.reshape(steps, (-1, rows))
     most = np.abs(steps_kr).max(axis=1, initial=0.0)
     ends = [float(np.iinfo(name).max) for name in STEP_TYPES]
     if most.max(initial=0.0) > ends[0]:
@@ -221,7 +221,8 @@ class ReducedCurves:
 
     def within(self, nodes: int) -> "ReducedCurves":
         """Return the first nodes of the curves."""
-        parts, shape = len(self.rows.basis_kv), (*self.shape[:5], nodes, 2)
+        parts = len(self.rows.basis_kv)
+        shape = (*self.shape[:5], nodes, 2)
         basis_kbnc = self.rows.basis_kv.reshape(parts, *self.shape[4:])[:, :, :nodes]
         return replace(
             self,
@@ -276,7 +277,8 @@ class StiffenedWalls:
         here: Floats = (self.stiffening == stiffening).astype(np.float64)
         if here.any():
             return here
-        low, high = float(self.stiffening[0]), float(self.stiffening[-1])
+        low = float(self.stiffening[0])
+        high = float(self.stiffening[-1])
         if low == high:
             raise InputError(
                 f"stiffening: the library only holds tissue of {low:g}, not of {stiffening:g}"

@@ -35,12 +35,10 @@ from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study
 
-FORCES, DISPLACED, CURVES, SUPPORT_FORCES = (
-    "force_ratio",
-    "displaced_m3",
-    "curves",
-    "support_force_ratio",
-)
+FORCES = "force_ratio"
+DISPLACED = "displaced_m3"
+CURVES = "curves"
+SUPPORT_FORCES = "support_force_ratio"
 AXES = ("stiffening", "thickness_m", "tension", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")
 KIND = StoreKind(
@@ -134,7 +132,8 @@ def open_library(path: str | PathLike[str]) -> Library:
         curves=WholeCurves(arrays[CURVES]),
     )
     thickness_m, tension, tip_m = (arrays[name] for name in AXES[1:])
-    forces, supported = arrays[FORCES][0], arrays[SUPPORT_FORCES]
+    forces = arrays[FORCES][0]
+    supported = arrays[SUPPORT_FORCES]
     polar_rad, stiffness_atpd = base_stiffness(
         thickness_m, tension, tip_m, forces, supported
     )
@@ -162,7 +161,8 @@ def _layouts(plan: LibraryPlan) -> dict[str, Layout]:
         len(plan.tension),
         len(plan.tip_m),
     )
-    supports, path = (*plan.support_shape, plan.support_tips), (1, 1, 1, shape[3])
+    supports = (*plan.support_shape, plan.support_tips)
+    path = (1, 1, 1, shape[3])
     return {
         name: layout((size,), (size,), "float64")
         for name, size in zip(AXES, shape, strict=True)
@@ -257,10 +257,8 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
         stiffening=planned.stiffening,
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
     )
-    beyond_m, step_m = (
-        planned.tip_m[len(path.tip_m) :] - path.tip_m[-1],
-        path.tip_m[-1] - path.tip_m[-2],
-    )
+    beyond_m = planned.tip_m[len(path.tip_m) :] - path.tip_m[-1]
+    step_m = path.tip_m[-1] - path.tip_m[-2]
 
     def extrapolated(values: Floats) -> Floats:
         """Return values (solved tip, ...) at all tips: beyond the last one on the line through the last two."""
@@ -272,10 +270,8 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
             ]
         )
 
-    force_d, displaced_d = (
-        extrapolated(path.force_ratio_m2),
-        extrapolated(path.displaced_m3),
-    )
+    force_d = extrapolated(path.force_ratio_m2)
+    displaced_d = extrapolated(path.displaced_m3)
     return SolvedPath(
         force_d, displaced_d, extrapolated(path.curves_sbnc).astype(np.float32)
     )

@@ -84,7 +84,10 @@ NAMES = (
 FORM = slice(SHINE + 1, SHINE + 1 + len(FORMS))
 POLE = slice(FORM.stop, len(NAMES))
 
-TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
+TIP_STEP_M = 20e-6
+GAP_STEP_M = 10e-6
+THICKNESS_STEP_M = 5e-6
+LOG_PRESSURE_STEP = 0.02
 POLE_STEP = 5e-3
 SHINING_SLOPE = 0.115  # at which the surface's mirror reflection moves its edge 1/e as far as where it faces the light
 

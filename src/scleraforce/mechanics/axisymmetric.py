@@ -170,7 +170,8 @@ def axisymmetric_path(
         radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize()
     )
     wall = AxisymmetricWall(mesh, poisson_ratio, stiffening=stiffening)
-    start, most = pressurise(wall, iop_ratio), max_force_ratio_m2
+    start = pressurise(wall, iop_ratio)
+    most = max_force_ratio_m2
     path = trace(
         wall,
         start,
@@ -196,10 +197,8 @@ class AxisymmetricWall:
     ) -> None:
         """`symmetric`: the support is a plane of symmetry, at a right angle to the axis, instead of a clamp."""
         self.mesh = mesh
-        held_nc, across = (
-            np.zeros(mesh.points_nc.shape, dtype=bool),
-            len(mesh.points_nc) // len(mesh.outer_n),
-        )
+        held_nc = np.zeros(mesh.points_nc.shape, dtype=bool)
+        across = len(mesh.points_nc) // len(mesh.outer_n)
         held_nc[:across, 0] = True  # radial motion on the axis
         held_nc[-across:] = not symmetric, True  # the support
         self.free: Integers = np.flatnonzero(~held_nc.ravel())
@@ -266,7 +265,8 @@ class _Band:
         rows, columns = np.broadcast_arrays(local[:, :, None], local[:, None, :])
         kept = (rows >= 0) & (columns >= 0)
         self._entries = np.flatnonzero(kept)
-        self._columns, self._offsets = columns[kept], rows[kept] - columns[kept]
+        self._columns = columns[kept]
+        self._offsets = rows[kept] - columns[kept]
         self._below = self._offsets >= 0
         self._entries_below = self._entries[self._below]
         self.width = int(np.abs(self._offsets).max())

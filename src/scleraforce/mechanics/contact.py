@@ -25,13 +25,15 @@ class Contact:
     @property
     def normal(self) -> Floats:
         """Outward unit normal, shape (3,); the needle axis is its opposite."""
-        s, c = sin(self.polar_rad), cos(self.polar_rad)
+        s = sin(self.polar_rad)
+        c = cos(self.polar_rad)
         return np.array([s * cos(self.azimuth_rad), s * sin(self.azimuth_rad), c])
 
     @property
     def meridian(self) -> Floats:
         """Unit tangent along the meridian, away from the pole, shape (3,)."""
-        s, c = sin(self.polar_rad), cos(self.polar_rad)
+        s = sin(self.polar_rad)
+        c = cos(self.polar_rad)
         return np.array([c * cos(self.azimuth_rad), c * sin(self.azimuth_rad), -s])
 
     @property

@@ -51,7 +51,8 @@ class PathStates:
 
 def pressurise(problem: Equilibrium, pressure: float) -> Floats:
     """Return the displacement (unknown,) under a pressure p/E and no needle."""
-    reached, step = 0.0, 1.0
+    reached = 0.0
+    step = 1.0
     u = np.zeros_like(problem.needle)
     if pressure == 0.0:
         return solve_balance(Balance(problem, 0.0), u)[0]
@@ -68,7 +69,8 @@ def pressurise(problem: Equilibrium, pressure: float) -> Floats:
                 remedy = "use a thicker or stiffer wall, or less pressure"
                 raise SolverError(f"pressure: equilibrium {found}; {remedy}") from fault
             continue
-        reached, step = share, step * (2.0 if factors <= 2 else 1.0)
+        reached = share
+        step = step * (2.0 if factors <= 2 else 1.0)
     return u
 
 
@@ -152,11 +154,10 @@ def _end(tips_m: Floats | None, max_tip_m: float | None, other: float) -> float:
 def _states(
     kept: list[tuple[float, Floats]], unknowns: int, control: Dent
 ) -> PathStates:
-    tips, unknowns_sx = (
-        np.array([tip for tip, _ in kept]),
-        np.stack([x for _, x in kept]),
-    )
-    forces, displacement_su = unknowns_sx[:, control.count], unknowns_sx[:, :unknowns]
+    tips = np.array([tip for tip, _ in kept])
+    unknowns_sx = np.stack([x for _, x in kept])
+    forces = unknowns_sx[:, control.count]
+    displacement_su = unknowns_sx[:, :unknowns]
     if isinstance(control, SealedDent):
         return PathStates(
             tips,
@@ -178,11 +179,9 @@ class _Walk:
         self, control: Dent, largest_m: float, end_m: float, smallest: float
     ) -> None:
         """`smallest`: of the path, or of its largest step, the shortest step that is tried."""
-        self.control, self.step_m, self.largest_m = (
-            control,
-            min(FIRST_STEP_M, largest_m),
-            largest_m,
-        )
+        self.control = control
+        self.step_m = min(FIRST_STEP_M, largest_m)
+        self.largest_m = largest_m
         self.shortest_m = smallest * min(end_m, largest_m)
         self.history: list[tuple[float, Floats]] = [(0.0, control.unloaded)]
 
@@ -205,7 +204,8 @@ class _Walk:
             try:
                 x, factors = solve_balance(self.control, self._extrapolated(tip_m))
             except SolverError as fault:
-                easy, self.step_m = 1.0, 0.5 * (tip_m - self.tip_m)
+                easy = 1.0
+                self.step_m = 0.5 * (tip_m - self.tip_m)
                 if self.step_m >= self.shortest_m:
                     continue
                 ratio = f"F/E = {from_si(self.control.force(self.history[-1][1]), 'mm2'):.4g} mm^2"

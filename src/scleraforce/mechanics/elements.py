@@ -66,7 +66,8 @@ def surface_points(
     """
     places, weights = gauss_points(2, count)
     nodes = quads_qn.shape[1]
-    values_pn, slopes_pnk = shape_values(places, nodes), shape_gradients(places, nodes)
+    values_pn = shape_values(places, nodes)
+    slopes_pnk = shape_gradients(places, nodes)
     tangents_qpck = np.einsum(
         "qnc,pnk->qpck", mesh.points_nc[quads_qn], slopes_pnk, optimize=True
     )
@@ -118,7 +119,8 @@ def add_faces(
 
     `quads_q`: numbers of the faces, by default all, on the outer (`layer` 2) or inner surface (0); they may repeat.
     """
-    nodes, quads = mesh.cells_en.shape[1], len(mesh.outer_qn)
+    nodes = mesh.cells_en.shape[1]
+    quads = len(mesh.outer_qn)
     local_n = np.array(
         [COLUMN_NODES.index((layer, node)) for node in range(mesh.outer_qn.shape[1])]
     )

@@ -65,7 +65,8 @@ class Balance:
     """
 
     def __init__(self, problem: Equilibrium, pressure: float) -> None:
-        self.problem, self.pressure = problem, pressure
+        self.problem = problem
+        self.pressure = pressure
         self.count = len(problem.needle)
         self.unloaded = np.zeros(self.count)
         self.applied = float(
@@ -96,13 +97,15 @@ class Dent(Balance):
 
     def __init__(self, problem: Equilibrium, start: Floats, pressure: float) -> None:
         super().__init__(problem, pressure)
-        self.start, self.unloaded = start, np.append(start, 0.0)
+        self.start = start
+        self.unloaded = np.append(start, 0.0)
         self.tip_m = self.largest_force = 0.0
         self._needle_norm = float(np.linalg.norm(problem.needle))
 
     def defect(self, x: Floats) -> Floats:
         """Return the forces out of balance and the error of the tip."""
-        u, force = x[: self.count], x[self.count]
+        u = x[: self.count]
+        force = x[self.count]
         balance = self.problem.residual(u, self.pressure) - force * self.problem.needle
         return np.append(balance, self.problem.tip @ (u - self.start) - self.tip_m)
 
@@ -159,7 +162,8 @@ class SealedDent(Dent):
         self, problem: Equilibrium, start: Floats, pressure: float, globe: Globe
     ) -> None:
         super().__init__(problem, start, pressure)
-        self.globe, self.count = globe, 2 * len(start)
+        self.globe = globe
+        self.count = 2 * len(start)
         self.unloaded = np.concatenate([start, start, [0.0, pressure]])
 
     def defect(self, x: Floats) -> Floats:
@@ -189,12 +193,11 @@ class SealedDent(Dent):
     def factor(self, x: Floats) -> Solve:
         """Factor the derivative of the defect."""
         dented, undented, _, pressure = self._parts(x)
-        problem, half = self.problem, self.count // 2
+        problem = self.problem
+        half = self.count // 2
         solves = problem.factor(dented, pressure), problem.factor(undented, pressure)
-        (inside, gradient), (undented_inside, undented_gradient) = (
-            problem.volume(dented),
-            problem.volume(undented),
-        )
+        (inside, gradient) = problem.volume(dented)
+        (undented_inside, undented_gradient) = problem.volume(undented)
         stiffness = float(
             self.globe.stiffness(
                 self.globe.pressure(self.pressure, undented_inside - inside)
@@ -273,7 +276,9 @@ def _newton_step(
             left = _size(control, trial_step) / _size(control, step)
             if not left < 1.0:
                 break
-            x, defect, step = trial, trial_defect, trial_step
+            x = trial
+            defect = trial_defect
+            step = trial_step
     except (ArithmeticError, np.linalg.LinAlgError) as fault:
         raise SolverError(f"equilibrium: {fault}; use a shorter step") from fault
     return x, defect, _found(control, x, defect, step)

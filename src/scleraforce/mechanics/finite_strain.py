@@ -202,10 +202,8 @@ class FiniteWall:
             progress=progress,
         )
         displacement_snc = np.stack([self.full_nc(u) for u in states.displacement_su])
-        forces_n, pressures_pa = (
-            states.force * youngs_modulus_pa,
-            states.pressure * youngs_modulus_pa,
-        )
+        forces_n = states.force * youngs_modulus_pa
+        pressures_pa = states.pressure * youngs_modulus_pa
         rises_m = (states.displacement_su[0] - states.undented_su) @ problem.tip
         return LoadPath(
             self.mesh, states.tip_m, forces_n, pressures_pa, rises_m, displacement_snc
@@ -260,7 +258,8 @@ class WallEquilibrium:
 
     def residual(self, u: Floats, pressure: float) -> Floats:
         """Return the forces out of balance without the needle, (unknown,)."""
-        wall, displaced_nc = self._wall, self._wall.full_nc(u)
+        wall = self._wall
+        displaced_nc = self._wall.full_nc(u)
         pushed_nc = (
             wall.inner.forces(displaced_nc)
             if wall.dead_pressure_nc is None
@@ -278,7 +277,8 @@ class WallEquilibrium:
 
         Newton's next step removes its relative error of about 1e-4: the forces alone decide the limit.
         """
-        wall, displaced_nc = self._wall, self._wall.full_nc(u)
+        wall = self._wall
+        displaced_nc = self._wall.full_nc(u)
         elements = wall.solid.tangents(displaced_nc, np.float32)
         if wall.dead_pressure_nc is None and pressure != 0.0:
             wall.inner.add_tangent(elements, displaced_nc, -pressure)
@@ -299,7 +299,8 @@ class WallEquilibrium:
 
     def volume(self, u: Floats) -> tuple[float, Floats]:
         """Return the volume inside in m^3 and its derivative, (unknown,)."""
-        inner, displaced_nc = self._wall.inner, self._wall.full_nc(u)
+        inner = self._wall.inner
+        displaced_nc = self._wall.full_nc(u)
         return inner.volume(displaced_nc), inner.forces(displaced_nc).ravel()[
             self._wall.free
         ]

@@ -38,7 +38,8 @@ def corneal_surface(
         cosine_n[:, None] * directions_nc - axis_c
     )  # sin a times the unit vector of growing a
     angle_n = np.arctan2(np.linalg.norm(across_nc, axis=1), cosine_n)
-    rho_n, lean_n = np.full_like(angle_n, radius_m), np.zeros_like(angle_n)
+    rho_n = np.full_like(angle_n, radius_m)
+    lean_n = np.zeros_like(angle_n)
     inside = angle_n <= ends_rad[0]
     rho_n[inside], lean_n[inside] = _sphere(angle_n[inside], cornea, radius_m)
     between = (angle_n > ends_rad[0]) & (angle_n < ends_rad[1])
@@ -60,10 +61,8 @@ def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
         raise InputError(
             f"form.cornea: limbus_radius_mm: {found}; must be below the radius of the eye, {globe}"
         )
-    limbus_rad, half_edge_rad = (
-        asin(cornea.limbus_radius_m / radius_m),
-        0.5 * cornea.edge_m / radius_m,
-    )
+    limbus_rad = asin(cornea.limbus_radius_m / radius_m)
+    half_edge_rad = 0.5 * cornea.edge_m / radius_m
     width = f"form.cornea: edge_mm: {from_si(cornea.edge_m, 'mm'):g} mm"
     if not half_edge_rad < limbus_rad:
         raise InputError(f"{width}; must be narrower than the cornea is wide")
@@ -79,7 +78,8 @@ def _sphere(
     angle_n: Floats | float, cornea: CorneaStudy, radius_m: float
 ) -> tuple[Floats, Floats]:
     """The cornea's sphere at angles from its axis: rho, m, and the lean of the normal, rho'/(rho sin a)."""
-    r, ring = cornea.radius_m, cornea.limbus_radius_m
+    r = cornea.radius_m
+    ring = cornea.limbus_radius_m
     h = sqrt(radius_m**2 - ring**2) - sqrt(r**2 - ring**2)
     w = np.sqrt(r**2 - (h * np.sin(angle_n)) ** 2)
     return np.asarray(h * np.cos(angle_n) + w), np.asarray(-h / w)
@@ -89,12 +89,12 @@ def _furrow(
     angle_n: Floats, ends_rad: tuple[float, float], cornea: CorneaStudy, radius_m: float
 ) -> tuple[Floats, Floats]:
     """The cubic across the limbus: rho and the lean of the normal, as `_sphere`."""
-    start, width = ends_rad[0], ends_rad[1] - ends_rad[0]
+    start = ends_rad[0]
+    width = ends_rad[1] - ends_rad[0]
     rho, lean = (float(value) for value in _sphere(start, cornea, radius_m))
-    rise, slope = (
-        rho - radius_m,
-        lean * rho * np.sin(start) * width,
-    )  # over the globe; along x, from 0 to 1
+    # over the globe; along x, from 0 to 1
+    rise = rho - radius_m
+    slope = lean * rho * np.sin(start) * width
     x = (angle_n - start) / width
     rho_n = (
         radius_m + rise * (1.0 - x) ** 2 * (1.0 + 2.0 * x) + slope * x * (1.0 - x) ** 2

@@ -109,7 +109,8 @@ class Globe:
 
         `leak_steps`: time constant over the step. `pressed` gives the pressure under a force after a leak, m^3.
         """
-        leaked_m3, share = [0.0], -float(np.expm1(-1.0 / leak_steps))
+        leaked_m3 = [0.0]
+        share = -float(np.expm1(-1.0 / leak_steps))
         for force_n in forces_n[:-1].tolist():
             raising_m3 = self.displaced_m3(resting, pressed(force_n, leaked_m3[-1]))
             leaked_m3.append(leaked_m3[-1] + share * float(raising_m3))

@@ -49,10 +49,8 @@ def graded_mesh(
             contact, core, max(int(FAR_RINGS * rings), 1), 2.0 * CORE_M / radius_m
         )
         # The mirror image of `below` joins on z = 0, where both have the same vertices, as their last ones.
-        shared, above = (
-            int(np.sum(below.points_vc[:, 2] == 0.0)),
-            len(surface.points_vc),
-        )
+        shared = int(np.sum(below.points_vc[:, 2] == 0.0))
+        above = len(surface.points_vc)
         own = len(below.points_vc) - shared
         number = np.concatenate(
             [above + np.arange(own), above - shared + np.arange(shared)]
@@ -111,7 +109,8 @@ def _o_grid(
     corner = half * square[around]
     angle = np.arctan2(corner.imag, corner.real)
     # Radii of the rings, from behind the square to 1: even steps near it, growing in proportion far from it.
-    nearest, farthest = np.arcsinh(half / GRADING), np.arcsinh(1.0 / GRADING)
+    nearest = np.arcsinh(half / GRADING)
+    farthest = np.arcsinh(1.0 / GRADING)
     places: Floats = GRADING * np.sinh(np.linspace(nearest, farthest, rings + 1)[1:])
     places[-1] = 1.0
     # From the rounded square to circles: its shape, scaled, counts as the square of the radius falls.
@@ -124,7 +123,8 @@ def _o_grid(
     first = np.concatenate(
         [around[None], len(square) + np.arange(rings * 4 * core).reshape(rings, -1)]
     )
-    inner, outer = first[:-1], first[1:]
+    inner = first[:-1]
+    outer = first[1:]
     ring_quads = np.stack(
         [inner, outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1)], axis=-1
     )

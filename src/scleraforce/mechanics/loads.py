@@ -209,11 +209,9 @@ class InnerSurface:
     def __init__(self, mesh: HexMesh) -> None:
         places, weights = gauss_points(2, PRESSURE_POINTS)
         nodes = mesh.inner_qn.shape[1]
-        self._mesh, self._points_nc, self._quads_qn = (
-            mesh,
-            mesh.points_nc,
-            mesh.inner_qn,
-        )
+        self._mesh = mesh
+        self._points_nc = mesh.points_nc
+        self._quads_qn = mesh.inner_qn
         base = mesh.points_nc[np.intersect1d(mesh.base_nodes, mesh.inner_qn)]
         self._origin_c = base.mean(axis=0) if len(base) else np.zeros(3)
         self._values_pn = shape_values(places, nodes)
@@ -392,10 +390,8 @@ def rectus_straps(
         + 0.5 * width_rad * places[:, 0] / np.sin(polar_rad)
     ]
     quads, values_pn = locate(mesh, np.array([contact.normal for contact in contacts]))
-    weights_p, along_pc = (
-        np.tile(0.5 * weights, len(INSERTIONS)),
-        np.array([contact.meridian for contact in contacts]),
-    )
+    weights_p = np.tile(0.5 * weights, len(INSERTIONS))
+    along_pc = np.array([contact.meridian for contact in contacts])
     blocks = np.einsum(
         "p,pn,pm,pi,pj->pnmij",
         weights_p,

@@ -18,7 +18,8 @@ def _local_coordinates(
     """Return local coordinates (direction, 2) in given quads, by Newton's method until the last one has converged."""
     count = len(quads)
     local = np.zeros((count, 2))
-    u, v = np.empty((count, 3, 3)), np.empty((count, 3, 3))
+    u = np.empty((count, 3, 3))
+    v = np.empty((count, 3, 3))
     along = np.empty(3)
     for n in range(count):
         quad = quads[n]
@@ -29,7 +30,8 @@ def _local_coordinates(
                 + frame[2] * directions_dc[n, 2]
                 + frame[1] * directions_dc[n, 1]
             )
-        a, b = along[0] / along[2], along[1] / along[2]
+        a = along[0] / along[2]
+        b = along[1] / along[2]
         for i in range(3):
             for j in range(3):
                 third = polynomials[i, j, 2, quad]
@@ -38,8 +40,10 @@ def _local_coordinates(
     for _ in range(NEWTON_STEPS):
         largest = 0.0
         for n in range(count):
-            x, y = local[n, 0], local[n, 1]
-            p, q = u[n], v[n]
+            x = local[n, 0]
+            y = local[n, 1]
+            p = u[n]
+            q = v[n]
             p0 = p[0, 0] + y * (p[0, 1] + y * p[0, 2])
             p1 = p[1, 0] + y * (p[1, 1] + y * p[1, 2])
             p2 = p[2, 0] + y * (p[2, 1] + y * p[2, 2])
@@ -47,8 +51,10 @@ def _local_coordinates(
             q1 = q[1, 0] + y * (q[1, 1] + y * q[1, 2])
             q2 = q[2, 0] + y * (q[2, 1] + y * q[2, 2])
             twice = 2.0 * y
-            f, g = p0 + x * (p1 + x * p2), q0 + x * (q1 + x * q2)
-            f_x, g_x = p1 + 2.0 * x * p2, q1 + 2.0 * x * q2
+            f = p0 + x * (p1 + x * p2)
+            g = q0 + x * (q1 + x * q2)
+            f_x = p1 + 2.0 * x * p2
+            g_x = q1 + 2.0 * x * q2
             f_y = (
                 p[0, 1]
                 + twice * p[0, 2]
@@ -60,14 +66,10 @@ def _local_coordinates(
                 + x * (q[1, 1] + twice * q[1, 2] + x * (q[2, 1] + twice * q[2, 2]))
             )
             determinant = f_x * g_y - f_y * g_x
-            dx, dy = (
-                (f_y * g - g_y * f) / determinant,
-                (g_x * f - f_x * g) / determinant,
-            )
-            local[n, 0], local[n, 1] = (
-                min(max(x + dx, -2.0), 2.0),
-                min(max(y + dy, -2.0), 2.0),
-            )
+            dx = (f_y * g - g_y * f) / determinant
+            dy = (g_x * f - f_x * g) / determinant
+            local[n, 0] = min(max(x + dx, -2.0), 2.0)
+            local[n, 1] = min(max(y + dy, -2.0), 2.0)
             largest = max(largest, abs(dx), abs(dy))
         if largest < CONVERGED:
             break
@@ -93,20 +95,19 @@ def cross_quads(
     for _ in range(CROSSINGS):
         count = 0
         for n in range(len(quads)):
-            x, y = local[n, 0], local[n, 1]
-            beyond[0], beyond[1], beyond[2], beyond[3] = (
-                -y - 1.0,
-                x - 1.0,
-                y - 1.0,
-                -x - 1.0,
-            )
-            side, farthest = (
-                0,
-                -np.inf,
-            )  # of no side without a neighbour: at the base only rounding leads outside
+            x = local[n, 0]
+            y = local[n, 1]
+            beyond[0] = -y - 1.0
+            beyond[1] = x - 1.0
+            beyond[2] = y - 1.0
+            beyond[3] = -x - 1.0
+            # of no side without a neighbour: at the base only rounding leads outside
+            side = 0
+            farthest = -np.inf
             for edge in range(4):
                 if neighbours_qe[quads[n], edge] >= 0 and beyond[edge] > farthest:
-                    side, farthest = edge, beyond[edge]
+                    side = edge
+                    farthest = beyond[edge]
             if farthest > OUTSIDE:
                 quads[n] = neighbours_qe[quads[n], side]
                 leaving[count] = n

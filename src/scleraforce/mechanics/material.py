@@ -42,7 +42,8 @@ def lame_constants(
     >>> lame_constants(2.5, 0.25)
     (1.0, 1.0)
     """
-    E, nu = youngs_modulus_pa, poisson_ratio
+    E = youngs_modulus_pa
+    nu = poisson_ratio
     return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
 
 
@@ -179,11 +180,10 @@ def driven_back(
 
     `shares` (candidate, term). Fe is 0 where `contact` is False: nothing pulls there.
     """
-    memory, elastic_n = np.zeros(shares.shape), np.zeros(len(shares))
-    found_n, memories_n = (
-        np.zeros((len(shares), len(felt_n))),
-        np.zeros((len(shares), len(felt_n), len(times_s))),
-    )
+    memory = np.zeros(shares.shape)
+    elastic_n = np.zeros(len(shares))
+    found_n = np.zeros((len(shares), len(felt_n)))
+    memories_n = np.zeros((len(shares), len(felt_n), len(times_s)))
     for index, (old, kept, new) in enumerate(
         line_weights(np.diff(time_s, prepend=time_s[:1]), times_s)
     ):
@@ -195,7 +195,8 @@ def driven_back(
             else np.zeros(len(shares))
         )
         memory = come + new * elastic_n[:, None]
-        found_n[:, index], memories_n[:, index] = elastic_n, memory
+        found_n[:, index] = elastic_n
+        memories_n[:, index] = memory
     return found_n, memories_n
 
 

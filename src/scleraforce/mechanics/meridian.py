@@ -71,10 +71,8 @@ def meridian_mesh(
         raise InputError(
             f"needle radius: {from_si(needle_radius_m, 'mm'):g} mm; must be above 0 and below the radius"
         )
-    needle_rad, share = (
-        float(np.arcsin(needle_radius_m / radius_m)),
-        np.linspace(0.0, 1.0, size.elements),
-    )
+    needle_rad = float(np.arcsin(needle_radius_m / radius_m))
+    share = np.linspace(0.0, 1.0, size.elements)
     grown = FIRST_TO_MEAN * share + (1.0 - FIRST_TO_MEAN) * share**2
     edges = np.append(0.0, needle_rad + (support_rad - needle_rad) * grown)
     middles = 0.5 * (edges[:-1] + edges[1:])
@@ -89,7 +87,8 @@ def meridian_mesh(
 
 def _cells(number: Integers) -> Integers:
     """Quads of a grid of nodes (column, across)."""
-    along, across = (number.shape[0] - 1) // 2, (number.shape[1] - 1) // 2
+    along = (number.shape[0] - 1) // 2
+    across = (number.shape[1] - 1) // 2
     corner = number[: 2 * along : 2, : 2 * across : 2].reshape(-1, 1)
     offsets = [number[i, j] - number[0, 0] for j in range(3) for i in range(3)]
     return corner + np.array(offsets)
@@ -111,10 +110,8 @@ def line_shapes(places_p: Floats) -> tuple[Floats, Floats]:
 
 def quad_shapes(places_pk: Floats) -> tuple[Floats, Floats]:
     """Return the shape functions of a 9-node quad (point, 9) and their slopes (point, 9, [along, across])."""
-    (along, along_slope), (across, across_slope) = (
-        line_shapes(places_pk[:, 0]),
-        line_shapes(places_pk[:, 1]),
-    )
+    (along, along_slope) = line_shapes(places_pk[:, 0])
+    (across, across_slope) = line_shapes(places_pk[:, 1])
     parts = (across, along), (across, along_slope), (across_slope, along)
     values, *slopes = (np.einsum("pj,pi->pji", *both).reshape(-1, 9) for both in parts)
     return values, np.stack(slopes, axis=-1)
@@ -176,8 +173,12 @@ def nodal_forces(tables: ElementTables, u: Floats) -> Floats:
 
     They are not finite where J <= 0, or where the tissue is stretched too far.
     """
-    found, F, H, P = np.zeros(len(u)), np.empty(5), np.empty(5), np.empty(5)
-    away, along = np.empty(9), np.empty(9)
+    found = np.zeros(len(u))
+    F = np.empty(5)
+    H = np.empty(5)
+    P = np.empty(5)
+    away = np.empty(9)
+    along = np.empty(9)
     elements, points = tables.mu_ep.shape
     for element in range(elements):
         unknowns = tables.unknowns_en[element]
@@ -218,8 +219,12 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
     mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u. In tissue that
     stiffens all of it is times exp(b Q), and so is (2 b/mu) (P:dF)^2 with P of b = 0.
     """
-    F, H, P = np.empty(5), np.empty(5), np.empty(5)
-    A, by_motion, triangle = np.empty((5, 5)), np.empty((5, 18)), np.empty((18, 18))
+    F = np.empty(5)
+    H = np.empty(5)
+    P = np.empty(5)
+    A = np.empty((5, 5))
+    by_motion = np.empty((5, 18))
+    triangle = np.empty((18, 18))
     elements, points = tables.mu_ep.shape
     found = np.empty((elements, 18, 18))
     for element in range(elements):
@@ -229,10 +234,8 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
             shapes = tables.shapes_epgn[element, point]
             log_ratio = _deformation(shapes, unknowns, u, F, H)
             factor = _growth(tables, F, log_ratio)
-            lame_lambda, lame_mu = (
-                tables.lambda_ep[element, point],
-                tables.mu_ep[element, point],
-            )
+            lame_lambda = tables.lambda_ep[element, point]
+            lame_mu = tables.mu_ep[element, point]
             _stress(lame_lambda, lame_mu, F, H, log_ratio, P)
             _elasticity(lame_lambda, lame_mu, H, log_ratio, A)
             rise = 2.0 * tables.stiffening / lame_mu
@@ -250,7 +253,9 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
                         A[i, 2] * shapes[0, node] + A[i, 3] * shapes[1, node]
                     )
             for node in range(9):
-                r, z, around = shapes[0, node], shapes[1, node], shapes[2, node]
+                r = shapes[0, node]
+                z = shapes[1, node]
+                around = shapes[2, node]
                 for other in range(2 * node + 2):
                     radial = (
                         r * by_motion[0, other]
@@ -276,25 +281,30 @@ def _deformation(
     """Write F and its inverse's transpose H (5,) at a point; return ln J, not a number where J <= 0."""
     rr = rz = zr = zz = around = 0.0
     for node in range(9):
-        away, along = u[unknowns[2 * node]], u[unknowns[2 * node + 1]]
+        away = u[unknowns[2 * node]]
+        along = u[unknowns[2 * node + 1]]
         rr += shapes[0, node] * away
         rz += shapes[1, node] * away
         around += shapes[2, node] * away
         zr += shapes[0, node] * along
         zz += shapes[1, node] * along
-    rr, zz, around = rr + 1.0, zz + 1.0, around + 1.0
+    rr = rr + 1.0
+    zz = zz + 1.0
+    around = around + 1.0
     plane = rr * zz - rz * zr
-    F[0], F[1], F[2], F[3], F[4] = rr, rz, zr, zz, around
+    F[0] = rr
+    F[1] = rz
+    F[2] = zr
+    F[3] = zz
+    F[4] = around
     if not (plane > 0.0 and around > 0.0):
         H[:] = np.nan
         return np.nan
-    H[0], H[1], H[2], H[3], H[4] = (
-        zz / plane,
-        -zr / plane,
-        -rz / plane,
-        rr / plane,
-        1.0 / around,
-    )
+    H[0] = zz / plane
+    H[1] = -zr / plane
+    H[2] = -rz / plane
+    H[3] = rr / plane
+    H[4] = 1.0 / around
     return float(np.log(plane * around))
 
 

@@ -70,11 +70,9 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
     boundary vertices (DeRose, Kass and Truong, SIGGRAPH 1998), so a plane boundary stays in its plane. Vertices of the
     old surface keep their numbers; edge points follow, then face points.
     """
-    points, quads, (edges, quad_edges_qe, boundary) = (
-        surface.points_vc,
-        surface.quads_qv,
-        surface.edges,
-    )
+    points = surface.points_vc
+    quads = surface.quads_qv
+    (edges, quad_edges_qe, boundary) = surface.edges
     vertices = len(points)
     face_points = points[quads].mean(axis=1)
     middles = points[edges].mean(axis=1)
@@ -82,10 +80,8 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
     edge_points = np.where(boundary[:, None], middles, 0.5 * middles + 0.25 * beside)
     moved = _vertex_points(surface, middles, face_points)
     rim_ev = edges[boundary]
-    neighbours, rim = (
-        sum_at(rim_ev, points[rim_ev[:, ::-1]], vertices),
-        np.unique(rim_ev),
-    )
+    neighbours = sum_at(rim_ev, points[rim_ev[:, ::-1]], vertices)
+    rim = np.unique(rim_ev)
     moved[rim] = 0.75 * points[rim] + 0.125 * neighbours[rim]
     edge_of = vertices + quad_edges_qe
     middle_of = vertices + len(edges) + np.arange(len(quads))
@@ -103,7 +99,8 @@ def _vertex_points(
     surface: QuadSurface, middles: Floats, face_points: Floats
 ) -> Floats:
     """(F + 2 M + (n - 3) P) / n with the means F of face points and M of edge middles around a vertex of valence n."""
-    points, count = surface.points_vc, len(surface.points_vc)
+    points = surface.points_vc
+    count = len(surface.points_vc)
     faces = np.bincount(surface.quads_qv.ravel(), minlength=count)[:, None]
     valence = np.bincount(surface.edges[0].ravel(), minlength=count)[:, None]
     face_mean = (
@@ -115,7 +112,8 @@ def _vertex_points(
 
 def sum_at(index: Integers, values: Floats, count: int) -> Floats:
     """Sum the vectors `values` (*shape of `index`, 3) that share an index, shape (count, 3)."""
-    flat, vectors = index.ravel(), values.reshape(-1, 3)
+    flat = index.ravel()
+    vectors = values.reshape(-1, 3)
     return np.stack(
         [np.bincount(flat, vectors[:, c], minlength=count) for c in range(3)], axis=1
     )
@@ -191,7 +189,8 @@ class SurfaceLocator:
             )
             if not crossed:
                 raise SolverError("locate: a direction was not found on the surface")
-            quads[part], local[part] = seeds, np.clip(found, -1.0, 1.0)
+            quads[part] = seeds
+            local[part] = np.clip(found, -1.0, 1.0)
         return quads, local
 
     def _seed_table(self, middles_qc: Floats) -> Integers:
@@ -236,10 +235,8 @@ def _neighbours(quad_qn: Integers) -> Integers:
     order = np.argsort(edge_of_side, kind="stable")
     pair = np.flatnonzero(np.diff(edge_of_side[order]) == 0)
     neighbours = np.full(len(sides), -1)
-    neighbours[order[pair]], neighbours[order[pair + 1]] = (
-        order[pair + 1] // 4,
-        order[pair] // 4,
-    )
+    neighbours[order[pair]] = order[pair + 1] // 4
+    neighbours[order[pair + 1]] = order[pair] // 4
     return neighbours.reshape(-1, 4)
 
 
@@ -351,7 +348,8 @@ def extrude_surface(
 
 def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:
     """Directions of the surface nodes and the nodes of every quad (quad, 4 or 9)."""
-    points, quads = surface.points_vc, surface.quads_qv
+    points = surface.points_vc
+    quads = surface.quads_qv
     if order == 2:
         edges_ev, quad_edges_qe, _ = surface.edges
         edge_middles = points[edges_ev].mean(axis=1)

@@ -49,7 +49,8 @@ def fibre_law(
     >>> round(law.base, 3), law.plane[0].round(3).tolist()
     (0.627, [0.787, 0.0, 0.0])
     """
-    nu, k = poisson_ratio, 1.0 - 1.0 / softer_through
+    nu = poisson_ratio
+    k = 1.0 - 1.0 / softer_through
     c = (stiffer_around - 1.0) / (1.0 - nu**2)
     along = sqrt(stiffer_around) / (1.0 + c)
     plane = (
@@ -171,8 +172,10 @@ class NeoHookeanSolid:
         self.points: VolumePoints = points
         self._fibres = None if fibres is None else FibreTerm(fibres, points, amount_ep)
         self._cells_en = mesh.cells_en
-        self._poisson_ratio, self._stiffening = poisson_ratio, stiffening
-        self._lambda_ep, self._mu_ep = lame_lambda * amount_ep, lame_mu * amount_ep
+        self._poisson_ratio = poisson_ratio
+        self._stiffening = stiffening
+        self._lambda_ep = lame_lambda * amount_ep
+        self._mu_ep = lame_mu * amount_ep
         # Rows of D are (point, direction J): D u gives all deformation gradients of an element in one product.
         self._gradients_erN = (
             points.gradients_epnc.transpose(0, 1, 3, 2)
@@ -267,7 +270,8 @@ class NeoHookeanSolid:
     ) -> None:
         """Write the tangents of some elements to `K_eiakb`, in its precision."""
         elements, count = J_ep.shape
-        nodes, precision = self._cells_en.shape[1], K_eiakb.dtype
+        nodes = self._cells_en.shape[1]
+        precision = K_eiakb.dtype
         gradients = (
             self._gradients_erN[part]
             .reshape(elements, count, 3, nodes)
@@ -278,14 +282,13 @@ class NeoHookeanSolid:
         g = (inverse_epiJ.astype(precision, copy=False) @ gradients).reshape(
             elements, count, 3 * nodes
         )
-        bulk_ep, shear_ep = (
-            self._lambda_ep[part],
-            self._mu_ep[part] - self._lambda_ep[part] * log_J_ep,
-        )
+        bulk_ep = self._lambda_ep[part]
+        shear_ep = self._mu_ep[part] - self._lambda_ep[part] * log_J_ep
         laplacian_enn = self._laplacian_enn[part]
         if self._stiffening > 0.0:
             growth_ep = self._growth(H_epJi, log_J_ep)
-            bulk_ep, shear_ep = growth_ep * bulk_ep, growth_ep * shear_ep
+            bulk_ep = growth_ep * bulk_ep
+            shear_ep = growth_ep * shear_ep
             laplacian_enn = self._laplacian(part, growth_ep * self._mu_ep[part])
 
         def products(rows: Reals, weight_ep: Floats) -> Reals:

@@ -92,12 +92,11 @@ def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> 
             for circle in circles_xp
         ]
     )
-    low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+    low = ends[:, 0].min(axis=0)
+    high = ends[:, 1].max(axis=0)
     # Distance s = b sinh(x h / b), x = 0, 1, 2 ...: spacing h at the contact, growing as sqrt(1 + (s/b)^2).
-    first, last = (
-        np.arcsinh(low * radius_m / GRADING_M),
-        np.arcsinh(high * radius_m / GRADING_M),
-    )
+    first = np.arcsinh(low * radius_m / GRADING_M)
+    last = np.arcsinh(high * radius_m / GRADING_M)
     count = 2 + int((last - first).max() * GRADING_M / STATION_M)
     return np.sinh(np.linspace(first, last, count, axis=1)) * GRADING_M / radius_m
 
@@ -151,7 +150,8 @@ def cut_sections(
     bracket_m = BRACKET_M
     while bracket_m <= WIDEST_BRACKET_M:
         margin = bracket_m / mesh.radius_m  # on either side of both undeformed circles
-        low, high = circles_xp.min(axis=0) - margin, circles_xp.max(axis=0) + margin
+        low = circles_xp.min(axis=0) - margin
+        high = circles_xp.max(axis=0) + margin
         count = 2 + int((high - low).max() * mesh.radius_m / PARALLEL_M)
         latitudes_pt = np.clip(np.linspace(low, high, count, axis=1), -1.5, 1.5)
         directions = frames.directions(
@@ -206,14 +206,16 @@ def _follow(
         nodal = fields.reshape(len(fields), -1)[surface_qn[quads]]
         return frames.project((weights_dn[:, None] @ nodal).reshape(*shape, -1, 3))
 
-    (planes, parallels), stations = grid.latitudes_pt.shape, grid.stations_ps.shape[1]
+    (planes, parallels) = grid.latitudes_pt.shape
+    stations = grid.stations_ps.shape[1]
     lines = fields_at(grid.quads, grid.weights_dn, (planes, parallels, stations))
     below = _parallel_below(
         lines[..., 2], weights_pfk, grid, frames.latitudes(mesh.radius_m)
     )
     if below is None:
         return None
-    plane, station = np.arange(planes)[:, None, None], np.arange(stations)
+    plane = np.arange(planes)[:, None, None]
+    station = np.arange(stations)
     start, end = (
         _deform(lines[plane, below + k, station], weights_pfk[:, :, None])
         for k in (0, 1)
@@ -279,10 +281,8 @@ def slice_window(
     >>> slice_window(SliceStudy(), top_m=0.0).left_m
     -0.007
     """
-    left_m, top_m = (
-        -0.5 * study.columns * study.pixel_m - framing_lateral_m,
-        top_m - study.margin_m - framing_depth_m,
-    )
+    left_m = -0.5 * study.columns * study.pixel_m - framing_lateral_m
+    top_m = top_m - study.margin_m - framing_depth_m
     return SliceWindow(
         left_m=left_m,
         top_m=top_m,

@@ -70,7 +70,9 @@ def evaluate_to_table(
     }
     state = _state(table)
     state.mkdir(exist_ok=True)
-    rows, read, used = list[Row](), 0, set[str]()
+    rows = list[Row]()
+    read = 0
+    used = set[str]()
     others = [str(path) for path in recordings if path not in folders]
     notes = [f"left out, not recordings: {', '.join(others)}"] if others else []
     with counting("recordings", len(folders)) as advance:

@@ -107,7 +107,8 @@ def calibrate(
         check_quantity("thickness_m", thickness_m)
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
-    study, counting = study or Study(), counting or counting_for(progress, "frames")
+    study = study or Study()
+    counting = counting or counting_for(progress, "frames")
     refuse_unused(study, "calibrate", mechanics)
     sought = None if parameters is None else tuple(parameters)
     if study.tissue.stiffening > 0.0 and (sought is None or STIFFENING in sought):
@@ -171,7 +172,8 @@ def library_for(
     """Return the library for finite strain (linear: None), the bundled one or the cache's; counts "library"."""
     if mechanics == "linear":
         return None
-    plan, shipped = plan_library(study), models.read_folder(models.SHIPPED_READER)
+    plan = plan_library(study)
+    shipped = models.read_folder(models.SHIPPED_READER)
     if plan_library(models.folder_study(shipped)).key == plan.key:
         return load_library(
             shipped.path / models.LIBRARY_FILE, shipped.files[models.LIBRARY_FILE]
@@ -217,11 +219,10 @@ def recalibrate_intervals(
     Few eyes only widen them (`reader.intervals.FEW_EYES`). `note` is as for `calibrate`.
     """
     models.check_place(out)
-    reader, folder = (
-        load_force_reader(model, finder=wall_finder),
-        models.read_folder(Path(model)),
-    )
-    study, each = reader.study, opened(recordings)
+    reader = load_force_reader(model, finder=wall_finder)
+    folder = models.read_folder(Path(model))
+    study = reader.study
+    each = opened(recordings)
     count = sum(len(recording.frames) for recording in each)
     for recording in each:
         info = recording.info

@@ -528,7 +528,8 @@ def readings(
     each = [
         scaled(frame, size, assumed, "model's study", transpose) for frame in frames
     ]
-    seen, frame = each[0], frames[0]
+    seen = each[0]
+    frame = frames[0]
     if any(
         (one.scale, one.pixels.shape) != (seen.scale, seen.pixels.shape) for one in each
     ):
@@ -542,9 +543,11 @@ def readings(
     ):
         raise InputError("frame: one picture for two planes; give the frame of each")
     stated = NOTHING_KNOWN if seen.info is None else known_of_recording(seen.info)
-    known, notes = completed(given, stated), list(seen.notes)
+    known = completed(given, stated)
+    notes = list(seen.notes)
     if calibration is not None:
-        summary, name = summary_of_calibration(calibration), eye
+        summary = summary_of_calibration(calibration)
+        name = eye
         if name is None and seen.info is not None:
             name = seen.info.eye.id
         if name is None:
@@ -562,7 +565,8 @@ def readings(
         notes.append(
             "leak_time_s: a single frame is read as if nothing had leaked; evaluate follows the leak"
         )
-    asked, model = model, suited(model, known)
+    asked = model
+    model = suited(model, known)
     if model.path != asked.path:
         notes.append(
             f"read with the bundled reader {model_name(model.path)}, which was trained for such eyes"
@@ -718,7 +722,8 @@ def scaled(
             "frame: nothing says how large this array is; give width_m and depth_m"
         )
     index = given.refractive_index or assumed.refractive_index or 1.0
-    width, depth = Sourced(given.width_m, "option"), Sourced(given.depth_m, "option")
+    width = Sourced(given.width_m, "option")
+    depth = Sourced(given.depth_m, "option")
     pixels = np.ma.filled(pixels, 0)
     found = ScaledFrame(
         pixels.T if transpose else pixels,

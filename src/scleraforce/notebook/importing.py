@@ -320,7 +320,8 @@ def _gathered(
 
 def _wall_um(scan: Scan, greys: Greys, oct_info: OctInfo) -> float | None:
     """Return the median thickness of the wall in the first frames, um; None where none of them shows it."""
-    finder, scale = load_wall_finder(SHIPPED_WALL_FINDER), PixelScale.of(oct_info)
+    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+    scale = PixelScale.of(oct_info)
     found = [
         find_wall(greys.counts(picture), scale, finder=finder)
         for picture in islice(scan.pictures(), LOOKED_AT)

@@ -64,10 +64,8 @@ class Reading:
 
     def spanning(self, check: "Reading") -> "Reading":
         """Return the reading with an interval that spans both intervals; a check that is not finite adds nothing."""
-        (low, high), (other_low, other_high) = (
-            self.interval_n,
-            (check if check.finite else self).interval_n,
-        )
+        (low, high) = self.interval_n
+        (other_low, other_high) = (check if check.finite else self).interval_n
         return replace(self, interval_n=(min(low, other_low), max(high, other_high)))
 
 

@@ -107,7 +107,8 @@ class FrameAnswer:
         self, force_n: float | None, sd_n: float | None = None
     ) -> metrics.ForceTrial | None:
         """Return the read force beside a known one, N, with the SD of its error, N; None if either is missing."""
-        read_n, interval_n = self.answer.force_n, self.answer.interval_n
+        read_n = self.answer.force_n
+        interval_n = self.answer.interval_n
         if force_n is None or read_n is None or interval_n is None:
             return None
         return metrics.ForceTrial(
@@ -392,7 +393,9 @@ def evaluate_recordings(
         entry if isinstance(entry, Recording) else read_recording(entry)
         for entry in recordings
     ]
-    frames, notes, later = list[FrameAnswer](), list[str](), list[str]()
+    frames = list[FrameAnswer]()
+    notes = list[str]()
+    later = list[str]()
     study = reader.study
     if calibration is not None and reader.fixed_modulus_pa is not None:
         notes.append(
@@ -440,7 +443,8 @@ def recording_scores(
         ):
             continue
         for method, reading in answer.readings if answer.usable else ():
-            fit, eye = answer.fit if method == "fit" else None, recording.info.eye.id
+            fit = answer.fit if method == "fit" else None
+            eye = recording.info.eye.id
             yield scored(
                 method, reading, session.known, eye, trial.measured_force_n, fit
             )
@@ -506,7 +510,8 @@ class _Session:
 
     def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
         """Return sentences on labels that are missing, and on a force log that contradicts the answers."""
-        classes, in_newtons = self.reader.study.classes, self.reader.reads_force
+        classes = self.reader.study.classes
+        in_newtons = self.reader.reads_force
         if in_newtons:
             read = [frame.answer.force_n for frame in answers]
         else:
@@ -521,17 +526,15 @@ class _Session:
         self, progress: Progress
     ) -> Iterator[tuple[FrameEntry, Trial, Answer, bool]]:
         """Yield each frame with its label, its answer, and whether Young's modulus was fitted on it."""
-        scale, study = PixelScale.of(self.recording.info.oct), self.reader.study
-        history, leak = (
-            History.unknown(self.known, study.needle.max_force_n),
-            Leak(self.known),
-        )
-        trials, digests = (
-            iter(self.trials),
-            self.summary.digests if self.summary else frozenset(),
-        )
+        scale = PixelScale.of(self.recording.info.oct)
+        study = self.reader.study
+        history = History.unknown(self.known, study.needle.max_force_n)
+        leak = Leak(self.known)
+        trials = iter(self.trials)
+        digests = self.summary.digests if self.summary else frozenset()
         for moment in self.recording.moments:
-            frames, first = [self.recording.frame(entry) for entry in moment], moment[0]
+            frames = [self.recording.frame(entry) for entry in moment]
+            first = moment[0]
             planes = [
                 plane
                 for entry in moment
@@ -562,20 +565,16 @@ class _Session:
 
     def answers(self, progress: Progress) -> Iterator[FrameAnswer]:
         """Answer each frame, in the recording's order."""
-        recording, fixed_pa, modulus = (
-            self.recording,
-            self.reader.fixed_modulus_pa,
-            self.known.modulus,
-        )
+        recording = self.recording
+        fixed_pa = self.reader.fixed_modulus_pa
+        modulus = self.known.modulus
         used = (modulus.mean_pa, modulus.source) if modulus else (None, None)
         modulus_pa, source = used if fixed_pa is None else (fixed_pa, "trained")
         doubts = FOREIGN if self.foreign else ()
         true_n = true_forces(recording.path)
-        sds_n, seen, repeats = (
-            label_sds(recording, self.trials),
-            list[tuple[float, float]](),
-            self.repeats,
-        )
+        sds_n = label_sds(recording, self.trials)
+        seen = list[tuple[float, float]]()
+        repeats = self.repeats
         for sd_n, (entry, trial, answer, calibrates) in zip(
             sds_n, self.read(progress), strict=True
         ):
@@ -605,7 +604,9 @@ class _Session:
         """Leave out the frames after a puncture that the readings show, as the monitor does; frames.csv overrules."""
         if self.stated:
             return answers
-        dents, punctures_s, limits = list[Dent](), list[float](), MonitorLimits()
+        dents = list[Dent]()
+        punctures_s = list[float]()
+        limits = MonitorLimits()
         for entry, frame in zip(self.recording.frames, answers, strict=True):
             force_n = (
                 frame.answer.force_n
@@ -620,7 +621,8 @@ class _Session:
         contact = (
             np.array([(dent.at_s, dent.force_n) for dent in dents]).reshape(-1, 2).T
         )
-        log, info = self.recording.forces, self.recording.info.force
+        log = self.recording.forces
+        info = self.recording.info.force
         if log is not None and info is not None:
             contact = np.array([log.time_s, labels.contact_force(log, info)])
         found = labels.after_punctures(times_s, punctures_s, contact[0], contact[1])
@@ -640,6 +642,7 @@ class _Session:
             return None
         if not seen or seen[-1][0] != at_s:  # planes of one moment are one reading
             seen.append((at_s, answer.force_n))
-        limits, bound_n = MonitorLimits(), self.reader.study.classes.bounds_n[-1]
+        limits = MonitorLimits()
+        bound_n = self.reader.study.classes.bounds_n[-1]
         rise = rise_of(seen[-NOISE_WINDOWS * limits.rate_frames :], limits.rate_frames)
         return time_to_bound(rise, answer.force_n, upper_n, bound_n)

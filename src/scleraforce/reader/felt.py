@@ -69,10 +69,8 @@ class FeltForce:
         """Return a reading, or an answer, of F from one of Fe; F is taken for normal on either side of its median."""
         assert elastic.force_n is not None
         assert elastic.interval_n is not None
-        elastic_n, force_n = (
-            elastic.force_n,
-            max(self.slope * elastic.force_n - self.lag_n, 0.0),
-        )
+        elastic_n = elastic.force_n
+        force_n = max(self.slope * elastic.force_n - self.lag_n, 0.0)
         below_n, above_n = (
             hypot(self.slope * (end_n - elastic_n), NINETY_PERCENT * self.sd_n)
             + further_n
@@ -265,16 +263,16 @@ class History:
             or not isfinite(elastic.force_n)
         ):
             return elastic, self
-        known, seen_rad = self.known, shaft_lean(elastic.fit, elastic.needle)
+        known = self.known
+        seen_rad = shaft_lean(elastic.fit, elastic.needle)
         if (
             elastic.place is not None
         ):  # of several planes: the angle in space, above 0, turned away from any of them
-            known, seen_rad = (
-                replace(known, lean_azimuth_rad=None),
-                elastic.place.lean_rad,
-            )
+            known = replace(known, lean_azimuth_rad=None)
+            seen_rad = elastic.place.lean_rad
         lean = Lean.of(known, seen_rad)
-        felt, after = FeltForce(1.0, 0.0, 0.0), self
+        felt = FeltForce(1.0, 0.0, 0.0)
+        after = self
         if any(self.relaxation.shares):
             felt, after = self._felt(elastic.force_n, time_s, held_s)
         answer = elastic
@@ -295,15 +293,14 @@ class History:
     ) -> tuple[FeltForce, "History"]:
         """Return the force along the normal from an elastic one, and the history after it."""
         known = self.relaxation
-        shares, held, error = (
-            np.array(known.shares),
-            np.array(known.held),
-            np.array(known.covariance),
-        )
+        shares = np.array(known.shares)
+        held = np.array(known.held)
+        error = np.array(known.covariance)
         after, grows = self._after(force_n, time_s, held_s)
         off_n = held * force_n + (1.0 - held) * np.array(known.before_n) - after.mean_n
         variance = float(shares @ after.covariance @ shares + off_n @ error @ off_n)
-        slope, lost_n = 1.0 - float(shares @ grows), float(shares @ after.mean_n)
+        slope = 1.0 - float(shares @ grows)
+        lost_n = float(shares @ after.mean_n)
         variance += (SERIES_ERROR * lost_n) ** 2 + (
             OTHER_HISTORY_ERROR * float(shares @ off_n)
         ) ** 2
@@ -318,44 +315,37 @@ class History:
         self, force_n: float, time_s: float | None, held_s: float | None
     ) -> tuple["History", Floats]:
         """Return the history after a frame, and the part of each m_i that grows with its Fe."""
-        known, elastic_n = (
-            self.relaxation,
-            min(force_n, self.most_n) if force_n > LIGHT_N else 0.0,
-        )
+        known = self.relaxation
+        elastic_n = min(force_n, self.most_n) if force_n > LIGHT_N else 0.0
         gap_s = (
             np.inf if time_s is None or self.time_s is None else time_s - self.time_s
         )
         gap_s = np.inf if gap_s < 0.0 else gap_s  # a list out of order
         close = gap_s <= DENSE_S
-        dense, less_n, more_n = (
-            self.of_monitor or close,
-            np.zeros_like(self.mean_n),
-            np.zeros_like(self.mean_n),
-        )
+        dense = self.of_monitor or close
+        less_n = np.zeros_like(self.mean_n)
+        more_n = np.zeros_like(self.mean_n)
         if (close or self.dense) and held_s is None:
             gap_s = min(gap_s, LONGEST_S)
             old, kept, grows = line_weights(np.array([gap_s]), known.times_s)[0]
             come_n = old * self.elastic_n + grows * elastic_n
             if self.time_s is None:
-                come_n, kept = np.zeros_like(kept), np.ones_like(kept)
-            mean_n, covariance = (
-                come_n + kept * self.mean_n,
-                np.outer(kept, kept) * self.covariance,
-            )
-            less_n, more_n = kept * self.less_n, kept * self.more_n
+                come_n = np.zeros_like(kept)
+                kept = np.ones_like(kept)
+            mean_n = come_n + kept * self.mean_n
+            covariance = np.outer(kept, kept) * self.covariance
+            less_n = kept * self.less_n
+            more_n = kept * self.more_n
             if not close:  # Fe was anywhere from 0 to the most
-                less_n, more_n = (
-                    less_n + come_n,
-                    more_n + (1.0 - kept) * self.most_n - come_n,
-                )
+                less_n = less_n + come_n
+                more_n = more_n + (1.0 - kept) * self.most_n - come_n
                 grows = np.zeros_like(grows)
         else:
-            grows, spread = np.array(known.held), np.array(known.held_covariance)
+            grows = np.array(known.held)
+            spread = np.array(known.held_covariance)
             if held_s is not None:
-                grows, spread = (
-                    -np.expm1(-held_s / np.array(known.times_s)),
-                    np.zeros_like(spread),
-                )
+                grows = -np.expm1(-held_s / np.array(known.times_s))
+                spread = np.zeros_like(spread)
             before_n, before_n2 = self._before(gap_s, time_s is not None, held_s)
             mean_n = grows * force_n + (1.0 - grows) * before_n
             covariance = (
@@ -371,10 +361,8 @@ class History:
     ) -> tuple[Floats, Floats]:
         """Return mean and covariance of the m_i when the push of a frame began; `follows`: others will, or did."""
         known = self.relaxation
-        before_n, before_n2 = (
-            np.array(known.before_n),
-            np.array(known.before_covariance_n2),
-        )
+        before_n = np.array(known.before_n)
+        before_n2 = np.array(known.before_covariance_n2)
         if (
             np.isfinite(gap_s)
             and known.every_s is not None
@@ -395,10 +383,8 @@ class History:
         elif (
             follows and self.time_s is None
         ):  # the first of a session, which may be the first push
-            before_n, before_n2 = (
-                before_n / 2,
-                before_n2 + np.outer(before_n, before_n) / 4,
-            )
+            before_n2 = before_n2 + np.outer(before_n, before_n) / 4
+            before_n = before_n / 2
         return before_n, before_n2
 
 
@@ -423,7 +409,9 @@ class Leak:
         held_s: float | None,
     ) -> tuple[tuple[Answer, ...], "Leak"]:
         """Return the answers of one time, read at the resting pressure that the leak leaves, and the leak by then."""
-        known, globe, iop_pa = self.known, self.known.globe, self.known.iop_pa
+        known = self.known
+        globe = self.known.globe
+        iop_pa = self.known.iop_pa
         if (
             known.leak_time_s is None
             or globe is None
@@ -431,10 +419,8 @@ class Leak:
             or globe.mean <= 0.0
         ):
             return read(known), self
-        law, gap_s = (
-            globe.globe(globe.mean),
-            0.0 if self.time_s is None else max(time_s - self.time_s, 0.0),
-        )
+        law = globe.globe(globe.mean)
+        gap_s = 0.0 if self.time_s is None else max(time_s - self.time_s, 0.0)
         dense = gap_s <= DENSE_S
         held_s = (
             gap_s if dense else min(0.5 * gap_s if held_s is None else held_s, gap_s)

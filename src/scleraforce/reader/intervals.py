@@ -32,13 +32,19 @@ Factors = Mapping[
     str, Mapping[str, Annotated[float, Meta(gt=0.0, le=1e9)]]
 ]  # by the kind of modulus, then by trait
 
-OWN, OTHER = "own E", "other E"  # kinds of modulus: a reading has one
-GLOBES, TAUT = ("open", "sealed", "unknown"), "taut"
+# kinds of modulus: a reading has one
+OWN = "own E"
+OTHER = "other E"
+GLOBES = ("open", "sealed", "unknown")
+TAUT = "taut"
 GLOBE_TRAITS = (
     *GLOBES,
     TAUT,
 )  # a reading has one; of the other traits it has none or some
-UNEVEN, LIGHT, BEYOND, SPARSE = "uneven", "light", ("beyond", "far beyond"), "sparse"
+UNEVEN = "uneven"
+LIGHT = "light"
+BEYOND = ("beyond", "far beyond")
+SPARSE = "sparse"
 OF_CALIBRATION = (*BEYOND, SPARSE)
 NETWORK_TRAITS: Mapping[str, tuple[str, ...]] = {
     OWN: (*GLOBES, *OF_CALIBRATION),
@@ -61,14 +67,14 @@ SPARSE_FROM = 0.45
 # Virtual eyes of the library's walls have no needle and no conjunctiva. With either, intervals were too narrow by these
 # factors on twelve eyes each, computed in three dimensions: `python -m figures --seed 20261130 --eyes 12 --groups
 # needle,conjunctiva`, which `make figures` does not draw.
-NEEDLE_STRETCH, CONJUNCTIVA_STRETCH = 1.18, 1.14
+NEEDLE_STRETCH = 1.18
+CONJUNCTIVA_STRETCH = 1.14
 
 LEVEL = 0.9
 LEAST_N = 1e-6  # of a half interval
-SMALLEST, LARGEST = (
-    0.3,
-    20.0,
-)  # factors: a few eyes must not promise more, nor say nothing
+# factors: a few eyes must not promise more, nor say nothing
+SMALLEST = 0.3
+LARGEST = 20.0
 FEW_EYES = (
     9  # for 90 % of a new eye's readings: with fewer eyes no quantile promises as much
 )
@@ -91,7 +97,8 @@ def traits_of(
         )
         traits += [UNEVEN] * fit.is_uneven + [LIGHT] * (force_n < LIGHTEST_N)
     if is_own and known.discrepancy is not None:
-        largest_n, gap = known.discrepancy.largest_n, known.discrepancy.widest_gap
+        largest_n = known.discrepancy.largest_n
+        gap = known.discrepancy.widest_gap
         beyond = (
             0
             if largest_n is None
@@ -264,7 +271,8 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
     """
     found = list[Stretch]()
     for (method, modulus), entries in of_each_modulus(scores).items():
-        eyes, factor = eye_count(entries), conformal_quantile(entries)
+        eyes = eye_count(entries)
+        factor = conformal_quantile(entries)
         globes = tuple(
             globe
             for globe in GLOBE_TRAITS

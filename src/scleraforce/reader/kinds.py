@@ -51,7 +51,8 @@ from scleraforce.segmentation.observations import Boundaries, segmented_boundari
 from scleraforce.segmentation.wall_finder import FrameWindow, WallFinder
 from scleraforce.study import Range, ReaderStudy, Study
 
-INPUT, OUTPUT = "slices", "probabilities"
+INPUT = "slices"
+OUTPUT = "probabilities"
 
 
 @dataclass(eq=False, repr=False)
@@ -279,7 +280,9 @@ class Classifier(Reader):
         )
 
 
-STEEP_M, STEEPER = 4e-3, 1.2  # of the dents whose rise of force is looked at; reserve
+# of the dents whose rise of force is looked at; reserve
+STEEP_M = 4e-3
+STEEPER = 1.2
 CONTACTS = 32  # polar angles whose libraries are cached
 # Shifts of the slices that the network reads of one frame, in rows; the first is the slice itself. A slice of black and
 # white does not show where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
@@ -341,7 +344,8 @@ class ForceReader(Reader):
 
         E is taken two standard deviations above its mean, and the rise a fifth steeper.
         """
-        globe, modulus = known.globe, known.modulus
+        globe = known.globe
+        modulus = known.modulus
         if (
             modulus is None
             or known.thickness_m is None
@@ -350,10 +354,8 @@ class ForceReader(Reader):
             or globe.can_be_sealed
         ):
             return None
-        library, modulus_pa = (
-            self.library_for(known),
-            modulus.mean_pa + 2.0 * modulus.sd_pa,
-        )
+        library = self.library_for(known)
+        modulus_pa = modulus.mean_pa + 2.0 * modulus.sd_pa
         tip_m = library.tip_m[library.tip_m < STEEP_M]
         walls = (
             np.full(len(tip_m), known.thickness_m),
@@ -451,10 +453,8 @@ class ForceReader(Reader):
             None if seen.reason else segmented_boundaries(seen.segmentation, scale)
             for seen in looks
         ]
-        each, left_out = (
-            list[tuple[Plane, verdicts.Look, Boundaries, Known]](),
-            list[str](),
-        )
+        each = list[tuple[Plane, verdicts.Look, Boundaries, Known]]()
+        left_out = list[str]()
         for seen, wall, plane in zip(looks, seen_walls, planes, strict=True):
             here = known.turned(plane.direction_rad)
             reason = seen.reason if wall is None else self._not_fitted(seen, wall, here)
@@ -494,11 +494,10 @@ class ForceReader(Reader):
         self, each: Sequence[tuple[Plane, verdicts.Look, Boundaries, Known]]
     ) -> list[Answer]:
         """Return the answers of planes with a wall, by the fit to all of them; of one alone, by its own."""
-        smoothing_m, radius_m = (
-            self.study.calibration.surface_smoothing_m,
-            self.library.needle_radius_m,
-        )
-        trained, library = self.study.reader, self.library_for(each[0][3])
+        smoothing_m = self.study.calibration.surface_smoothing_m
+        radius_m = self.library.needle_radius_m
+        trained = self.study.reader
+        library = self.library_for(each[0][3])
         priors = [
             self._prior(seen, wall, known, verdicts.read_by_fit(trained))
             for _, seen, wall, known in each
@@ -527,7 +526,8 @@ class ForceReader(Reader):
                 and shaft_lean(fit, seen.needle) is not None
             ]
             place = place.with_shafts(*zip(*angles, strict=True)) if angles else place
-        gaps_m, answers = [abs(float(fit.unknown[GAP])) for fit in fits], list[Answer]()
+        gaps_m = [abs(float(fit.unknown[GAP])) for fit in fits]
+        answers = list[Answer]()
         heres = [known for *_, known in each]
         if place is not None:
             heres = [
@@ -600,7 +600,8 @@ class ForceReader(Reader):
         if answer.usable:
             beside = fit.unknown.copy()
             beside[GAP] = abs(beside[GAP])
-            library, there = self.library_for(known), replace(fit, unknown=beside)
+            library = self.library_for(known)
+            there = replace(fit, unknown=beside)
             answer = replace(
                 answer, places=places_of(there, prior, library, known, seen.needle)
             )
@@ -620,7 +621,8 @@ class ForceReader(Reader):
         """
         name = default or self.default
         check = METHODS[1 - METHODS.index(name)]
-        answering, other = readings[name], readings[check]
+        answering = readings[name]
+        other = readings[check]
         warning = disagreement(answering, other, (name, check))
         reading = answering.spanning(other) if warning else answering
         answer = verdicts.judged_answer(reading, name, leaves, self.study)

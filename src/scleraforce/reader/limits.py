@@ -96,8 +96,11 @@ def outside_training(
 
 def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
     """Return a note for each value of a recording outside a model's training; raises `ModelError`."""
-    folder, name = read_folder(model, KINDS), model_name(model_folder(model))
-    eye, scan, gauge = known_of_recording(info), info.oct, info.needle.gauge
+    folder = read_folder(model, KINDS)
+    name = model_name(model_folder(model))
+    eye = known_of_recording(info)
+    scan = info.oct
+    gauge = info.needle.gauge
     found = limits(folder.record["kind"], folder_study(folder), eye, scan, gauge)
     return tuple(f"outside the range of {name}: {sentence}" for sentence in found)
 
@@ -109,11 +112,9 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
     if kind not in KINDS:
         return ()
     study = folder_study(folder)
-    window, radius_m, least_m = (
-        study.slice,
-        _largest_radius_m(study),
-        least_wall_m(study.slice),
-    )
+    window = study.slice
+    radius_m = _largest_radius_m(study)
+    least_m = least_wall_m(study.slice)
     width = f"{from_si(least_m, 'mm'):.4g} mm or more"
     if kind == READER:
         width = f"{from_si(LEAST_FRAME_M, 'mm'):.4g} mm or more; {width} without a calibration, and for the monitor"
@@ -309,7 +310,8 @@ def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
         window.columns * window.pixel_m,
         2.0 * sqrt(radius_m**2 - left_m**2),
     )
-    width_mm, depth_mm = from_si(scan.width_m, "mm"), from_si(scan.depth_m, "mm")
+    width_mm = from_si(scan.width_m, "mm")
+    depth_mm = from_si(scan.depth_m, "mm")
     frames = f"frames of {width_mm:.4g} x {depth_mm:.4g} mm: at most"
     if short := wall_seen(
         most_m, least_wall_m(window, scan.width_m if kind == READER else inf)
@@ -320,10 +322,8 @@ def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
         least_wall_m(window),
         "are needed without a calibration, and by the monitor",
     )
-    said, needed_mm = (
-        [f"{frames} {narrow}"] if narrow else [],
-        from_si(window.rows * window.pixel_m, "mm"),
-    )
+    said = [f"{frames} {narrow}"] if narrow else []
+    needed_mm = from_si(window.rows * window.pixel_m, "mm")
     if depth_mm < needed_mm:
         said.append(
             f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm"

@@ -24,12 +24,16 @@ SHARED_ERROR = (
     "Frames of one eye share the error of its calibration, so they hold or miss together: 90 % is the mean "
     "of many eyes; of single ones, from less than half to all hold."
 )
-RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
+# of the eyes; percent
+RESAMPLES = 2000
+RESAMPLING_SEED = 20_261_122
+BAND = (2.5, 97.5)
 
 
 def dice(found: Flags | Bytes, true: Flags | Bytes) -> float:
     """Return the Dice coefficient of two masks, twice the common area over the sum of both; 1 if both are empty."""
-    a, b = found > 0, true > 0
+    a = found > 0
+    b = true > 0
     total = np.count_nonzero(a) + np.count_nonzero(b)
     return 2.0 * np.count_nonzero(a & b) / total if total else 1.0
 
@@ -151,10 +155,8 @@ def agreement(trials: Sequence[ForceTrial]) -> tuple[float, float, float]:
     The limits are 1.96 standard deviations to either side of the mean (Bland and Altman 1986).
     """
     off_n = [trial.read_n - trial.measured_n for trial in trials]
-    middle_n, reach_n = (
-        fmean(off_n),
-        LIMIT_SDS * stdev(off_n) if len(off_n) > 1 else nan,
-    )
+    middle_n = fmean(off_n)
+    reach_n = LIMIT_SDS * stdev(off_n) if len(off_n) > 1 else nan
     return middle_n, middle_n - reach_n, middle_n + reach_n
 
 
@@ -181,10 +183,8 @@ def coverage_band(
     if not eyes:
         return None
     _, numbers = np.unique(eyes, return_inverse=True)
-    hits_e, frames_e = (
-        np.bincount(numbers, weights=np.asarray(covered)),
-        np.bincount(numbers),
-    )
+    hits_e = np.bincount(numbers, weights=np.asarray(covered))
+    frames_e = np.bincount(numbers)
     rng = np.random.default_rng(RESAMPLING_SEED)
     drawn_re = rng.integers(len(frames_e), size=(RESAMPLES, len(frames_e)))
     low, high = np.percentile(

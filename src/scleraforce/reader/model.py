@@ -29,10 +29,8 @@ Finder = str | PathLike[str] | None
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     """Load a model folder of kind "wall-finder"; arguments and errors as for `load_model`."""
     folder = models.read_folder(Path(path), (models.WALL_FINDER,))
-    study, (session, metadata) = (
-        models.folder_study(folder),
-        models.folder_session(folder, threads),
-    )
+    study = models.folder_study(folder)
+    (session, metadata) = models.folder_session(folder, threads)
     finder = WallFinder(
         session, study.wall_finder, str(folder.path / models.NETWORK_FILE)
     )
@@ -54,10 +52,8 @@ def load_model(
     """
     folder = models.read_folder(Path(path), KINDS)
     kind = folder.record["kind"]
-    study, (session, provenance) = (
-        models.folder_study(folder),
-        models.folder_session(folder, threads),
-    )
+    study = models.folder_study(folder)
+    (session, provenance) = models.folder_session(folder, threads)
     if kind == CLASSIFIER:
         model: Reader = Classifier(folder.path, study, session)
     else:
@@ -72,7 +68,8 @@ def load_model(
                 folder.path, study, network, _library(folder), default, factors
             )
     models.check_provenance(folder, provenance)
-    model.record, model.provenance = folder.record, provenance
+    model.record = folder.record
+    model.provenance = provenance
     model.finder = None if finder is None else load_wall_finder(finder, threads)
     return model
 
@@ -140,7 +137,9 @@ def _library(folder: models.ModelFolder) -> Library:
 
 THICKNESS_M = 0.6e-3  # of the wall, if unknown
 SURFACE = 0.2  # depth of the apex, of the frame's
-NOISE, TISSUE = (0, 400), (600, 1600)  # counts; the tissue's are added
+# counts; the tissue's are added
+NOISE = (0, 400)
+TISSUE = (600, 1600)
 WARMING_FRAMES = 20
 
 
@@ -151,7 +150,8 @@ def warming_frame(
     thickness_m: float | None = None,
 ) -> Counts:
     """Return a raw B-scan (row, column) of the wall of an eye at rest, the same at each call."""
-    (rows, columns), rng = shape, np.random.default_rng(0)
+    (rows, columns) = shape
+    rng = np.random.default_rng(0)
     lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m
     falls_m = radius_m - np.sqrt(np.maximum(radius_m**2 - lateral_m**2, 0.0))
     depth_m = (
@@ -173,12 +173,11 @@ class LiveReader:
     """
 
     def __init__(self, reader: Reader, known: Known, refractive_index: float) -> None:
-        self._reader, self._known, self._refractive_index = (
-            reader,
-            known,
-            refractive_index,
-        )
-        scanner, scale = reader.study.oct, PixelScale.of(reader.study.oct)
+        self._reader = reader
+        self._known = known
+        self._refractive_index = refractive_index
+        scanner = reader.study.oct
+        scale = PixelScale.of(reader.study.oct)
         frame = warming_frame(
             (scanner.rows, scanner.columns),
             scale,

@@ -85,7 +85,8 @@ def histogram_reading(
 def _crossing(sums: Sequence[float], edges_m2: Sequence[float], wanted: float) -> float:
     """Return where the sums reach a value."""
     last = min(max(bisect_left(sums, wanted), 1), len(sums) - 1)
-    low, high = sums[last - 1], sums[last]
+    low = sums[last - 1]
+    high = sums[last]
     part = (wanted - low) / (high - low if high > low else 1.0)
     return edges_m2[last - 1] + part * (edges_m2[last] - edges_m2[last - 1])
 
@@ -153,7 +154,8 @@ def given_modulus(eyes: GivenEyes, study: ReaderStudy) -> tuple[Floats, Floats]:
     """Return mean, Pa, and relative standard deviation of the modulus (sample,); unknown: even over the training's."""
     low, high = study.youngs_modulus_pa.bounds
     mean = 0.5 * (low + high)
-    sd, unknown = (high - low) / sqrt(12.0) / mean, np.isnan(eyes.modulus_pa)
+    sd = (high - low) / sqrt(12.0) / mean
+    unknown = np.isnan(eyes.modulus_pa)
     return np.where(unknown, mean, eyes.modulus_pa), np.where(
         unknown, sd, eyes.modulus_sd_fraction
     )
@@ -167,11 +169,9 @@ def given_inputs(eyes: GivenEyes, study: ReaderStudy) -> NDArray[np.float32]:
     unknown polar angle it is that of the range's middle.
     """
     modulus, sd = given_modulus(eyes, study)
-    e, p, s = (
-        study.youngs_modulus_pa.bounds,
-        study.iop_pa.bounds,
-        study.modulus_sd_fraction.bounds,
-    )
+    e = study.youngs_modulus_pa.bounds
+    p = study.iop_pa.bounds
+    s = study.modulus_sd_fraction.bounds
     iop_ratio = (np.log(p[0] / e[1]), np.log(p[1] / e[0]))
     a = study.polar_angle_rad.bounds
     polar = np.minimum(eyes.polar_rad, radians(LARGEST_POLAR_DEG))
@@ -208,7 +208,8 @@ def _scaled(values: Floats, low: float, high: float) -> Floats:
     return (values - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-12)
 
 
-SLICES, GIVEN_INPUT = "slices", "given"
+SLICES = "slices"
+GIVEN_INPUT = "given"
 HISTOGRAM, CONTACT = OUTPUTS = ["histogram", "contact_m"]
 EYES = 16  # whose inputs are cached
 
@@ -233,8 +234,11 @@ class ForceNetwork:
         trained = (
             read_by_fit(study.reader) if raw else study.reader
         )  # raw frames are of eyes with gaps from 0
-        self._session, self._place, self._factors = session, place, factors
-        self._trained, self._bounds_n = trained, study.classes.bounds_n
+        self._session = session
+        self._place = place
+        self._factors = factors
+        self._trained = trained
+        self._bounds_n = study.classes.bounds_n
         self._edges_m2 = ratio_edges(trained.bins, trained.max_force_ratio)
         self._inputs_of = lru_cache(maxsize=EYES)(self._inputs)
         self._pictures = FINDER_FRAMES if raw else SLICES
@@ -293,14 +297,16 @@ class ForceNetwork:
 
 def given_eye(known: Known) -> GivenEyes:
     """Return one eye as the network's training represents it: arrays (1,), NaN where a value is unknown."""
-    modulus, globe = known.modulus, UNKNOWN if known.globe is None else known.globe
+    modulus = known.modulus
+    globe = UNKNOWN if known.globe is None else known.globe
     of_modulus = (modulus.mean_pa, modulus.relative_sd) if modulus else (None, None)
     low, high = (
         globe.band
     )  # by the cube-root law, as steep at the resting pressure as the globe's own law
     if globe.law != RIGIDITY_LAWS[0] and known.iop_pa is not None:
         steepness = float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
-        low, high = low * steepness, high * steepness
+        low = low * steepness
+        high = high * steepness
     of_eye = (
         known.iop_pa,
         known.thickness_m,

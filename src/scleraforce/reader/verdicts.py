@@ -35,18 +35,21 @@ from scleraforce.units import from_si
 LEAST_WALL_SHARE = 0.7
 LEAST_FRAME_M = 5e-3
 OUTLIERS = 0.3  # deep dents have steep sides, which are segmented badly: in a fit that is good otherwise
-ROUGH_M, ROUGH_OUTLIERS = (
-    8e-6,
-    0.1,
-)  # ... in one that is less good they say that it is another surface
+# ... in one that is less good they say that it is another surface
+ROUGH_M = 8e-6
+ROUGH_OUTLIERS = 0.1
 DEVIATION_SD = 4.0  # of thickness and size from their known values
 # A layer below the wall may be taken for a part of it (the choroid); hardly anything makes it look thinner.
-THINNER_M, THICKER_M = 40e-6, 200e-6
+THINNER_M = 40e-6
+THICKER_M = 200e-6
 # Of contacts up to the edge of the training, the network placed none more than 0.15 mm beyond it; the fit none more
 # than 0.09 mm where there was a dent, and 1.9 of its own standard deviations where there was hardly any.
-CONTACT_SLACK_M, CONTACT_SD = 0.25e-3, 3.0
+CONTACT_SLACK_M = 0.25e-3
+CONTACT_SD = 3.0
 # A limbus, or a surface that curves more than the sides of an ellipsoid: an eye has one cornea, 5 mm and more across.
-SIDES, CORNEA_RAD, CORNEA_CURVATURE = ("left", "right"), -0.05, 25.0
+SIDES = ("left", "right")
+CORNEA_RAD = -0.05
+CORNEA_CURVATURE = 25.0
 DENT_M = 1e-3  # to either side of the contact: the dent's deepest part
 CALIBRATED_SPAN_M = 4e-3  # to either side of the contact
 CALIBRATED_SHARE = 0.6  # of the columns there: both boundaries are seen
@@ -107,7 +110,8 @@ def wall_seen(
     """Return a sentence if too little of a wall is seen, else None."""
     if extent_m >= least_m:
         return None
-    seen_mm, least_mm = from_si(extent_m, "mm"), from_si(least_m, "mm")
+    seen_mm = from_si(extent_m, "mm")
+    least_mm = from_si(least_m, "mm")
     return f"{seen_mm:.1f} mm of the wall are visible; at least {least_mm:.1f} mm {needing}"
 
 
@@ -152,10 +156,8 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
         for side in SIDES
     ):
         return f"{NO_EYE}: it bends like a cornea on both sides of the contact"
-    shown_m, stated_m = (
-        float(fit.unknown[at.THICKNESS] + fit.unknown[at.INNER_OFFSET]),
-        float(prior.mean[at.THICKNESS]),
-    )
+    shown_m = float(fit.unknown[at.THICKNESS] + fit.unknown[at.INNER_OFFSET])
+    stated_m = float(prior.mean[at.THICKNESS])
     slack_m = DEVIATION_SD * float(prior.sd[at.THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:
         return (
@@ -295,14 +297,12 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
     )
 
 
-SIDE_M, STEP_M = (
-    1e-3,
-    at.SOFT_M,
-)  # from a surface's ends and between the places tried of a limbus
-ROUNDS, RIDGE = (
-    4,
-    1e-9,
-)  # of least squares; for a limbus near the end of a surface, with nothing beyond
+# from a surface's ends and between the places tried of a limbus
+SIDE_M = 1e-3
+STEP_M = at.SOFT_M
+# of least squares; for a limbus near the end of a surface, with nothing beyond
+ROUNDS = 4
+RIDGE = 1e-9
 NOISE = 1.0  # mean square of the distances from a true wall
 ONE_UNKNOWN = (
     2.0  # squares of standard deviations that one unknown more is worth (Akaike)
@@ -344,8 +344,10 @@ def distances(
         np.isfinite(outer_m) & (lateral_m > wall_m[0, 0]) & (lateral_m < wall_m[-1, 0])
     )
     seen = seen[:: -(-len(seen) // COLUMNS)]
-    at_m, depth_m = lateral_m[seen], outer_m[seen]
-    dented_m, width_m = np.interp(at_m, *wall_m.T), at_m[-1] - at_m[0]
+    at_m = lateral_m[seen]
+    depth_m = outer_m[seen]
+    dented_m = np.interp(at_m, *wall_m.T)
+    width_m = at_m[-1] - at_m[0]
     sd_m = OUTER_SD_M * np.hypot(1.0, np.gradient(dented_m, at_m))
     limbus = np.arange(at_m[0] + SIDE_M, at_m[-1] - SIDE_M, STEP_M) / width_m
     along = at_m / width_m
@@ -355,14 +357,17 @@ def distances(
     basis = np.stack([*arcs, ramp, ramp**2], axis=1) * (
         OUTER_SD_M / sd_m
     )  # (limbus, term, column)
-    wanted, weight = (depth_m - depth_m.mean()) / sd_m, np.ones(ramp.shape)
+    wanted = (depth_m - depth_m.mean()) / sd_m
+    weight = np.ones(ramp.shape)
     for _ in range(ROUNDS):
         weighted = basis * weight[:, None]
         normal = weighted @ basis.swapaxes(1, 2) + RIDGE * np.eye(basis.shape[1])
         terms = np.linalg.solve(normal, weighted @ wanted[:, None])
         off = wanted - (terms.swapaxes(1, 2) @ basis)[:, 0]
         weight = 1.0 / (1.0 + (off / CAUCHY) ** 2)
-    square, cube, change = terms[:, 2, 0], terms[:, 3, 0], terms[:, 5, 0]
+    square = terms[:, 2, 0]
+    cube = terms[:, 3, 0]
+    change = terms[:, 5, 0]
     bends = (
         square + 1.5 * cube * (limbus + along[0]),
         square + 1.5 * cube * (limbus + along[-1]) + change,

@@ -30,8 +30,10 @@ NARROWER = (
 LEAST_DENT = 3.0  # standard deviations of it: no shallower one counts
 # Of walls of the library beside walls in 3-D (benchmarks/bench_where.py, seeds 2, 43, 47): standard deviations in m,
 # and per m of dent, and how many times as large they are of walls that are not even, which do not show the gap.
-CONTACT_ERROR, DEPTH_ERROR = (60e-6, 0.015, 2.0), (20e-6, 0.03, 2.0)
-DENT_ERROR, GAP_ERROR = (20e-6, 0.03, 2.0), (40e-6, 0.01, 4.0)
+CONTACT_ERROR = (60e-6, 0.015, 2.0)
+DEPTH_ERROR = (20e-6, 0.03, 2.0)
+DENT_ERROR = (20e-6, 0.03, 2.0)
+GAP_ERROR = (40e-6, 0.01, 4.0)
 SHAFT_SD_RAD = radians(1.0)  # of a shaft's angle in a picture
 STEP = 1e-3  # of derivatives, in standard deviations
 

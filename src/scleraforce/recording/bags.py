@@ -43,10 +43,9 @@ NEIGHBOURS = (
     25  # messages before and after a stamp that runs back, whose delays are compared
 )
 SPLIT = "record or filter them into bags of their own (rosbag filter, ros2 bag convert, mcap filter)"
-EARLIEST_MS, LATEST_MS = (
-    1.0,
-    1000.0,
-)  # before and after its stamp, that a message arrives on one clock
+# before and after its stamp, that a message arrives on one clock
+EARLIEST_MS = 1.0
+LATEST_MS = 1000.0
 
 
 def _image_pixels(message: Any, place: str) -> NDArray[Any]:
@@ -63,12 +62,12 @@ def _image_pixels(message: Any, place: str) -> NDArray[Any]:
             f"{place}: encoding {encoding!r}; one of {', '.join((*GREYS, *COLOURS))}"
         )
     kind = np.dtype((">" if message.is_bigendian else "<") + GREYS.get(encoding, "u1"))
-    rows, columns, step = int(message.height), int(message.width), int(message.step)
+    rows = int(message.height)
+    columns = int(message.width)
+    step = int(message.step)
     samples = len(encoding) - 1 if encoding in COLOURS else 1
-    data, used = (
-        np.asarray(message.data, dtype=np.uint8),
-        columns * samples * kind.itemsize,
-    )
+    data = np.asarray(message.data, dtype=np.uint8)
+    used = columns * samples * kind.itemsize
     if step < used or data.size < rows * step:
         raise FrameError(
             f"{place}: damaged: {data.size} bytes for {rows} rows of {step}"
@@ -249,10 +248,8 @@ def _check_one_clock(stamps_ns: Integers, late_ms: Floats) -> None:
     """Check that late delivery alone reordered stamps: it leaves the shortest delay of the neighbours unchanged."""
     at = int(np.argmin(np.diff(stamps_ns))) + 1
     back_ms = from_si((stamps_ns[at - 1] - stamps_ns[at]) / SECOND_NS, "ms")
-    before_ms, after_ms = (
-        late_ms[max(0, at - NEIGHBOURS) : at],
-        late_ms[at : at + NEIGHBOURS],
-    )
+    before_ms = late_ms[max(0, at - NEIGHBOURS) : at]
+    after_ms = late_ms[at : at + NEIGHBOURS]
     set_back = after_ms.min() - before_ms.min() > back_ms / 2.0
     if set_back or np.ptp(late_ms) > LATEST_MS:
         pair = ", ".join(
@@ -300,7 +297,8 @@ def _scan(
             if hasattr(message, name)
         }
         if not heard:
-            stated, first = fields, _image_pixels(message, topic)
+            stated = fields
+            first = _image_pixels(message, topic)
             check_size(*first.shape)
             scans.check_bytes(sum(each.msgcount for each in connections) * first.nbytes)
         for field, value in fields.items():
@@ -312,7 +310,8 @@ def _scan(
     with scans.named_faults(topic, "topic"):
         time_s, order, notes = _ordered(heard, digests.__getitem__, by_arrival)
     names = tuple(f"{path}: {topic}[{nth}]" for nth in order.tolist())
-    (rows, columns), bits = first.shape, 8 if first.dtype == np.uint8 else None
+    (rows, columns) = first.shape
+    bits = 8 if first.dtype == np.uint8 else None
     times = Times(time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}")
     scan = Scan(
         names,
@@ -330,7 +329,8 @@ def _scan(
 def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStream:
     """Yield pictures in an order; pictures that arrived before their turn wait."""
     waiting: dict[int, NDArray[Any]] = {}
-    wanted, turn = set(order), iter(order)
+    wanted = set(order)
+    turn = iter(order)
     due = next(turn)
     with _opened(path) as bag:
         connections = [
@@ -348,7 +348,9 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStre
 def _log(
     path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool
 ) -> ForceLog:
-    heard, values, topic = [], [], connections[0].topic
+    heard = []
+    values = []
+    topic = connections[0].topic
     for each, message in _messages(bag, connections):
         vectors = (
             (message.wrench.force, message.wrench.torque)

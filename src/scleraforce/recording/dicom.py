@@ -58,10 +58,9 @@ FRAME_TIMES = (
     "FrameReferenceDateTime",
     "FrameAcquisitionDateTime",
 )  # the moment of the frame, else its beginning
-FRAME_TIME, FRAME_TIME_VECTOR = (
-    0x00181063,
-    0x00181065,
-)  # what FrameIncrementPointer names
+# what FrameIncrementPointer names
+FRAME_TIME = 0x00181063
+FRAME_TIME_VECTOR = 0x00181065
 
 
 def read_dicom(path: Path, data: bytes | None = None) -> Scan:
@@ -69,7 +68,8 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
     with _opened(path, data) as dataset:
         count = int(dataset.get("NumberOfFrames", None) or 1)
         _check_image(dataset, count)
-        rows, columns = int(dataset.Rows), int(dataset.Columns)
+        rows = int(dataset.Rows)
+        columns = int(dataset.Columns)
         scans.check_bytes(count * rows * columns * (int(dataset.BitsAllocated) // 8))
         dark_large, notes = _dark_is_large(dataset)
         maker = tuple(
@@ -82,7 +82,8 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
             )
         size, scale_fault = scans.one_size(_pixel_sizes(dataset))
         times, times_fault = _times(dataset, count)
-        names, bits = scans.frame_names(path, count), _bits(dataset)
+        names = scans.frame_names(path, count)
+        bits = _bits(dataset)
         scan = Scan(
             names,
             rows,
@@ -161,11 +162,9 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
         raise FrameError(
             f"PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}"
         )
-    rows, columns, samples = (
-        int(dataset.Rows),
-        int(dataset.Columns),
-        int(dataset.get("SamplesPerPixel", 1)),
-    )
+    rows = int(dataset.Rows)
+    columns = int(dataset.Columns)
+    samples = int(dataset.get("SamplesPerPixel", 1))
     scans.check_size(rows, columns, samples)
     if samples != SAMPLES.get(kind, 3):
         found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
@@ -195,7 +194,8 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
     from pydicom.pixels.utils import get_j2k_parameters
     from pydicom.uid import JPEG2000TransferSyntaxes, RLELossless
 
-    syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, _cell(dataset)
+    syntax = dataset.file_meta.TransferSyntaxUID
+    (_, stored, high) = _cell(dataset)
     if high != stored - 1 and syntax != RLELossless:
         found = f"HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}"
         raise FrameError(f"{found}; save it uncompressed")
@@ -244,10 +244,8 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
     cancel. The two of the display are one inversion in PS3.3 C.8.11.3 (DX) and two in other readers, so both together
     are refused.
     """
-    kind, shape = (
-        _grey_kind(dataset),
-        str(dataset.get("PresentationLUTShape", None) or "IDENTITY"),
-    )
+    kind = _grey_kind(dataset)
+    shape = str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
     for place, item in _places(dataset, "FrameVOILUTSequence"):
         for table in (name for name in TABLES if item.get(name, None)):
             raise FrameError(
@@ -260,11 +258,9 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
         raise FrameError(
             f"{both}: one inversion to some programs, two to others; export it as MONOCHROME2"
         )
-    slope, (_, stored, high), padding = (
-        _slope(dataset),
-        _cell(dataset),
-        dataset.get("PixelPaddingValue", None),
-    )
+    slope = _slope(dataset)
+    (_, stored, high) = _cell(dataset)
+    padding = dataset.get("PixelPaddingValue", None)
     possible = {
         f"RescaleSlope {slope:g}": slope < 0.0,
         "MONOCHROME1": kind == "MONOCHROME1",
@@ -321,7 +317,8 @@ def _slope(dataset: "Dataset") -> float:
 
 def _bits(dataset: "Dataset") -> int | None:
     """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever was stored."""
-    kind, stored = _grey_kind(dataset), int(dataset.BitsStored)
+    kind = _grey_kind(dataset)
+    stored = int(dataset.BitsStored)
     known = (
         stored <= 16 and not int(dataset.PixelRepresentation)
         if kind in GREY_KINDS
@@ -386,11 +383,9 @@ def _without_padding(
     )
     if value is None:
         return bright
-    first, last, stored = (
-        int(value),
-        int(value if limit is None else limit),
-        int(dataset.BitsStored),
-    )
+    first = int(value)
+    last = int(value if limit is None else limit)
+    stored = int(dataset.BitsStored)
     if (
         values.dtype.kind == "i"
     ):  # some programs write the negative ones without their sign
@@ -423,10 +418,8 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
                 )
     ratio = _numbers(dataset, "PixelAspectRatio")
     if sizes and len(ratio) == 2 and min(ratio) > 0.0:
-        depth_m, source = (
-            sizes[0].depth_m or 0.0,
-            f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}",
-        )
+        depth_m = sizes[0].depth_m or 0.0
+        source = f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}"
         sizes.append(
             PixelSize(source, depth_m=depth_m, lateral_m=depth_m * ratio[1] / ratio[0])
         )
@@ -462,10 +455,8 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
         return None if moment is None else Times(
             np.array([moment]), "DICOM's AcquisitionDateTime"
         ), None
-    steps_ms, pointers = (
-        _numbers(dataset, "FrameTimeVector"),
-        _numbers(dataset, "FrameIncrementPointer"),
-    )
+    steps_ms = _numbers(dataset, "FrameTimeVector")
+    pointers = _numbers(dataset, "FrameIncrementPointer")
     step_ms = float(dataset.get("FrameTime", None) or 0.0)
     by_step = step_ms > 0.0 and (FRAME_TIME in pointers or not steps_ms)
     if steps_ms and not by_step:

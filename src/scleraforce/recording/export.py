@@ -194,7 +194,8 @@ NOWHERE = [np.nan] * 3
 
 def write_sequence(recording: Recording, path: Path) -> None:
     """Write a recording's frames as NRRD; lateral runs to the patient's left, depth to the back."""
-    nrrd, oct_info = package_for("nrrd", "NRRD"), recording.info.oct
+    nrrd = package_for("nrrd", "NRRD")
+    oct_info = recording.info.oct
     check_bytes(len(recording.frames) * oct_info.rows * oct_info.columns * 2)
     shape = (oct_info.columns, oct_info.rows, 1, len(recording.frames))
     volume = np.empty(shape, dtype=np.uint16, order="F")
@@ -223,16 +224,12 @@ def write_sequence(recording: Recording, path: Path) -> None:
         nrrd.write(file, volume, header, index_order="F")
 
 
-IMAGE_TOPIC, FORCE_TOPIC, ANSWER_TOPIC = (
-    "/oct/image",
-    "/force/wrench",
-    "/scleraforce/answer",
-)
-IMAGE, WRENCH, ANSWER = (
-    "sensor_msgs/msg/Image",
-    "geometry_msgs/msg/WrenchStamped",
-    "scleraforce_msgs/msg/Answer",
-)
+IMAGE_TOPIC = "/oct/image"
+FORCE_TOPIC = "/force/wrench"
+ANSWER_TOPIC = "/scleraforce/answer"
+IMAGE = "sensor_msgs/msg/Image"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+ANSWER = "scleraforce_msgs/msg/Answer"
 TOPIC_KINDS = {IMAGE_TOPIC: IMAGE, FORCE_TOPIC: WRENCH, ANSWER_TOPIC: ANSWER}
 # What is not known is NaN, of a class -1.
 ANSWER_DEFINITION = """std_msgs/Header header
@@ -276,7 +273,8 @@ def _messages(
     recording: Recording, rows: Sequence[Row], origin_s: float, store: Any
 ) -> Iterator[tuple[int, str, Any]]:
     """Yield time, topic and message in the order of their times; each frame is read when its turn comes."""
-    log, frames_s = recording.forces, [entry.time_s for entry in recording.frames]
+    log = recording.forces
+    frames_s = [entry.time_s for entry in recording.frames]
     times_s = {
         IMAGE_TOPIC: frames_s,
         ANSWER_TOPIC: frames_s,

@@ -61,7 +61,9 @@ GAUGE_DIAMETER_M = {
 }
 LONGEST_ID = 200
 UNTABLED = ',;"'  # letters that separate and quote cells
-LEAST_TURN_RAD, LEAST_OFFSET_M = 1e-3, 1e-6  # between two planes: a degree is 1.7e-2
+# between two planes: a degree is 1.7e-2
+LEAST_TURN_RAD = 1e-3
+LEAST_OFFSET_M = 1e-6
 
 
 def _possible(key: str, unit: HumanUnit | None = None) -> Any:
@@ -317,7 +319,8 @@ class Recording:
             if self.forces is None
             else f"{len(self.forces.time_s)} samples"
         )
-        first, last = self.frames[0], self.frames[-1]
+        first = self.frames[0]
+        last = self.frames[-1]
         facts = {
             "eye": self.info.eye.id,
             "frames": f"{len(self.frames)} in {last.time_s - first.time_s:g} s",
@@ -346,7 +349,8 @@ class Recording:
 
 def check_alone(recording: Recording, file: str) -> None:
     """Raise an `InputError` unless a file is a frame of the recording, whose wall is of no other frame."""
-    files, stem = [each.file for each in recording.frames], PurePath(file).stem
+    files = [each.file for each in recording.frames]
+    stem = PurePath(file).stem
     if file not in files:
         raise InputError(f"{recording.path}: no frame {file}")
     if twins := [
@@ -359,7 +363,8 @@ def check_alone(recording: Recording, file: str) -> None:
 
 def check_frame(pixels: Pixels, stated: OctInfo, path: Path) -> None:
     """Check a frame against its recording.toml."""
-    fault, largest = None, int(pixels.max())
+    fault = None
+    largest = int(pixels.max())
     if pixels.shape != (stated.rows, stated.columns):
         found = " x ".join(map(str, pixels.shape))
         fault = f"{found} pixels (rows x columns); recording.toml says {stated.rows} x {stated.columns}"
@@ -467,10 +472,8 @@ def _check_planes(
             raise RecordingError(
                 f"{path}: plane: {entry.plane!r} of {entry.file} is unknown; {known}"
             )
-    times_s, shown = (
-        {entry.time_s for entry in frames},
-        {entry.plane for entry in frames},
-    )
+    times_s = {entry.time_s for entry in frames}
+    shown = {entry.plane for entry in frames}
     if len(shown) > 1 and len(times_s) == len(frames):
         raise RecordingError(
             f"{path}: plane: no two frames have one time_s; frames of one moment need the same"
@@ -480,9 +483,11 @@ def _check_planes(
 def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
     folder = (path / "frames").resolve()
     for entry in frames:
-        file, place = path / "frames" / entry.file, f"{path / 'frames.csv'}: file"
+        file = path / "frames" / entry.file
+        place = f"{path / 'frames.csv'}: file"
         try:
-            inside, there = file.resolve().is_relative_to(folder), file.is_file()
+            inside = file.resolve().is_relative_to(folder)
+            there = file.is_file()
         except (
             OSError,
             RuntimeError,
@@ -521,7 +526,8 @@ class ScaledFrame:
     def scale(self) -> PixelScale:
         """Size of a pixel as stored, with the refractive index."""
         rows, columns = self.pixels.shape
-        lateral_m, depth_m = self.width_m.value / columns, self.depth_m.value / rows
+        lateral_m = self.width_m.value / columns
+        depth_m = self.depth_m.value / rows
         return PixelScale(
             lateral_m=lateral_m,
             depth_m=depth_m,
@@ -561,12 +567,14 @@ def read_scaled_frame(
     """Read one frame and find its scale: `given`, else recording.toml's, the file's, or `assumed` with its source."""
     pixels, image = read_image(path)
     if transpose:
-        pixels, image = pixels.T, image.turned()
+        pixels = pixels.T
+        image = image.turned()
     recording = recording_of(path)
     info = None if recording is None else read_info(recording / "recording.toml")
     if info is not None:
         check_frame(pixels, info.oct, path)
-    lateral_m, depth_m = image.size.lateral_m, image.size.depth_m
+    lateral_m = image.size.lateral_m
+    depth_m = image.size.depth_m
     file = Scanner(
         width_m=lateral_m and lateral_m * image.columns,
         depth_m=depth_m and depth_m * image.rows,

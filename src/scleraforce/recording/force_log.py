@@ -67,11 +67,9 @@ def _status_meaning(name: str, others: Sequence[str]) -> str | None:
 
 
 def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str, ...]]:
-    name, meaning, none = (
-        column.name,
-        column.unit,
-        np.zeros(len(text.lines), dtype=bool),
-    )
+    name = column.name
+    meaning = column.unit
+    none = np.zeros(len(text.lines), dtype=bool)
     if meaning == ANY:
         return none, ()
     values, index = np.unique(
@@ -86,7 +84,8 @@ def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str,
             f"{name}: not taken for the sensor's status, because it has fractions",
         )
     faulty = np.array([_is_faulty(code, meaning) for code in codes.values()])[index]
-    count, first = int(faulty.sum()), int(np.argmax(faulty))
+    count = int(faulty.sum())
+    first = int(np.argmax(faulty))
     found = f"{text.place(first)}: {name}: {str(values[index[first]])!r}"
     if count == len(faulty):
         way = f"if this column is not its status, give --column {STATUS}={name}:{ANY}"
@@ -172,14 +171,11 @@ CLOCK_NAMES = TIME_NAMES | {
     "fecha",
     "hora",
 }
-ROS_STAMP, ROS_PREFIX = (
-    "field.header.stamp",
-    "field.",
-)  # of `rostopic echo -p`: capture, in ns; SI otherwise
-FORCE_WORDS, TORQUE_WORDS = (
-    "force|kraft|effort|fuerza|forza|f",
-    "torque|moment|drehmoment|couple|t|m",
-)
+# of `rostopic echo -p`: capture, in ns; SI otherwise
+ROS_STAMP = "field.header.stamp"
+ROS_PREFIX = "field."
+FORCE_WORDS = "force|kraft|effort|fuerza|forza|f"
+TORQUE_WORDS = "torque|moment|drehmoment|couple|t|m"
 BETWEEN = r"[ ._-]*(?:(?:in|along|axis|achse|richtung)[ ._-]*)?"
 AXIS_NAMES = re.compile(
     rf"(?:(?P<what>{FORCE_WORDS}|{TORQUE_WORDS}){BETWEEN}(?P<axis>[xyz])|"
@@ -216,7 +212,8 @@ def parse_column(text: str) -> LogColumn:
     """Return a column that somebody stated as COLUMN=NAME:UNIT, like fz=Force Z:mN."""
     short, equals, rest = text.partition("=")
     name, colon, unit = rest.rpartition(":")
-    ours, unit = SHORT_NAMES.get(short.strip().lower()), unit.strip()
+    ours = SHORT_NAMES.get(short.strip().lower())
+    unit = unit.strip()
     if not equals or not colon or ours is None or not name.strip():
         raise InputError(
             f"--column: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of {', '.join(SHORT_NAMES)}"
@@ -269,7 +266,8 @@ def required_columns(
     path: Path, columns: Iterable[LogColumn], names: Sequence[str]
 ) -> tuple[LogColumn, ...]:
     """Return the columns but for the status, in our order; ask for the time and a force if they are missing."""
-    columns, listed = [*columns], ", ".join(map(repr, names))
+    columns = [*columns]
+    listed = ", ".join(map(repr, names))
     found = {column.ours: column for column in columns}
     for column in columns:
         if column.name not in names:
@@ -294,7 +292,8 @@ def required_columns(
 
 def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | None:
     bare = name.strip().removeprefix(ROS_PREFIX).removeprefix("wrench.")
-    bracketed, marked = BRACKETS.fullmatch(bare), BEHIND_MARK.fullmatch(bare)
+    bracketed = BRACKETS.fullmatch(bare)
+    marked = BEHIND_MARK.fullmatch(bare)
     parted = [(found["name"], found["unit"]) for found in (bracketed, marked) if found]
     for word, own in (*parted, (bare, unit)):
         if (ours := _ours(word)) is not None:
@@ -310,10 +309,8 @@ def _ours(word: str) -> str | None:
         return "time_s"
     if (found := AXIS_NAMES.fullmatch(lower)) is None:
         return None
-    what, axis = (
-        found["what"] or found["what_after"],
-        found["axis"] or found["axis_before"],
-    )
+    what = found["what"] or found["what_after"]
+    axis = found["axis"] or found["axis_before"]
     return SHORT_NAMES[("f" if FORCE_WORD.fullmatch(what) else "t") + axis]
 
 
@@ -369,10 +366,8 @@ def read_force_text(
     values_sc = tables.numbers_of(text, places, gaps=places[-len(forces) :], mark=mark)
     _check_whole(text, forces, values_sc[:, -len(forces) :], given)
     values_sc *= [column.factor for column in read]
-    time_s, wrench_sc = (
-        values_sc[:, 0] if read is columns else _dated(text, time),
-        values_sc[:, -len(forces) :],
-    )
+    time_s = values_sc[:, 0] if read is columns else _dated(text, time)
+    wrench_sc = values_sc[:, -len(forces) :]
     notes = ["numbers have decimal commas"] if mark == "," else []
     notes += [*_overruled(by_header, given), *tables.gap_notes(text.path, wrench_sc)]
     for column in flags:
@@ -456,7 +451,8 @@ def _check_whole(
     for column, values in zip(columns, values_sc.T, strict=True):
         broken = np.isfinite(values) & (values != np.rint(values))
         if column in counted and broken.any():
-            line, (count, unit) = int(np.argmax(broken)), column.unit.split("/")
+            line = int(np.argmax(broken))
+            (count, unit) = column.unit.split("/")
             found = (
                 f"{text.place(line)}: {column.name}: {values[line]:g} is not a count"
             )

@@ -32,7 +32,8 @@ from scleraforce.whole_files import KINDS, read_bytes
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 JPEG_SIGNATURE = b"\xff\xd8\xff"
-ORIENTATION_TAG, UPRIGHT = 0x0112, 1
+ORIENTATION_TAG = 0x0112
+UPRIGHT = 1
 TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
@@ -67,10 +68,8 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
     if pixels.dtype.kind == "i":
         least = int(pixels.min())
         note = f"{path}: signed pixels: {-least} was added, so that the smallest is 0"
-        scan, pixels = (
-            replace(scan, notes=(*scan.notes, note)),
-            pixels.astype(np.int64) - least,
-        )
+        scan = replace(scan, notes=(*scan.notes, note))
+        pixels = pixels.astype(np.int64) - least
         pixels = pixels.astype(np.uint16) if int(pixels.max()) < 2**16 else pixels
     with named_faults(path, "image"):
         return scans.grey_pixels(np.ascontiguousarray(pixels)), scan
@@ -82,10 +81,8 @@ def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
         if not data.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
             found = "an empty file" if not data else "not an image that can be read"
             raise FrameError(f"{found}; give a PNG, TIFF, JPEG or a single DICOM image")
-        orientation, of_jpeg = (
-            _checked_orientation(data),
-            cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION,
-        )
+        orientation = _checked_orientation(data)
+        of_jpeg = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
         flags = of_jpeg if data.startswith(JPEG_SIGNATURE) else cv2.IMREAD_UNCHANGED
         decoded = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
         if decoded is None:
@@ -105,7 +102,8 @@ def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
         grey: Pixels = np.ascontiguousarray(
             as_shown(scans.grey_pixels(pixels, cv2.COLOR_BGR2GRAY), orientation)
         )
-    (rows, columns), bits = grey.shape, 8 if grey.itemsize == 1 else None
+    (rows, columns) = grey.shape
+    bits = 8 if grey.itemsize == 1 else None
     scan = Scan(
         (str(path),),
         rows,
@@ -182,10 +180,8 @@ def read_film(path: Path) -> Scan:
         )
         check_size(rows, columns)
         deep = _is_deep(path, film)
-        rate_hz, stated = (
-            float(film.get(cv2.CAP_PROP_FPS)),
-            int(film.get(cv2.CAP_PROP_FRAME_COUNT)),
-        )
+        rate_hz = float(film.get(cv2.CAP_PROP_FPS))
+        stated = int(film.get(cv2.CAP_PROP_FRAME_COUNT))
         times_ms = []
         while film.grab():
             times_ms.append(float(film.get(cv2.CAP_PROP_POS_MSEC)))
@@ -193,7 +189,8 @@ def read_film(path: Path) -> Scan:
             raise FrameError("no frame in it that can be decoded")
         scans.check_bytes(len(times_ms) * rows * columns * (2 if deep else 1))
     time_s = to_si(np.array(times_ms), "ms")
-    steps_s, pace = np.diff(time_s), f"film of {rate_hz:g} frames a second"
+    steps_s = np.diff(time_s)
+    pace = f"film of {rate_hz:g} frames a second"
     if steps_s.size and np.ptp(steps_s) > EVEN * np.median(steps_s):
         pace = f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
     notes = [
@@ -208,11 +205,9 @@ def read_film(path: Path) -> Scan:
             notes.append(
                 f"states {stated} frames and plays {count}: cut off, or the others are empty, hidden or damaged"
             )
-    shape, bits, times = (
-        (rows, columns),
-        None if deep else 8,
-        Times(time_s, pace) if rising(time_s) else None,
-    )
+    shape = (rows, columns)
+    bits = None if deep else 8
+    times = Times(time_s, pace) if rising(time_s) else None
     scan = Scan(
         scans.frame_names(path, count),
         *shape,

@@ -202,7 +202,8 @@ def complete(
             if asker is None or not questions:
                 raise
             asker.again(wrong)
-    name, value = "thickness_um", answers.thickness_um
+    name = "thickness_um"
+    value = answers.thickness_um
     source = origins.get(name, ANSWER)
     if value is None and asker is not None:
         shown_um = measured_um(done.info.oct)
@@ -348,7 +349,8 @@ def _needed(
 
 
 def _stated(gathered: Gathered, greys: Greys) -> Known:
-    scan, log = gathered.scan, gathered.log
+    scan = gathered.scan
+    log = gathered.log
     found: Known = {}
     extents = {
         "width_mm": (scan.size.lateral_m, scan.columns),
@@ -392,10 +394,8 @@ def _info(
             depth_m=depth_m,
             **used,
         )
-        thickness_m, iop_pa = (
-            to_si(answers.thickness_um, "um"),
-            to_si(answers.iop_mmhg, "mmhg"),
-        )
+        thickness_m = to_si(answers.thickness_um, "um")
+        iop_pa = to_si(answers.iop_mmhg, "mmhg")
         gap_m = None if gathered.planes else to_si(values["gap_mm"], "mm")
         eye = EyeInfo(
             values["eye"], thickness_m=thickness_m, iop_pa=iop_pa, globe=answers.globe

@@ -70,7 +70,8 @@ def label_frames(
 
 def labels_n(recording: Recording) -> Sequence[float | str | None]:
     """Return the force under each frame in N, or why it has none; None without a log."""
-    log, info = recording.forces, recording.info.force
+    log = recording.forces
+    info = recording.info.force
     if log is None or info is None:
         return [None] * len(recording.frames)
     force_n = contact_force(log, info)
@@ -104,7 +105,8 @@ def unit_fault(
 
     The noise is taken from the mean difference of neighbours, on which pushes and a few knocks have no effect.
     """
-    log, info = recording.forces, recording.info.force
+    log = recording.forces
+    info = recording.info.force
     if log is None or info is None:
         return None
     largest_n = LARGEST_FORCE_BOUNDS * classes.bounds_n[-1]
@@ -145,10 +147,8 @@ def _trial(
         reason = (
             f"above the largest force of the study, {from_si(max_force_n, 'mn'):g} mN"
         )
-    target, excluded = (
-        None if force_n is None else classes.classify(force_n),
-        "pierced" if frame.pierced else reason,
-    )
+    target = None if force_n is None else classes.classify(force_n)
+    excluded = "pierced" if frame.pierced else reason
     return Trial(
         file=frame.file,
         time_s=frame.time_s,
@@ -266,7 +266,9 @@ def _begin_of_rise(force_n: Floats, earliest: int, step: int) -> int:
 
 
 def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingError:
-    first, last, path = recording.frames[0], recording.frames[-1], recording.path
+    first = recording.frames[0]
+    last = recording.frames[-1]
+    path = recording.path
     spans = f"{log.time_s[0]:g} to {log.time_s[-1]:g} s"
     if last.time_s < log.time_s[0] or first.time_s > log.time_s[-1]:
         found = (
@@ -308,11 +310,10 @@ MOST_FRAMES = (
 )
 RELATED = 4.6  # gain of log likelihood of a curve over none that chance gives once in a hundred times (chi square, 2)
 BETTER = 10.0  # the same of a shift over the stated times; chance gives about 7 where 12 frames try 240 shifts
-FARTHEST_S, STEP_S, LEAST_SHIFT_S = (
-    60.0,
-    0.5,
-    1.0,
-)  # of the frames' times, in the search for a shift
+# of the frames' times, in the search for a shift
+FARTHEST_S = 60.0
+STEP_S = 0.5
+LEAST_SHIFT_S = 1.0
 LEAST_SCATTER = 1e-3  # of the variance: the rest after reading and label at best
 LEAST_VARIANCE_M2 = (
     1e-9
@@ -344,7 +345,9 @@ def log_doubts(
     means = _means(recording.forces, recording.info.force)
     stated_n = means(times_s)
     known = np.isfinite(stated_n)
-    times_s, values, stated_n = times_s[known], values[seen][known], stated_n[known]
+    times_s = times_s[known]
+    values = values[seen][known]
+    stated_n = stated_n[known]
     doubt = _size_doubt(stated_n, values, classes) if in_newtons else None
     if doubt:
         return (doubt,)
@@ -381,7 +384,8 @@ def _size_doubt(stated_n: Floats, read_n: Floats, classes: ClassesStudy) -> str 
 
 def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
     """Return a sentence if the log has more force across the stated axis than along it, else None."""
-    log, info = recording.forces, recording.info.force
+    log = recording.forces
+    info = recording.info.force
     if log is None or info is None:
         return None
     times_s = np.array([frame.time_s for frame in recording.frames])
@@ -431,7 +435,8 @@ def _best_shift(
     Frames that a shift moves off the log are left out on both sides of the comparison. Forces within `least_span_n` of
     one another, apart from the lowest and the highest, prove no shift.
     """
-    shift_s, best = 0.0, 0.0
+    shift_s = 0.0
+    best = 0.0
     stated_n = means(times_s)
     for candidate_s in np.arange(-FARTHEST_S, FARTHEST_S + STEP_S / 2, STEP_S).tolist():
         force_n = means(times_s + candidate_s)
@@ -446,7 +451,8 @@ def _best_shift(
             stated_n[kept], shown[kept]
         )
         if gain > best:
-            shift_s, best = candidate_s, gain
+            shift_s = candidate_s
+            best = gain
     return shift_s, best
 
 
@@ -465,18 +471,18 @@ def _likelihood(force_n: Floats, shown: Floats) -> float:
 
 
 # A puncture is a sudden fall of the force in a log: limits of one.
-BEFORE_S, BETWEEN_S = (
-    0.08,
-    0.02,
-)  # of the levels on either side of a fall in a log; a fall is that sudden
-FALL_SHARE, LEAST_FALL_N, DEVIATIONS = (
-    0.4,
-    2e-3,
-    6.0,
-)  # of the level before; beyond the noise of a mean
+# of the levels on either side of a fall in a log; a fall is that sudden
+BEFORE_S = 0.08
+BETWEEN_S = 0.02
+# of the level before; beyond the noise of a mean
+FALL_SHARE = 0.4
+LEAST_FALL_N = 2e-3
+DEVIATIONS = 6.0
 LEVEL = 0.25  # of the fall: so much the levels themselves may change, or it is a slow retraction
 STIFFNESS_N_M = 100.0  # of a steep wall: what the needle went back explains as much
-LIFTED_N, LIFTED_S = 2e-3, 0.5  # without contact for so long, a push is over
+# without contact for so long, a push is over
+LIFTED_N = 2e-3
+LIFTED_S = 0.5
 
 
 def log_punctures(log: ForceLog, force_n: Floats, travel_m: Floats) -> list[float]:
@@ -517,16 +523,15 @@ def log_punctures(log: ForceLog, force_n: Floats, travel_m: Floats) -> list[floa
 
 def with_punctures(recording: Recording) -> Recording:
     """Return a recording whose frames after a puncture in its force log, in the same push, are marked as pierced."""
-    log, info = recording.forces, recording.info.force
+    log = recording.forces
+    info = recording.info.force
     if log is None or info is None:
         return replace(
             recording,
             frames=tuple(replace(entry, pierced=False) for entry in recording.frames),
         )
-    log, times_s = (
-        log.known(info.axis),
-        np.array([frame.time_s for frame in recording.frames]),
-    )
+    log = log.known(info.axis)
+    times_s = np.array([frame.time_s for frame in recording.frames])
     raw_n = info.contact_sign * log.force_n(info.axis)
     tared_n = raw_n - raw_n[: tare_samples(raw_n, log.sample_rate_hz)].mean()
     known = [

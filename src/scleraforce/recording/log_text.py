@@ -22,7 +22,11 @@ from scleraforce.recording.tables import (
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 from scleraforce.whole_files import KINDS, read_text
 
-ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK = "iso", "dmy", "mdy", "date", "clock"
+ISO = "iso"
+DAY_FIRST = "dmy"
+MONTH_FIRST = "mdy"
+NAMED = "date"
+CLOCK = "clock"
 CLOCKS = (ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK)
 DAY_S = 86_400
 MONTHS = {
@@ -100,11 +104,9 @@ def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
 
 
 def _seconds(found: re.Match[str], clock: str) -> float:
-    hour, half, zone = (
-        int(found["hour"]),
-        found["half"],
-        (found["zone"] or "Z").replace("UTC", "Z"),
-    )
+    hour = int(found["hour"])
+    half = found["half"]
+    zone = (found["zone"] or "Z").replace("UTC", "Z")
     if half and not 1 <= hour <= 12:
         raise ValueError
     hour = hour % 12 + (12 if half[0] in "pP" else 0) if half else hour
@@ -132,7 +134,9 @@ def _day(found: re.Match[str], clock: str) -> date:
     return date(parts["y"] + (2000 if parts["y"] < 100 else 0), parts["m"], parts["d"])
 
 
-TIME, FORCE, TORQUE = "time", "force", "torque"
+TIME = "time"
+FORCE = "force"
+TORQUE = "torque"
 INCH_M = 0.0254
 POUND_N = 0.45359237 * STANDARD_GRAVITY_M_S2
 
@@ -243,7 +247,8 @@ def _of_labview(path: Path, lines: Sequence[str]) -> Table:
         raise RecordingError(
             f"{path}: Separator: {stated!r} is not read; export the file with Tab or Comma"
         )
-    head, top = _entries(lines[: ends[0]], separator), ends[-1] + 1
+    head = _entries(lines[: ends[0]], separator)
+    top = ends[-1] + 1
     segment = _entries(lines[ends[0] + 1 : ends[1]], separator) if ends[1:] else {}
     columns = head.get("X_Columns", ("One",))[0]
     if columns.lower() == "no" or (
@@ -284,18 +289,21 @@ def _entries(lines: Sequence[str], separator: str) -> dict[str, tuple[str, ...]]
 
 
 def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
-    longer, shorter = None, None
+    longer = None
+    shorter = None
     for nth, (line, below) in enumerate(pairwise(lines[:SEARCHED_LINES])):
         alone = (
             SPACES if len(below.split()) > 1 else ","
         )  # a single column's name may have spaces
         separator = next((mark for mark in "\t;," if mark in line), alone)
-        names, fields = _names(line, separator), _names(below, separator, marks="")
+        names = _names(line, separator)
+        fields = _names(below, separator, marks="")
         if separator == SPACES and len(names) > len(
             fields
         ):  # names with a blank in them
             bare = line.lstrip("#%").strip()
-            wide, bracketed = re.split(r" {2,}", bare), re.split(r" +(?![\[({<])", bare)
+            wide = re.split(r" {2,}", bare)
+            bracketed = re.split(r" +(?![\[({<])", bare)
             names = tuple(bracketed if len(bracketed) == len(fields) else wide)
         if not names or any(is_number(name) for name in names):
             continue

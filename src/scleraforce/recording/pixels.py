@@ -72,10 +72,8 @@ class PixelScale:
     @classmethod
     def of(cls, scanner: "OctStudy | OctInfo") -> "PixelScale":
         """Return the scale of a scanner's frames (`OctStudy`, `OctInfo`)."""
-        lateral_m, depth_m = (
-            scanner.width_m / scanner.columns,
-            scanner.depth_m / scanner.rows,
-        )
+        lateral_m = scanner.width_m / scanner.columns
+        depth_m = scanner.depth_m / scanner.rows
         return cls(
             lateral_m=lateral_m,
             depth_m=depth_m,
@@ -153,7 +151,8 @@ def unpacked(packed: bytes, most: int, lzma: "LZMADecompressor | None" = None) -
 
 def check_packbits(packed: bytes, most: int) -> None:
     """Refuse PackBits data (TIFF, DICOM's RLE) of more than `most` bytes; decoders would take up to 512 for each."""
-    at, count = 0, 0
+    at = 0
+    count = 0
     while at < len(packed):
         code = packed[at]
         if code < 128:
@@ -204,19 +203,21 @@ def find_greys(
         raise InputError(
             f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a larger one"
         )
-    low, high, lost, whole = np.inf, -np.inf, 0, True
+    low = np.inf
+    high = -np.inf
+    lost = 0
+    whole = True
     for picture in pictures:
         if picture.dtype.kind not in "uif":
             raise FrameError(
                 f"{name}: pixels of type {picture.dtype}; give whole numbers or floats"
             )
         known = picture[np.isfinite(picture)] if picture.dtype.kind == "f" else picture
-        whole, lost = (
-            whole and picture.dtype.kind != "f",
-            lost + picture.size - known.size,
-        )
+        whole = whole and picture.dtype.kind != "f"
+        lost = lost + picture.size - known.size
         if known.size:
-            low, high = min(low, float(known.min())), max(high, float(known.max()))
+            low = min(low, float(known.min()))
+            high = max(high, float(known.max()))
     if given is not None:
         return Greys(low=given[0], high=given[1], scaled=True, lost=lost)
     if whole and high - min(low, 0.0) <= TOP:
@@ -373,7 +374,8 @@ class Scan:
 
     def between(self, first: int | None, last: int | None) -> "Scan":
         """Return the frames from the first to the last one, counted from 1; None: from the beginning, to the end."""
-        start, stop = (first or 1) - 1, len(self.names) if last is None else last
+        start = (first or 1) - 1
+        stop = len(self.names) if last is None else last
         if not 0 <= start < stop <= len(self.names):
             name = (
                 "--last-frame" if first is None or last is not None else "--first-frame"
@@ -453,12 +455,15 @@ class UnansweredError(InputError):
         super().__init__(
             f"{question}; give {' '.join(f'{option} {form}' for form in forms) or option}"
         )
-        self.option, self.question, self.forms = option, question, forms
+        self.option = option
+        self.question = question
+        self.forms = forms
 
 
 def joined(scans: Sequence[Scan]) -> Scan:
     """Return several files of frames as one scan: in the order of their times, or in the given order."""
-    first, kind = scans[0], _kind(scans[0])
+    first = scans[0]
+    kind = _kind(scans[0])
     for scan in scans[1:]:
         for field, mine in _kind(scan).items():
             if mine != kind[field]:
@@ -467,15 +472,14 @@ def joined(scans: Sequence[Scan]) -> Scan:
                     f"{scan.names[0]}: {found}; import frames of one kind at a time"
                 )
     times = [scan.times for scan in scans if scan.times is not None]
-    ordered, joint = scans, None
+    ordered = scans
+    joint = None
     if len(times) == len(scans):
         order = sorted(range(len(scans)), key=lambda nth: float(times[nth].time_s[0]))
         time_s = np.concatenate([times[nth].time_s for nth in order])
         if rising(time_s):
-            ordered, joint = (
-                [scans[nth] for nth in order],
-                Times(time_s, times[0].source),
-            )
+            ordered = [scans[nth] for nth in order]
+            joint = Times(time_s, times[0].source)
     return replace(
         first,
         names=tuple(name for scan in ordered for name in scan.names),
@@ -524,7 +528,8 @@ def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
 
 def _checked(scan: Scan) -> PictureStream:
     """Yield a scan's frames, and check their number, size and type, which damaged files break."""
-    count, kind = 0, None
+    count = 0
+    kind = None
     for count, picture in enumerate(scan.pictures(), start=1):
         kind = kind or picture.dtype
         if (picture.shape, picture.dtype) != (
@@ -613,7 +618,8 @@ def array_scan(
             for m, source in stated
         ]
     )
-    names, bits = frame_names(path, count), 8 if frames.dtype == np.uint8 else None
+    names = frame_names(path, count)
+    bits = 8 if frames.dtype == np.uint8 else None
     return Scan(
         names,
         rows,

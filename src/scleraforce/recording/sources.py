@@ -62,7 +62,8 @@ OPTION = "option"  # the source of a value given by an option or an argument
 SINCE_1970_S = 1e8  # a clock beyond counts from 1970
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512
-SQLITE, MCAP = b"SQLite format 3\0", b"\x89MCAP0\r\n"
+SQLITE = b"SQLite format 3\0"
+MCAP = b"\x89MCAP0\r\n"
 NIFTI_NAMES = (".nii", ".nii.gz")
 TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
 HEADERS = {
@@ -260,10 +261,8 @@ def gather(
     """
     axes = None if options.axes is None else parse_axes(options.axes)
     given = [force_log.parse_column(text) for text in options.columns]
-    sources_of, scans = (
-        dict[Plane | None, list[Path]](),
-        dict[Plane | None, list[Scan]](),
-    )
+    sources_of = dict[Plane | None, list[Path]]()
+    scans = dict[Plane | None, list[Scan]]()
     for source, plane in zip_longest(sources, planes):
         sources_of.setdefault(plane, []).append(source)
     files = [
@@ -365,10 +364,8 @@ def on_one_clock(
         )
     first_s = float(min([time_s[0], *([] if log is None else log.time_s[:1])]))
     origin_s = float(np.floor(first_s)) if first_s > SINCE_1970_S else 0.0
-    moved, time_s = (
-        None if log is None else replace(log, time_s=log.time_s - origin_s),
-        time_s - origin_s,
-    )
+    moved = None if log is None else replace(log, time_s=log.time_s - origin_s)
+    time_s = time_s - origin_s
     if moved is not None and (
         time_s[-1] < moved.time_s[0] or time_s[0] > moved.time_s[-1]
     ):

@@ -16,7 +16,9 @@ from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import RecordingError
 from scleraforce.whole_files import KINDS, FileKind, read_text
 
-SEPARATORS, SPACES = ";\t,", " "  # any number of spaces is one separator
+# any number of spaces is one separator
+SEPARATORS = ";\t,"
+SPACES = " "
 NUMBER = re.compile(r"[ \t]*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?[ \t]*", re.ASCII)
 PLAIN_NUMBERS = "write all numbers with decimal points, and nothing between thousands"
 # A comma that may part thousands; "0,250" cannot, for no group of thousands begins with 0.
@@ -105,10 +107,8 @@ def read_table(
 
 def check_counts(table: Table, least: int | None = None) -> None:
     """Refuse a line with more fields than the header, or with fewer than `least` (None: as most lines have)."""
-    names, counts = (
-        len(table.names),
-        [_count(table, line) for line in range(len(table.lines))],
-    )
+    names = len(table.names)
+    counts = [_count(table, line) for line in range(len(table.lines))]
     least = (
         Counter(counts).most_common(1)[0][0] if least is None and counts else least or 0
     )
@@ -127,7 +127,9 @@ def check_counts(table: Table, least: int | None = None) -> None:
 
 def _count(table: Table, line: int) -> int:
     """Return the number of fields of a line, without empty ones behind the last column."""
-    text, names, separator = table.lines[line], len(table.names), table.separator
+    text = table.lines[line]
+    names = len(table.names)
+    separator = table.separator
     if '"' in text or separator == SPACES:
         fields = fields_of(text, separator, table.place(line))
         filled = max(
@@ -176,11 +178,13 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
     The proof is a comma that cannot part thousands (0,25 or 1,5), without a number that has a point. Columns outside
     `read` only bear witness. A number with two possible readings is refused.
     """
-    lines, place = table.lines, table.place
+    lines = table.lines
+    place = table.place
     if table.separator == "," or not any("," in line for line in lines):
         return "."
     comma: tuple[int, int, str] | None = None
-    pointed, proven = table.mark == ".", table.mark == ","
+    pointed = table.mark == "."
+    proven = table.mark == ","
     no_point = not any("." in line for line in lines)
     for index, line in enumerate(lines):
         if no_point and proven and comma is not None:
@@ -212,7 +216,8 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
         if pointed
         else "every comma has three digits behind it"
     )
-    one, other = field.replace(",", ".", 1), field.replace(",", "")
+    one = field.replace(",", ".", 1)
+    other = field.replace(",", "")
     readings = f"{one} with a decimal comma, or {other} with one between thousands"
     raise RecordingError(
         f"{place(index)}: {name}: {field!r} is {readings} ({why}); {PLAIN_NUMBERS}"
@@ -289,7 +294,8 @@ def _row_numbers(
     mark: str,
     empty: Sequence[str],
 ) -> list[float]:
-    fields, values = table.fields(line), []
+    fields = table.fields(line)
+    values = []
     for place in places:
         field = fields[place] if place < len(fields) else ""
         value = number(field, mark)
@@ -311,7 +317,8 @@ GOOD_SAMPLE_RATE_HZ = 100.0
 # A push takes 0.2 s or more: at fewer samples a second it has less than four, and a clock in ms is read as one in s.
 MIN_SAMPLE_RATE_HZ = 20.0
 # Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand times what such a sensor bears.
-LARGEST_TIME_S, LARGEST_FORCE_N = 1e10, 1e6
+LARGEST_TIME_S = 1e10
+LARGEST_FORCE_N = 1e6
 FRAME_COLUMNS = ("file", "time_s", "pierced", "travel_m", "held_s", "plane", "iop_pa")
 # Optional columns of numbers, each with its least and largest value and their unit in words.
 FRAME_NUMBERS = {
@@ -321,7 +328,8 @@ FRAME_NUMBERS = {
 }
 # A sample is not a force beyond 1,000 times the median distance from the log's median (or the sensor's step, if that is
 # larger), but never below 3 N: no needle pushes an eye by more, and on a quiet log 60 mN are 1,000 times its noise.
-IMPLAUSIBLE_RATIO, LEAST_IMPLAUSIBLE_N = 1000.0, 3.0
+IMPLAUSIBLE_RATIO = 1000.0
+LEAST_IMPLAUSIBLE_N = 3.0
 LEAST_LEVELS = 4  # different values of a log that tell the sensor's step: rest, a push and a burst are three
 MOST_IMPLAUSIBLE = (
     1.0 / 3.0
@@ -386,7 +394,8 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
         ],
     )
     entries: list[FrameEntry] = []
-    seen, planes = dict[str, int](), set[tuple[float, str | None]]()
+    seen = dict[str, int]()
+    planes = set[tuple[float, str | None]]()
     for index, line in enumerate(table.numbers):
         place = table.place(index)
         entry = _frame_entry(
@@ -466,7 +475,8 @@ def checked_samples(
     """Return a log with NaN for implausible samples, and notes; refuse a bad clock, or too many of them."""
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
-    rate_hz, notes = _checked_rate(log, path, place), list(log.notes)
+    rate_hz = _checked_rate(log, path, place)
+    notes = list(log.notes)
     wrench_sc = _without_implausible(log, place, range_n, notes)
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
         noise = f"the noise of a label is {np.sqrt(GOOD_SAMPLE_RATE_HZ / rate_hz):.2g} times as large"
@@ -498,7 +508,8 @@ def _without_implausible(
         known_n = force_n[np.isfinite(force_n)]
         if not name.endswith("_n") or not len(known_n):
             continue
-        middle_n, levels_n = float(np.median(known_n)), np.unique(known_n)
+        middle_n = float(np.median(known_n))
+        levels_n = np.unique(known_n)
         step_n = (
             float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
         )
@@ -516,10 +527,8 @@ def _without_implausible(
     value_n = log.wrench_sc[sample, column]
     beside = f"{limits_n[column]:.3g} N off its median is the most"
     why = f"the sensor's range is {range_n:g} N" if abs(value_n) > range_n else beside
-    found, count = (
-        f"{log.columns[column]}: {value_n:.4g} N ({why})",
-        f"{flagged.sum()} of {len(flagged)} samples",
-    )
+    found = f"{log.columns[column]}: {value_n:.4g} N ({why})"
+    count = f"{flagged.sum()} of {len(flagged)} samples"
     if flagged.mean() > MOST_IMPLAUSIBLE:
         raise RecordingError(
             f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor"
@@ -532,10 +541,8 @@ def _without_implausible(
 
 def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> float:
     """Return the samples a second; more than half of the steps are as short as that rate's. Check all numbers."""
-    columns, values_sc = (
-        ("time_s", *log.columns),
-        np.column_stack([log.time_s, log.wrench_sc]),
-    )
+    columns = ("time_s", *log.columns)
+    values_sc = np.column_stack([log.time_s, log.wrench_sc])
     largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE_N] * len(log.columns)])
     bad = ~(
         np.abs(values_sc) <= largest_c

@@ -33,11 +33,17 @@ if TYPE_CHECKING:
     from tifffile import TiffFile, TiffPage, TiffPageSeries
 
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE = range(4)  # PhotometricInterpretation
-DEFLATE, PACKBITS, LZMA = (8, 32946), 32773, 34925  # Compression
+# Compression
+DEFLATE = (8, 32946)
+PACKBITS = 32773
+LZMA = 34925
 LZMA_BYTES = 128 * 2**20  # of memory; files of the highest preset take 65 MiB
 PLANES_APART = 2  # PlanarConfiguration
 ORIENTATIONS = range(1, 9)
-NO_UNIT, INCH, CENTIMETRE = 1, 2, 3  # ResolutionUnit
+# ResolutionUnit
+NO_UNIT = 1
+INCH = 2
+CENTIMETRE = 3
 UNIT_NAMES = {NO_UNIT: "none", INCH: "inch", CENTIMETRE: "cm"}
 NO_UNITS = (
     "pixel",
@@ -74,10 +80,8 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             [*sizes, _json_size(frames[0], rows, columns)]
         )
         times = _times(file, count, notes)
-        kinds, copies = (
-            {page.photometric for page in frames},
-            any(page.subifds for page in frames),
-        )
+        kinds = {page.photometric for page in frames}
+        copies = any(page.subifds for page in frames)
         for note, holds in (
             (
                 "smaller copies of the frames in the file were not read",
@@ -94,10 +98,8 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             ),
         ):
             notes += [note] if holds else []
-        names, bits = (
-            scans.frame_names(path, count),
-            8 if file.series[0].dtype == np.uint8 else None,
-        )
+        names = scans.frame_names(path, count)
+        bits = 8 if file.series[0].dtype == np.uint8 else None
         scan = Scan(
             names,
             rows,
@@ -289,10 +291,8 @@ def _ome_sizes(file: "TiffFile", notes: list[str]) -> list[PixelSize]:
     for stated in _of_ome(file, "Pixels"):
         sizes_m: list[float | None] = []
         for axis in "YX":
-            unit, size = (
-                stated.get(f"PhysicalSize{axis}Unit", "µm"),
-                float(stated.get(f"PhysicalSize{axis}", "nan")),
-            )
+            unit = stated.get(f"PhysicalSize{axis}Unit", "µm")
+            size = float(stated.get(f"PhysicalSize{axis}", "nan"))
             notes += (
                 []
                 if unit in METRES
@@ -317,11 +317,13 @@ def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSi
         str((file.imagej_metadata or {}).get(name, "")).strip()
         for name in ("yunit", "unit")
     )
-    source, units_m = "ImageJ's unit", [_metres(deep or unit), _metres(unit)]
+    source = "ImageJ's unit"
+    units_m = [_metres(deep or unit), _metres(unit)]
     if unit and unit not in NO_UNITS and units_m[1] is None:
         notes.append(f"ImageJ's unit {unit!r} is not known: the scale is not either")
     if not unit:
-        source, units_m = "XResolution, YResolution", [tag_m, tag_m]
+        source = "XResolution, YResolution"
+        units_m = [tag_m, tag_m]
         if tag_m and "ResolutionUnit" not in page.tags and "XResolution" in page.tags:
             notes.append("no ResolutionUnit: by the standard of TIFF it is the inch")
     elif "ResolutionUnit" in page.tags and tag_m and units_m != [tag_m, tag_m]:
@@ -357,23 +359,20 @@ def _size(page: "TiffPage", name: str, unit_m: float | None) -> float | None:
 
 def _json_size(page: "TiffPage", rows: int, columns: int) -> PixelSize:
     """Return the steps of axes that a JSON text in the Software tag lists value by value, as myOCT writes them."""
-    depth_m, lateral_m = None, None
+    depth_m = None
+    lateral_m = None
     with suppress(ValueError, TypeError, KeyError, AttributeError):
         axes = json.loads(page.tags["Software"].value)["metadata"]
-        depth_m, lateral_m = (
-            _step_m(axes.get("z"), rows),
-            _step_m(axes.get("x"), columns),
-        )
+        depth_m = _step_m(axes.get("z"), rows)
+        lateral_m = _step_m(axes.get("x"), columns)
     return PixelSize(
         "JSON axes in the Software tag", depth_m=depth_m, lateral_m=lateral_m
     )
 
 
 def _step_m(axis: Any, size: int) -> float | None:
-    values, unit_m = (
-        np.asarray((axis or {}).get("values", ()), np.float64),
-        METRES.get((axis or {}).get("units", "")),
-    )
+    values = np.asarray((axis or {}).get("values", ()), np.float64)
+    unit_m = METRES.get((axis or {}).get("units", ""))
     if values.shape != (size,) or unit_m is None:
         return None
     steps = np.diff(values)
@@ -384,10 +383,8 @@ def _step_m(axis: Any, size: int) -> float | None:
 def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
     imagej = file.imagej_metadata or {}
     if not file.ome_metadata:
-        interval, unit_s = (
-            imagej.get("finterval"),
-            SECONDS.get(str(imagej.get("tunit", "sec"))),
-        )
+        interval = imagej.get("finterval")
+        unit_s = SECONDS.get(str(imagej.get("tunit", "sec")))
         step_s = (
             interval * unit_s
             if isinstance(interval, int | float) and unit_s is not None

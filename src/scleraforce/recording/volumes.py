@@ -75,10 +75,8 @@ def _check_orientation(orientation: str, axes: Axes) -> None:
 
 def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
     """Return a sequence of PLUS with its stated times, in s, and without its invalid frames."""
-    times, states = (
-        _of_frames(scan, fields, "Timestamp"),
-        _of_frames(scan, fields, "ImageStatus"),
-    )
+    times = _of_frames(scan, fields, "Timestamp")
+    states = _of_frames(scan, fields, "ImageStatus")
     count = len(scan.names)
     kept = [nth for nth in range(count) if states.get(nth, "OK").upper() != "INVALID"]
     if not kept:
@@ -87,10 +85,8 @@ def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
         )
     if len(kept) < count:
         left_out = ", ".join(str(nth) for nth in range(count) if nth not in kept)
-        notes, pictures = (
-            f"ImageStatus = INVALID: frames {left_out} (from 0) are left out",
-            scan.pictures,
-        )
+        notes = f"ImageStatus = INVALID: frames {left_out} (from 0) are left out"
+        pictures = scan.pictures
         scan = replace(
             scan,
             names=tuple(scan.names[nth] for nth in kept),
@@ -264,7 +260,8 @@ def _nrrd_times(header: Any, count: int) -> Times | None:
 
 
 def _nrrd_steps(header: Any, count: int) -> list[Steps]:
-    found, unit_m = list[Steps](), None
+    found = list[Steps]()
+    unit_m = None
     if "space directions" in header:
         anatomical = NRRD_IN_MM.match(
             str(header.get("space", ""))
@@ -390,7 +387,8 @@ def _pixels(
     size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
     scans.check_bytes(size)
     data_path = _data_file(path, "ElementDataFile = ", fields["elementdatafile"])
-    local, skipped = data_path == path, int(fields.get("headersize", "0"))
+    local = data_path == path
+    skipped = int(fields.get("headersize", "0"))
     data = data_path.read_bytes()[(start if local else 0) + max(skipped, 0) :]
     if not _flag(fields, "BinaryData", True):
         return (
@@ -433,7 +431,8 @@ def _steps(fields: dict[str, str]) -> list[Steps]:
     return found
 
 
-HEADER, INTENSITY = "Header.xml", "Intensity"
+HEADER = "Header.xml"
+INTENSITY = "Intensity"
 XML_BYTES = 2**22
 OCT_KIND = "Thorlabs .oct file"
 SAMPLE = np.dtype("<f4")

@@ -16,7 +16,9 @@ from scleraforce.recording.images import read_frame
 from scleraforce.recording.tables import read_table
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
-NO_WALL, NOT_JUDGED, WALL = 0, 128, 255
+NO_WALL = 0
+NOT_JUDGED = 128
+WALL = 255
 COLUMNS = ("file", "author", "time_utc", "source_sha256")
 
 
@@ -60,9 +62,11 @@ class RecordedWalls:
     """
 
     def __init__(self, recording: Path) -> None:
-        self._recording, self._table = recording, recording / "walls.csv"
+        self._recording = recording
+        self._table = recording / "walls.csv"
         self._rows = _rows(self._table) if self._table.exists() else None
-        self._used, self._stale = set[str](), dict[str, str]()
+        self._used = set[str]()
+        self._stale = dict[str, str]()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -112,10 +116,8 @@ def write_wall(
 
     Walls without a line in walls.csv get one: they count as drawn on today's frames.
     """
-    path, table = (
-        recording / "walls" / f"{PurePath(file).stem}.png",
-        recording / "walls.csv",
-    )
+    path = recording / "walls" / f"{PurePath(file).stem}.png"
+    table = recording / "walls.csv"
     path.parent.mkdir(exist_ok=True)
     drawn = {each.stem for each in path.parent.glob("*.png")} | {path.stem}
     rows = _rows(table) if table.exists() else {}

@@ -64,7 +64,8 @@ class ForceWriter:
     """Writer of `forces.csv` while `read_recording` takes the samples, else of `robot_forces.csv`."""
 
     def __init__(self, folder: Path, columns: Sequence[str]) -> None:
-        self._fast, self._slow = folder / "forces.csv", folder / "robot_forces.csv"
+        self._fast = folder / "forces.csv"
+        self._slow = folder / "robot_forces.csv"
         self._table = _Table(self._slow, ("time_s", *columns))
         self._is_fast = False
         self._steps = self._short_steps = 0
@@ -98,7 +99,8 @@ class _Table:
         self._file = os.open(
             path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644
         )
-        self._longest, self._time = FIELD_BYTES * len(names), names.index("time_s")
+        self._longest = FIELD_BYTES * len(names)
+        self._time = names.index("time_s")
         header = (",".join(names) + "\n").encode()
         _write_all(self._file, header)
         self._page_left = PAGE_BYTES - len(header)
@@ -112,7 +114,8 @@ class _Table:
                 cell + "0" * left if nth == self._time else cell
                 for nth, cell in enumerate(cells)
             ]
-            line, left = (",".join(filled) + "\n").encode(), PAGE_BYTES
+            line = (",".join(filled) + "\n").encode()
+            left = PAGE_BYTES
         _write_all(self._file, line)
         self._page_left = left
 

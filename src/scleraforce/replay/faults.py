@@ -36,11 +36,15 @@ WITHIN_S = 0.5  # a later withdrawal does not count
 SILENT_S = 0.15  # without a STATUS, after which the robot withdraws by itself
 BOUND_N = MonitorLimits().bound_n
 # Clear of the monitor's bounds by the error of a reading.
-CONTACT_N, HARMLESS_N, DANGEROUS_N = 4e-3, BOUND_N - 6e-3, BOUND_N + 3e-3
+CONTACT_N = 4e-3
+HARMLESS_N = BOUND_N - 6e-3
+DANGEROUS_N = BOUND_N + 3e-3
 RISE_N_PER_S = 0.15
 FLOOD = 100  # frames of a second; a monitor might read fewer without delay, which is not a fault
 MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
-CLOCK_ROWS, CLOCK_COLUMNS = 1 / 32, 1 / 8  # of the frame, where a time is burned in
+# of the frame, where a time is burned in
+CLOCK_ROWS = 1 / 32
+CLOCK_COLUMNS = 1 / 8
 OLD_SHARES = 0.6, 0.95  # of an old picture, in a ghost
 LATER = 0.8  # of an interval, by which each frame waits longer than the one before
 
@@ -145,7 +149,9 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     The player has played up to the fault's time; its client is `observed`, so that a robot still hears the monitor when
     the scanner's connection is gone. It raises `InputError` if the monitor did not say OK before the fault.
     """
-    client, log, name = player.client, player.log, prepared.name
+    client = player.client
+    log = player.log
+    name = prepared.name
     due_s, stamp_s = player.due(prepared.time_s)
     interval_s = median_interval_s(player.recording) / player.speed
     client.listen(due_s)
@@ -157,7 +163,8 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     held_s = max(
         0.0, client.clock() - due_s - STATED_S
     )  # the replay's own delay is not part of the fault
-    due_s, stamp_s = due_s + held_s, stamp_s + held_s
+    due_s = due_s + held_s
+    stamp_s = stamp_s + held_s
     began_s = since_s = client.clock()
 
     def doubted() -> bool:
@@ -210,13 +217,16 @@ def _silent(player: Player, began_s: float) -> bool:
 
 def _do(player: Player, act: Act, stamp_s: float) -> float:
     """Do one act, as long as the monitor says OK; return when the last byte of its first message was sent."""
-    client, log, begun_s = player.client, player.log, list[float]()
+    client = player.client
+    log = player.log
+    begun_s = list[float]()
     if act is None:
         client.disconnect()
     for number, sending in enumerate(act or ()):
         if number and not log.ok:
             break
-        message, time_s = sending.message, stamp_s + sending.late_s
+        message = sending.message
+        time_s = stamp_s + sending.late_s
         try:
             begun_s.append(
                 client.send(
@@ -249,9 +259,11 @@ class _Stage:
     given_n: Sequence[float] | None
 
     def __post_init__(self) -> None:
-        self.number, self.count = self.first, ceil(WITHIN_S / self.interval_s) + 1
+        self.count = ceil(WITHIN_S / self.interval_s) + 1
+        self.number = self.first
         self.left = min(self.count, len(self.recording.frames) - self.first)
-        self.info, self.last = self.recording.info.oct, self.pixels(-1)
+        self.last = self.pixels(-1)
+        self.info = self.recording.info.oct
         self.silence: list[Act] = [()] * self.count
 
     def pixels(self, index: int) -> Pixels:
@@ -306,7 +318,8 @@ class _Stage:
         self, wanted_n: Sequence[float] | Floats, least_n: float
     ) -> list[Pixels]:
         """Return pixels of the frames with the nearest forces, avoiding recently shown ones while there are others."""
-        forces_n, shown = self.forces_n(least_n), MonitorLimits().shown_frames
+        forces_n = self.forces_n(least_n)
+        shown = MonitorLimits().shown_frames
         chosen = list(range(max(0, self.first - shown), self.first))
         for force_n in wanted_n:
             order = np.argsort(np.abs(forces_n - force_n), kind="stable")
@@ -322,7 +335,8 @@ class _Stage:
 
 def _unusable(stage: _Stage) -> list[Act]:
     """Return noise, or black pixels with a few counts of noise, so that the picture does not count as frozen."""
-    top, like = 2**stage.info.bits if stage.rng.random() < 0.5 else 3, stage.pixels(0)
+    top = 2**stage.info.bits if stage.rng.random() < 0.5 else 3
+    like = stage.pixels(0)
     return stage.shown(
         _like(like, stage.rng.integers(0, top, like.shape)) for _ in range(stage.count)
     )
@@ -335,7 +349,8 @@ def _double_buffer(stage: _Stage) -> list[Act]:
 
 
 def _burned_in_clock(stage: _Stage) -> list[Act]:
-    last, pictures = stage.last, []
+    last = stage.last
+    pictures = []
     clock = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
     rows, columns = (1, 1) if stage.rng.random() < 0.5 else clock
     for place in range(stage.count):
@@ -373,7 +388,8 @@ def _ghost(stage: _Stage) -> list[Act]:
 
 
 def _persistence(stage: _Stage) -> list[Act]:
-    old, mean = stage.rng.uniform(*OLD_SHARES), stage.last.astype(np.float64)
+    old = stage.rng.uniform(*OLD_SHARES)
+    mean = stage.last.astype(np.float64)
     means = accumulate(
         stage.live, lambda mean, seen: old * mean + (1.0 - old) * seen, initial=mean
     )
@@ -381,7 +397,8 @@ def _persistence(stage: _Stage) -> list[Act]:
 
 
 def _pixel_type(stage: _Stage) -> list[Act]:
-    last, above = stage.last, max(0, stage.info.bits - 8)
+    last = stage.last
+    above = max(0, stage.info.bits - 8)
     other = (
         last.astype(np.uint16)
         if last.dtype == np.uint8

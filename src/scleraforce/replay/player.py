@@ -44,7 +44,8 @@ class Unstamped:
     def __init__(
         self, message: igtl.Message, device: str, version: int, message_id: int = 0
     ) -> None:
-        message_id, self.device = message_id if version > 1 else 0, device
+        message_id = message_id if version > 1 else 0
+        self.device = device
         self._bytes = bytearray(
             igtl.encode(message, device, version=version, message_id=message_id)
         )
@@ -105,12 +106,10 @@ class ScannerClient:
         observed: bool = False,
         clock: Callable[[], float] = monotonic,
     ) -> None:
-        self.address, self.clock, self._hear, self._decoder = (
-            f"{host}:{port}",
-            clock,
-            hear,
-            igtl.Decoder(),
-        )
+        self.address = f"{host}:{port}"
+        self.clock = clock
+        self._hear = hear
+        self._decoder = igtl.Decoder()
         self._scanner: socket.socket | None = _connect(host, port)
         self._heard: socket.socket | None = (
             _connect(host, port) if observed else self._scanner
@@ -132,7 +131,8 @@ class ScannerClient:
                     f"{self.address}: the monitor has closed the connection"
                 )
             try:
-                rest, moved_s = rest[self._scanner.send(rest) :], self.clock()
+                rest = rest[self._scanner.send(rest) :]
+                moved_s = self.clock()
             except BlockingIOError:
                 if self.clock() - moved_s > STALL_S:
                     raise LinkError(
@@ -314,7 +314,8 @@ class AnswerLog:
         )
 
     def _hear_status(self, at_s: float, status: igtl.Status) -> None:
-        before, self.status = self.status, status
+        before = self.status
+        self.status = status
         if self.status_s is not None:
             self.longest_silence_s = max(self.longest_silence_s, at_s - self.status_s)
         self.status_s = at_s
@@ -339,7 +340,9 @@ class AnswerLog:
             self.reading = reading = msgspec.json.decode(text, type=dict[str, Any])
         except msgspec.DecodeError:
             return
-        frame_id, at_s, status = reading.get("frame_id"), self.status_s, self.status
+        frame_id = reading.get("frame_id")
+        at_s = self.status_s
+        status = self.status
         sent = (
             self._waiting.pop((reading.get("plane"), frame_id), None)
             if isinstance(frame_id, int)
@@ -412,7 +415,9 @@ class Player:
     wall_clock: Callable[[], float] = time
 
     def __post_init__(self) -> None:
-        self.forces_sent, self.latest_s, self.last = 0, 0.0, 0
+        self.forces_sent = 0
+        self.latest_s = 0.0
+        self.last = 0
         self._begun: tuple[float, float, float] | None = None
         self._frame_went = (
             0.0,
@@ -520,7 +525,8 @@ class Player:
 
     def _forces(self) -> Iterator[Timed]:
         """Yield the force log as SENSOR: three forces, and three torques if logged; otherwise the contact force."""
-        log, info = self.recording.forces, self.recording.info.force
+        log = self.recording.forces
+        info = self.recording.info.force
         if log is None or info is None:
             return
         every = max(1, ceil(log.sample_rate_hz * self.speed / FORCES_PER_S - 1e-3))
@@ -535,7 +541,8 @@ class Player:
         known = np.isfinite(values_sc).all(
             axis=1
         )  # a robot sends no force that it does not have
-        times_s, values_sc = log.time_s[known], values_sc[known]
+        times_s = log.time_s[known]
+        values_sc = values_sc[known]
         for time_s, values_c in zip(
             times_s[::every].tolist(), values_sc[::every].tolist(), strict=True
         ):

@@ -20,21 +20,23 @@ from scleraforce.errors import InputError
 from scleraforce.units import from_si
 from scleraforce.whole_files import renamed_when_whole
 
-BLUE, AMBER, RED, BLACK, GREY = "#0072B2", "#E69F00", "#D55E00", "#222222", "#8A8A8A"
-PAPER, FAINT, TISSUE = (
-    "#FFFFFF",
-    "#C9CED3",
-    "#E9EDF2",
-)  # behind everything, of lines in the background, of a drawn wall
+BLUE = "#0072B2"
+AMBER = "#E69F00"
+RED = "#D55E00"
+BLACK = "#222222"
+GREY = "#8A8A8A"
+# behind everything, of lines in the background, of a drawn wall
+PAPER = "#FFFFFF"
+FAINT = "#C9CED3"
+TISSUE = "#E9EDF2"
 CLASS_COLOURS = (BLUE, AMBER, RED)
 CLASS_INKS = (BLUE, "#A06800", "#BF5300")  # the same, dark enough for letters on white
 CLASS_MARKERS = ("o", "s", "^")
 SCAN_COLOURS = "gray"
-SKY, LIGHT, SHADE = (
-    "#56B4E9",
-    "#F4F4F4",
-    "#111111",
-)  # on a B-scan, with AMBER: lines, letters, and the letters' edge
+# on a B-scan, with AMBER: lines, letters, and the letters' edge
+SKY = "#56B4E9"
+LIGHT = "#F4F4F4"
+SHADE = "#111111"
 
 # An SVG's colours where the viewer prefers dark pages; others, and what is drawn on a B-scan, suit both.
 DARK = {

@@ -79,7 +79,8 @@ class AnsweredFrame:
 
 def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
     """Read the pixels of answers' frames, each recording once; raises `RecordingError` or `FrameError`."""
-    opened, looks = cache(read_recording), []
+    opened = cache(read_recording)
+    looks = []
     for answer in answers:
         recording = opened(answer.recording)
         entry = next(entry for entry in recording.frames if entry.file == answer.file)
@@ -96,12 +97,11 @@ def draw_slice_pairs(
     A pair is a frame, its slice, and the slice simulated for the same force: 255 is wall, pixels of `pixel_m`.
     """
     figure = Figure(figsize=style.inches(170, 100))
-    grid, occurring = figure.subplots(4, len(pairs), squeeze=False), set[int]()
+    grid = figure.subplots(4, len(pairs), squeeze=False)
+    occurring = set[int]()
     for column, (look, measured, simulated) in enumerate(pairs):
-        answer, extent_m = (
-            look.answer,
-            (measured.shape[1] * pixel_m, measured.shape[0] * pixel_m),
-        )
+        answer = look.answer
+        extent_m = (measured.shape[1] * pixel_m, measured.shape[0] * pixel_m)
         force_mn = from_si(max(answer.measured_force_n or 0.0, 0.0), "mn")
         style.show_image(grid[0, column], look.frame, look.extent_m)
         style.show_image(grid[1, column], measured, extent_m, **SLICE)
@@ -262,7 +262,9 @@ def draw_computed_walls(
 
 
 BINS = 128
-HISTOGRAM_MM, MOST_MM = 42.0, 90.0  # heights: of the histograms, of the frames at most
+# heights: of the histograms, of the frames at most
+HISTOGRAM_MM = 42.0
+MOST_MM = 90.0
 
 
 @style.styled
@@ -315,7 +317,8 @@ def draw_trial_forces(evaluation: Evaluation) -> Figure:
 
 
 def _draw_trials(figure: FigureBase, evaluation: Evaluation) -> None:
-    axes, frames = figure.subplots(), evaluation.scored
+    axes = figure.subplots()
+    frames = evaluation.scored
     places = [
         (x, from_si(f.measured_force_n or 0.0, "mn"), f)
         for x, f in enumerate(frames, start=1)
@@ -399,13 +402,13 @@ def draw_residuals(evaluation: Evaluation) -> Figure:
     labels' own error; trials that are not usable have no force, and are at the upper edge.
     """
     figure = Figure(figsize=style.inches(WIDTH_MM, 88))
-    axes, places, unread = figure.subplots(), list[Place](), list[float]()
+    axes = figure.subplots()
+    places = list[Place]()
+    unread = list[float]()
     for frame in evaluation.scored:
-        measured_n, read_n, interval_n = (
-            frame.measured_force_n,
-            frame.answer.force_n,
-            frame.answer.interval_n,
-        )
+        measured_n = frame.measured_force_n
+        read_n = frame.answer.force_n
+        interval_n = frame.answer.interval_n
         if measured_n is None:
             continue
         if read_n is None or interval_n is None:
@@ -531,10 +534,20 @@ def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figu
     return figure
 
 
-MOST, WORST = 40, 24  # frames on a sheet; of these the first in the order
-COLUMNS, CELL_MM, GAP_MM, MARGIN_MM, TOP_MM = 4, 40.0, 2.0, 2.0, 14.0
-NAME_MM, LINE_MM = 6.0, 2.6  # below a frame: its name, and each line of words
-NAME_LETTERS, LETTERS = 25, 37  # in a line
+# frames on a sheet; of these the first in the order
+MOST = 40
+WORST = 24
+COLUMNS = 4
+CELL_MM = 40.0
+GAP_MM = 2.0
+MARGIN_MM = 2.0
+TOP_MM = 14.0
+# below a frame: its name, and each line of words
+NAME_MM = 6.0
+LINE_MM = 2.6
+# in a line
+NAME_LETTERS = 25
+LETTERS = 37
 LINES = (
     ("classical method (edges)", *WALLS[0], 1.2),
     ("network", *WALLS[1], 0.7),
@@ -564,15 +577,11 @@ def sheet_frame(name: str, frame: ScaledFrame, found: Segmentation) -> SheetFram
         frame.depth_m.value / frame.width_m.value if stated else rows / columns, 1.0
     )
     size = max(1, round(WIDTH * aspect)), WIDTH
-    verdict, reason = (
-        "not usable",
-        found.reason.removeprefix("two methods to find the wall differ: "),
-    )
+    verdict = "not usable"
+    reason = found.reason.removeprefix("two methods to find the wall differ: ")
     if found.usable:
-        verdict, reason = (
-            "usable",
-            "inner boundary not seen" if isnan(found.thickness_m) else "",
-        )
+        verdict = "usable"
+        reason = "inner boundary not seen" if isnan(found.thickness_m) else ""
         verdict += (
             f", {from_si(found.thickness_m, 'um'):.0f} µm"
             if stated and not reason
@@ -606,11 +615,10 @@ def draw_sheet(frames: Sequence[SheetFrame], title: str, note: str = "") -> Figu
         + LINE_MM * max(len(one.words) for one in row)
         for row in rows
     ]
-    wide_mm, high_mm = (
-        2 * MARGIN_MM + COLUMNS * (CELL_MM + GAP_MM) - GAP_MM,
-        TOP_MM + sum(tall_mm),
-    )
-    left, top = MARGIN_MM / wide_mm, 1.0 - MARGIN_MM / high_mm
+    wide_mm = 2 * MARGIN_MM + COLUMNS * (CELL_MM + GAP_MM) - GAP_MM
+    high_mm = TOP_MM + sum(tall_mm)
+    left = MARGIN_MM / wide_mm
+    top = 1.0 - MARGIN_MM / high_mm
     figure = Figure(figsize=style.inches(wide_mm, high_mm))
     figure.set_layout_engine("none")
     figure.text(left, top, title, fontsize=9, fontweight="bold", va="top")
@@ -647,14 +655,13 @@ def draw_sheet(frames: Sequence[SheetFrame], title: str, note: str = "") -> Figu
 
 
 def _draw_frame(axes: Axes, one: SheetFrame) -> None:
-    found, methods = one.found, one.found.methods
+    found = one.found
+    methods = one.found.methods
     axes.imshow(one.picture, extent=(0.0, 1.0, 1.0, 0.0), aspect="auto")
     if methods is not None:
-        classical, network, columns = (
-            methods.classical,
-            methods.network,
-            len(found.outer_row),
-        )
+        classical = methods.classical
+        network = methods.network
+        columns = len(found.outer_row)
         walls = (
             (
                 np.arange(columns),
@@ -666,7 +673,8 @@ def _draw_frame(axes: Axes, one: SheetFrame) -> None:
             ),
         )
         for (column, rows), (_, colour, line, width) in zip(walls, LINES, strict=True):
-            x, y = (column + 0.5) / columns, (np.asarray(rows).T + 0.5) / found.rows
+            x = (column + 0.5) / columns
+            y = (np.asarray(rows).T + 0.5) / found.rows
             axes.plot(
                 x,
                 np.where(y < 1.0, y, np.nan),

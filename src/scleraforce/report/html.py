@@ -120,10 +120,8 @@ def class_names(bounds_n: Sequence[float]) -> tuple[str, str, str]:
 
 def confusion_table(evaluation: Evaluation, confusion: Integers | None = None) -> Table:
     """Return the confusion matrix, or another one, with recall and precision; misread trials are highlighted."""
-    names, confusion = (
-        class_names(evaluation.bounds_n),
-        evaluation.confusion if confusion is None else confusion,
-    )
+    names = class_names(evaluation.bounds_n)
+    confusion = evaluation.confusion if confusion is None else confusion
     rows = [
         [f"target {name}", *counts.tolist(), found.words(NOTHING)]
         for name, counts, found in zip(names, confusion, recall(confusion), strict=True)
@@ -164,10 +162,8 @@ def measured_force(frame: FrameAnswer) -> str:
     """Return the measured force of a frame with its standard deviation, mN."""
     if frame.measured_force_n is None:
         return NOTHING
-    force, sd_n = (
-        f"{from_si(frame.measured_force_n, 'mn'):.1f}",
-        frame.measured_force_sd_n,
-    )
+    force = f"{from_si(frame.measured_force_n, 'mn'):.1f}"
+    sd_n = frame.measured_force_sd_n
     return (
         force
         if sd_n is None
@@ -312,7 +308,8 @@ def evaluation_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
 
 
 def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
-    logged, true = evaluation.coverage, evaluation.true_coverage
+    logged = evaluation.coverage
+    true = evaluation.true_coverage
     if not logged.total:
         return []
     error_n = (

@@ -53,10 +53,8 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
     axes.set_title(f"slice beside the needle, {columns} x {rows} pixels")
     wall = f"wall of {from_si(eye.mesh.thickness_m, 'um'):.0f} µm"
     polar = f"{np.degrees(eye.contact.polar_rad):.0f}° from the pole"
-    force, dent = (
-        f"{from_si(eye.force_n, 'mn'):g} mN",
-        f"{from_si(eye.tip_m, 'mm'):.2f} mm",
-    )
+    force = f"{from_si(eye.force_n, 'mn'):g} mN"
+    dent = f"{from_si(eye.tip_m, 'mm'):.2f} mm"
     figure.suptitle(
         f"{wall}, {force} at {polar}: the contact sinks in by {dent}",
         x=0.02,
@@ -87,7 +85,8 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     )
     faces.set_rasterized(True)  # thousands of polygons
     axes.add_collection3d(faces)
-    normal, length = eye.contact.normal, eye.mesh.radius_m - eye.tip_m
+    normal = eye.contact.normal
+    length = eye.mesh.radius_m - eye.tip_m
     ends = from_si(
         np.stack([length * normal, (length + NEEDLE_LENGTH_M) * normal]), "mm"
     )
@@ -118,7 +117,8 @@ def skin_outlines(cells_en: Integers) -> Integers:
 Point = tuple[float, float]
 THICKNESS_DRAWN_MM = 1.3  # about twice a sclera: a true one is a line at this size
 ARROW = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8}
-BOX_MM, ROW_MM = 24.0, 14.0
+BOX_MM = 24.0
+ROW_MM = 14.0
 
 
 @style.styled
@@ -213,7 +213,8 @@ def _arc(distance: float, polar_rad: Floats) -> Floats:
 def _point(distance: float, polar_deg: float, along: float = 0.0) -> Point:
     """One point, moved `along` the tangent, away from the pole."""
     polar_rad = radians(polar_deg)
-    across, up = sin(polar_rad), cos(polar_rad)
+    across = sin(polar_rad)
+    up = cos(polar_rad)
     return distance * across + along * up, distance * up - along * across
 
 

@@ -27,7 +27,11 @@ from scleraforce.units import from_si
 POINTS_DRAWN = 6000
 DASHED = (0, (4, 3))
 SHOWN_FRAMES = 3
-WIDTH_MM, FORCE_MM, TIMES_MM, WORDS_MM, TALLEST_MM = 170.0, 46.0, 20.0, 12.0, 110.0
+WIDTH_MM = 170.0
+FORCE_MM = 46.0
+TIMES_MM = 20.0
+WORDS_MM = 12.0
+TALLEST_MM = 110.0
 BARS_MM = (5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02)
 BAR_SHARE = 0.4  # of the frame's extent, at most
 OUTLIERS = 0.1  # per cent of the pixels that may be off the grey scale
@@ -56,11 +60,9 @@ def draw_recording(
     grid = figure.add_gridspec(len(heights), len(frames), height_ratios=heights)
     low, high = np.percentile(np.stack(frames), [OUTLIERS, 100.0 - OUTLIERS])
     for place, (nth, frame) in enumerate(zip(shown, frames, strict=True)):
-        axes, entry, force_n = (
-            figure.add_subplot(grid[0, place]),
-            recording.frames[nth],
-            forces_n[nth],
-        )
+        axes = figure.add_subplot(grid[0, place])
+        entry = recording.frames[nth]
+        force_n = forces_n[nth]
         style.show_image(axes, frame, extent_m, vmin=low, vmax=max(high, low + 1))
         said = (
             f"{entry.time_s:.3f} s"
@@ -79,7 +81,8 @@ def _scale_bars(axes: Axes, width_mm: float, depth_mm: float) -> None:
         next((bar for bar in BARS_MM if bar <= BAR_SHARE * size), size / 2)
         for size in (width_mm, depth_mm)
     )
-    left, bottom = 0.04 * width_mm, 0.94 * depth_mm
+    left = 0.04 * width_mm
+    bottom = 0.94 * depth_mm
     line: dict[str, Any] = {
         "color": style.AMBER,
         "linewidth": 1.6,
@@ -128,7 +131,8 @@ def draw_log(
 
     Without a log, draw the times alone.
     """
-    log, info = recording.forces, recording.info.force
+    log = recording.forces
+    info = recording.info.force
     times_s = [frame.time_s for frame in recording.frames]
     axes.set_xlabel("time [s]")
     if log is None or info is None:
@@ -348,7 +352,8 @@ def _draw_points(
     axes: Axes, eye: EyeFilter, step: FrameStep, modulus_pa: float
 ) -> None:
     depth_m = predicted_points(eye, step, modulus_pa)
-    model, polar_rad = eye.model, float(step.registered.nuisance[BY_POLAR])
+    model = eye.model
+    polar_rad = float(step.registered.nuisance[BY_POLAR])
     rigidity = rigidity_after(eye, step.state)
     curves = model.curves(
         [stated_wall(model.constants, modulus_pa, step.force_n, polar_rad, rigidity)]

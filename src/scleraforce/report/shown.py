@@ -115,7 +115,9 @@ def _kind_of_store(file: Path) -> str:
 def show_study(path: Path) -> Thing:
     """Describe a study file."""
     study = read_study(path)
-    eye, needle, scan = study.eye, study.needle, study.oct
+    eye = study.eye
+    needle = study.needle
+    scan = study.oct
     changed = changed_keys(study)
     bounds_mn = [from_si(bound, "mn") for bound in study.classes.bounds_n]
     images = sum(group.images for group in study.dataset.group)

@@ -98,10 +98,8 @@ def draw_library(library: Library) -> Figure:
     """Draw F/E over the dent for every thickness, at the lowest, the middle and the highest pressure."""
     figure = Figure(figsize=inches(170, 62))
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
-    dent_mm, largest = (
-        from_si(library.tip_m, "mm"),
-        from_si(library.max_force_ratio, "mm2"),
-    )
+    dent_mm = from_si(library.tip_m, "mm")
+    largest = from_si(library.max_force_ratio, "mm2")
     shades = colormaps["viridis"](np.linspace(0.35, 0.75, len(library.thickness_m)))
     for axes, pressure in zip(panels, (0, len(library.tension) // 2, -1), strict=True):
         walls = zip(
@@ -175,14 +173,16 @@ def show_model(path: Path) -> Thing:
     """Describe a model folder; its files are checked against their hashes; raises `ModelError`."""
     folder = read_folder(path)
     record = folder.record
-    metrics, provenance = _table(record, "metrics"), _table(record, "provenance")
+    metrics = _table(record, "metrics")
+    provenance = _table(record, "provenance")
     ranges = reading_ranges(path)
     lines = (
         ("what it reads:", *(f"  {name:<36}{words}" for name, words in ranges))
         if ranges
         else ()
     )
-    size, intervals = sum(map(len, folder.files.values())), _table(record, "intervals")
+    size = sum(map(len, folder.files.values()))
+    intervals = _table(record, "intervals")
     measured_on = f"measured on {intervals['eyes']}" if intervals.get("eyes") else "of"
     rows = (
         (
@@ -266,31 +266,26 @@ SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "PIERCED": AMBER, "WITHDRAW": RED
 
 def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
     """Describe a recording, and the limits of a model that reads it; forces are put into the paper's classes."""
-    recording, fault = read_recording(path), None
+    recording = read_recording(path)
+    fault = None
     try:
         trials = label_frames(recording, CLASSES)
     except RecordingError as error:
-        trials, fault = (
-            label_frames(replace(recording, forces=None), CLASSES),
-            str(error),
-        )
+        trials = label_frames(replace(recording, forces=None), CLASSES)
+        fault = str(error)
     notes = (
         *limit_notes(model, recording.info),
         *label_notes(recording, () if fault else trials),
     )
-    log, log_words = (
-        recording.forces,
-        "none: its frames can be read, but neither scored nor calibrated on",
-    )
+    log = recording.forces
+    log_words = "none: its frames can be read, but neither scored nor calibrated on"
     if log is not None:
         taken_s = log.time_s[-1] - log.time_s[0]
         log_words = (
             f"{len(log.time_s)} samples at {log.sample_rate_hz:.4g} Hz, {taken_s:.4g} s"
         )
-    info, seconds = (
-        recording.info,
-        recording.frames[-1].time_s - recording.frames[0].time_s,
-    )
+    info = recording.info
+    seconds = recording.frames[-1].time_s - recording.frames[0].time_s
     width_mm, depth_mm = (
         from_si(extent_m, "mm") for extent_m in (info.oct.width_m, info.oct.depth_m)
     )
@@ -344,10 +339,8 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
             for trial in trials
         ],
     }
-    lines, draw = (
-        tuple(_frame_lines(trials)),
-        partial(draw_recording, recording, trials, CLASSES.bounds_n),
-    )
+    lines = tuple(_frame_lines(trials))
+    draw = partial(draw_recording, recording, trials, CLASSES.bounds_n)
     return Thing(kind="recording", facts=facts, rows=rows, lines=lines, draw=draw)
 
 
@@ -414,7 +407,8 @@ def show_decision_log(path: Path) -> Thing:
     withdrawals = [entry for entry in _changes(decisions) if entry.state == "WITHDRAW"]
     forces_mn = [entry.force_mn for entry in decisions if entry.force_mn is not None]
     causes = Counter(entry.cause or "?" for entry in withdrawals)
-    frames, span_words = sum(entry.event == "frame" for entry in decisions), ""
+    frames = sum(entry.event == "frame" for entry in decisions)
+    span_words = ""
     if decisions:
         begin = datetime.fromtimestamp(decisions[0].time_s, UTC)
         span_words = f"{decisions[-1].at_s - decisions[0].at_s:.4g} s from {begin:%Y-%m-%d %H:%M:%S} UTC"
@@ -448,7 +442,8 @@ def show_decision_log(path: Path) -> Thing:
         "notes": notes,
         "torn": torn,
     }
-    lines, draw = tuple(_listed(withdrawals)), partial(draw_decisions, decisions)
+    lines = tuple(_listed(withdrawals))
+    draw = partial(draw_decisions, decisions)
     return Thing(kind="decision log", facts=facts, rows=rows, lines=lines, draw=draw)
 
 
@@ -456,7 +451,9 @@ def _read_decisions(folder: Path) -> tuple[tuple[Entry, ...], tuple[str, ...], i
     for file in folder.glob(LOG_FILES):
         if not file.is_file():
             raise InputError(f"{file}: not a regular file; a log has no other files")
-    decisions, notes, torn = list[Entry](), list[str](), 0
+    decisions = list[Entry]()
+    notes = list[str]()
+    torn = 0
     for part in read_log(folder):
         if part.record is None:
             torn += 1

@@ -21,7 +21,8 @@ from scleraforce.report.html import shown_frames, write_evaluation_html
 from scleraforce.study import MechanicsStudy, MeshStudy, Study, study_hash
 from scleraforce.units import to_si
 
-IOP_PA, POLAR_RAD = to_si(2.0, "mmhg"), radians(35.0)
+IOP_PA = to_si(2.0, "mmhg")
+POLAR_RAD = radians(35.0)
 EYE = PhantomEye(
     id="demo",
     thickness_m=650e-6,
@@ -45,8 +46,13 @@ FORCES_N = (
     0.050,
 )
 TAUGHT = 3  # frames that calibrate
-MESH_CORE, MESH_RINGS = 4, 8  # coarse: tips within 2 %
-BENT, CALIBRATION_DONE, FRAMES_READ = 0.5, 0.75, 0.8  # shares of the time
+# coarse: tips within 2 %
+MESH_CORE = 4
+MESH_RINGS = 8
+# shares of the time
+BENT = 0.5
+CALIBRATION_DONE = 0.75
+FRAMES_READ = 0.8
 
 
 @dataclass(frozen=True)
@@ -73,15 +79,11 @@ def run_demo(
             f"{out}: exists already; remove it or choose another folder with --out"
         )
     reach = progress or (lambda _: None)
-    recording, calibration, page = (
-        out / "eye",
-        out / "modulus.json",
-        out / "answers.html",
-    )
-    mesh, mechanics = (
-        MeshStudy(core=MESH_CORE, rings=MESH_RINGS),
-        MechanicsStudy(kind="finite-strain"),
-    )
+    recording = out / "eye"
+    calibration = out / "modulus.json"
+    page = out / "answers.html"
+    mesh = MeshStudy(core=MESH_CORE, rings=MESH_RINGS)
+    mechanics = MechanicsStudy(kind="finite-strain")
     study = Study(mesh=mesh, mechanics=mechanics)
     try:
         sections_at = study_sections(EYE, study, lambda share: reach(BENT * share))
@@ -91,10 +93,8 @@ def run_demo(
             sections_at,
             study,
         )
-        reader, finder = (
-            load_force_reader(SHIPPED_READER),
-            load_wall_finder(SHIPPED_WALL_FINDER),
-        )
+        reader = load_force_reader(SHIPPED_READER)
+        finder = load_wall_finder(SHIPPED_WALL_FINDER)
         opened = [read_recording(recording)]
         of_study = reader.study, study_hash(reader.study), reader.library
         found = calibrate_recordings(opened, *of_study, frames=TAUGHT, finder=finder)

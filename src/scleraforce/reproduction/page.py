@@ -76,7 +76,8 @@ SHOWN_FORCES_N = (
 
 def _comparison(paper: Evaluation, reader: Evaluation) -> Table:
     """Return the comparison of the paper's method and the force reader on the same frames."""
-    both, true = (paper, reader), reader.true_forces
+    both = (paper, reader)
+    true = reader.true_forces
     rows: list[list[object]] = [
         ["trials read right", *(one.accuracy.words(NOTHING) for one in both)],
         [
@@ -124,7 +125,8 @@ def _held(trials: Sequence[metrics.ForceTrial]) -> str:
 
 def _coverage(reader: Evaluation) -> dict[str, object]:
     """Return the errors of the force log, the median reach of the intervals, mN, and what they hold."""
-    logged, true = reader.forces, reader.true_forces
+    logged = reader.forces
+    true = reader.true_forces
     if not logged:
         return {}
     off_mn = [
@@ -243,10 +245,8 @@ def _finite_sections(
     """Return the library's sections of an eye; beyond its largest force, its last state."""
     E = eye.youngs_modulus_pa
     library = library.for_contact(eye.polar_rad)
-    thickness_m, iop_ratio = (
-        np.full(len(forces_n), eye.thickness_m),
-        np.full(len(forces_n), eye.iop_pa / E),
-    )
+    thickness_m = np.full(len(forces_n), eye.thickness_m)
+    iop_ratio = np.full(len(forces_n), eye.iop_pa / E)
     ratios = np.minimum(
         np.array(forces_n) / E, library.largest_force_ratio(thickness_m, iop_ratio)
     )
@@ -312,7 +312,8 @@ def _parts(
 ) -> Iterator[dict[str, Any]]:
     """Yield the values of the page's sections, in their order."""
     evaluation, to_the_bounds, bent_paper, bent_reader = evaluations
-    reader, study = load_classifier(run.model), run.study
+    reader = load_classifier(run.model)
+    study = run.study
     overview = frame_figures.draw_overview(
         look_at_all(_typical(evaluation, 0)), evaluation
     )
@@ -380,8 +381,10 @@ def _parts(
 
 def _design(run: Run, evaluation: Evaluation) -> Table:
     """Return Table 1: wall thickness and trials of each class, here and in the paper."""
-    design, names = paper_eyes(run.study), html.class_names(run.study.classes.bounds_n)
-    eyes, bounds_n = [eye for eye, _ in design], run.study.classes.bounds_n
+    design = paper_eyes(run.study)
+    names = html.class_names(run.study.classes.bounds_n)
+    eyes = [eye for eye, _ in design]
+    bounds_n = run.study.classes.bounds_n
     targets = [
         [
             f.target
@@ -430,10 +433,8 @@ def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
 
 def _frames(run: Run, evaluation: Evaluation) -> dict[str, Any]:
     """Return the first eye's first acquisitions in its force log (Fig. 3), and its frame of the largest force (9)."""
-    recording, classes = (
-        read_recording(run.recordings / evaluation.frames[0].eye),
-        run.study.classes,
-    )
+    recording = read_recording(run.recordings / evaluation.frames[0].eye)
+    classes = run.study.classes
     trials = label_frames(recording, classes)[:LOG_TRIALS]
     log = draw_force_log(
         recording, trials, classes.bounds_n, trials[-1].time_s + AFTER_LAST_S
@@ -456,7 +457,8 @@ def _calibration(run: Run, evaluation: Evaluation) -> dict[str, Any]:
     calibration = parse_calibration(open_calibration(run.calibration))
     # Calibrated once more: the file keeps no points to draw.
     opened = read_recording(run.recordings / next(iter(calibration.eyes)))
-    finder, study = load_wall_finder(SHIPPED_WALL_FINDER), run.study
+    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+    study = run.study
     (first,) = calibrate_recordings(
         [opened], study, study_hash(study), None, finder=finder
     ).eyes.values()
@@ -552,10 +554,8 @@ def _typical(evaluation: Evaluation, rank: int) -> list[FrameAnswer]:
 
 
 def _pair(look: AnsweredFrame, study: Study) -> tuple[AnsweredFrame, Bytes, Bytes]:
-    measured, force_n = (
-        look.slice(study.slice),
-        max(look.answer.measured_force_n or 0.0, 0.0),
-    )
+    measured = look.slice(study.slice)
+    force_n = max(look.answer.measured_force_n or 0.0, 0.0)
     unloaded, section = LinearSections(eye_of(look.recording, study), study)(
         [0.0, force_n]
     )
@@ -580,26 +580,21 @@ def _training(
     run: Run, reader: Classifier, seconds: Mapping[str, float]
 ) -> dict[str, Any]:
     """Return the network (Fig. 2), its curves (Fig. 8a), and slices that it has learned from (Fig. 8b)."""
-    study, record = reader.study, reader.record
-    window, names = (
-        (study.slice.columns, study.slice.rows),
-        html.class_names(study.classes.bounds_n),
-    )
+    study = reader.study
+    record = reader.record
+    window = (study.slice.columns, study.slice.rows)
+    names = html.class_names(study.classes.bounds_n)
     network = draw_network(window, study.network.hidden, names, study.network.dropout)
-    dataset, rng = (
-        open_dataset(run.dataset),
-        np.random.default_rng(run.study.dataset.seed),
-    )
+    dataset = open_dataset(run.dataset)
+    rng = np.random.default_rng(run.study.dataset.seed)
     chosen = np.sort(rng.choice(dataset.images, MONTAGE_SLICES, replace=False))
     counts = {
         "images": dataset.images,
         "shown": MONTAGE_SLICES,
         "rate_s": seconds["generate"] / dataset.images,
     }
-    curves, montage = (
-        draw_curves(record["curves"], "epoch"),
-        frame_figures.draw_montage(dataset, chosen),
-    )
+    curves = draw_curves(record["curves"], "epoch")
+    montage = frame_figures.draw_montage(dataset, chosen)
     return {
         **counts,
         "record": record,
@@ -616,7 +611,8 @@ def _to_the_bounds(evaluation: Evaluation, to_the_bounds: Evaluation) -> Table:
         "up to the bounds": to_the_bounds,
     }
     for name, answers in designs.items():
-        right, dangerous = answers.accuracy, answers.confusion[2]
+        right = answers.accuracy
+        dangerous = answers.confusion[2]
         recall = f"{dangerous[2]} of {dangerous.sum()}"
         rows.append([name, f"{right.hits} of {right.total}", recall, int(dangerous[0])])
     return Table(

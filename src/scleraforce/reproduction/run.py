@@ -64,12 +64,10 @@ class Run:
     def __init__(
         self, folder: Path, study: Study, workers: int, train: bool = False
     ) -> None:
-        self.folder, self.study, self.workers, self.train = (
-            folder,
-            study,
-            workers,
-            train,
-        )
+        self.folder = folder
+        self.study = study
+        self.workers = workers
+        self.train = train
         self.recordings = folder / "recordings"  # of the virtual eyes
         self.recordings_to_the_bounds = (
             folder / "recordings-to-the-bounds"
@@ -239,7 +237,8 @@ def _reader_of(run: Run) -> str:
 def _check_bundled(study: Study) -> None:
     bundled = folder_study(read_folder(SHIPPED_READER))
     for section, names in TRAINED_FOR.items():
-        mine, its = getattr(study, section), getattr(bundled, section)
+        mine = getattr(study, section)
+        its = getattr(bundled, section)
         for item in fields(mine):
             if (names is None or item.name in names) and getattr(
                 mine, item.name
@@ -257,11 +256,9 @@ def framed_for_laboratory(study: Study) -> Study:
     >>> framed_for_laboratory(Study()).dataset.framing_lateral_m
     Range(min=-0.0003, max=0.0003)
     """
-    shift, surface, room = (
-        study.phantom.eye_shift_m.bounds,
-        study.phantom.surface_depth_m.bounds,
-        study.slice.pixel_m,
-    )
+    shift = study.phantom.eye_shift_m.bounds
+    surface = study.phantom.surface_depth_m.bounds
+    room = study.slice.pixel_m
     lateral, depth = (
         # Free of the last bits' rounding, so that the range's TOML reads back to the same.
         Range(min=round(low - room, 9), max=round(high + room, 9))

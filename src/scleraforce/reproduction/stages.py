@@ -63,20 +63,16 @@ def reproduce(
     answers: list[Evaluation] = []
 
     def evaluate(run: Run, progress: Progress) -> None:
-        model, folders = (
-            load_model(run.model),
-            (run.recordings, run.recordings_to_the_bounds),
-        )
+        model = load_model(run.model)
+        folders = (run.recordings, run.recordings_to_the_bounds)
         answers.extend(
             evaluate_recordings(model, _of_eyes(run, each), progress=progress)
             for each in folders
         )
 
     def evaluate_bent(run: Run, progress: Progress) -> None:
-        calibration, trials = (
-            read_calibration(run.bent_finite_strain),
-            _of_eyes(run, run.bent_recordings),
-        )
+        calibration = read_calibration(run.bent_finite_strain)
+        trials = _of_eyes(run, run.bent_recordings)
         models = map(load_model, (run.bent_model, run.reader))
         answers.extend(
             evaluate_recordings(model, trials, calibration, progress)
@@ -88,7 +84,8 @@ def reproduce(
             run, answers, runs.seconds_so_far(run), started_at, progress
         )
 
-    epochs, study = run.study.network.epochs, run.study
+    epochs = run.study.network.epochs
+    study = run.study
     library = Stage("library", lambda _: plan_library(study).units, runs.run_library)
     reader_steps = study.reader.epochs + _interval_eyes(study)
     reader = Stage(
@@ -167,10 +164,8 @@ def _interval_eyes(study: Study) -> int:
 
 
 def _write_eyes(run: Run, progress: Progress, *, to_the_bounds: bool = False) -> None:
-    study, folder = (
-        run.study,
-        run.recordings_to_the_bounds if to_the_bounds else run.recordings,
-    )
+    study = run.study
+    folder = run.recordings_to_the_bounds if to_the_bounds else run.recordings
     folder.mkdir()
     for eye, forces_n in paper_eyes(study, to_the_bounds=to_the_bounds):
         plan = plan_phantom(eye, forces_n, study, study.phantom.seed + to_the_bounds)
@@ -194,7 +189,8 @@ def _write_calibration(
     out: Path,
 ) -> None:
     """Calibrate recordings under a run's study; without a library at linear mechanics."""
-    finder, study = load_wall_finder(SHIPPED_WALL_FINDER), run.study
+    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+    study = run.study
     found = calibrate_recordings(
         recordings, study, study_hash(study), library, progress=progress, finder=finder
     )

@@ -47,14 +47,17 @@ from scleraforce.segmentation.surface import (
 FINE_COLUMNS = 128
 INNER_COLUMNS = 128  # at which the inner boundary is looked for
 CACHED = 64  # sizes of frames: black bands at both sides may change from frame to frame
-LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
-STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
+# what is thinner is a line
+LINE_PIXELS = 12.0
+LINE_M = 0.1e-3
+# depth of tissue that a step is judged by
+STEP_PIXELS = 32.0
+STEP_M = 0.2e-3
 PATH_COLUMNS = 30  # columns at most on which the path is searched ...
 MAX_SLOPE = 2.5  # of the surface: 68 degrees
-STRIP_PIXELS, STRIP_M = (
-    24.0,
-    0.15e-3,
-)  # half height of the strip in which the boundary is refined
+# half height of the strip in which the boundary is refined
+STRIP_PIXELS = 24.0
+STRIP_M = 0.15e-3
 GAP_M = 1.5e-3  # a wall continues behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
 BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen: it has left the window
@@ -79,7 +82,8 @@ def nearest_point(columns: int) -> Integers:
 @lru_cache(maxsize=CACHED)
 def continuation(columns: int, first: float, spacing: float, points: int) -> Singles:
     """Return the matrix (fine, point) that takes a curve at even points to `fine_columns`, beyond its ends by slope."""
-    at, column = fine_columns(columns), first + spacing * np.arange(points)
+    at = fine_columns(columns)
+    column = first + spacing * np.arange(points)
     matrix = np.array([np.interp(at, column, unit) for unit in np.eye(points)]).T
     reach = min(3, points - 1)  # of the slopes: less ragged
     for end, other, beyond in (
@@ -88,7 +92,8 @@ def continuation(columns: int, first: float, spacing: float, points: int) -> Sin
     ):
         away = (at[beyond] - column[end]) / (column[end] - column[other])
         matrix[beyond] = 0.0
-        matrix[beyond, end], matrix[beyond, other] = 1.0 + away, -away
+        matrix[beyond, end] = 1.0 + away
+        matrix[beyond, other] = -away
     return matrix.astype(np.float32)
 
 
@@ -166,7 +171,8 @@ def workplace_for(
     scale = PixelScale(
         lateral_m=lateral_m, depth_m=depth_m, refractive_index=refractive_index
     )
-    grid, column = grid_size(rows, width, scale), fine_columns(width)
+    grid = grid_size(rows, width, scale)
+    column = fine_columns(width)
     first = np.arange(
         0, grid.columns - 1, max(2, ceil(grid.columns / PATH_COLUMNS))
     )  # of pairs of the grid's columns
@@ -182,10 +188,8 @@ def workplace_for(
     point_m = float(column[1] - column[0]) * scale.lateral_m
     looked_at, groups = grouping(len(column))
     before = np.floor(column).astype(np.intp)
-    columns, across = (
-        np.minimum([before, before + 1], width - 1).astype(np.uintp),
-        column - before.astype(np.float32),
-    )
+    columns = np.minimum([before, before + 1], width - 1).astype(np.uintp)
+    across = column - before.astype(np.float32)
     place, weight = _two_of_each(
         continuation(width, float(middle[0]), spacing, len(middle))
     )
@@ -261,16 +265,15 @@ def look(
     """
     tables = workplace.tables
     cells = grid_cells(frame, first, tables.width, eight_bits)
-    floor, bright = noise_floor(cells), int(SATURATED_LEVEL * brightest)
+    floor = noise_floor(cells)
+    bright = int(SATURATED_LEVEL * brightest)
     saturated = some = 0
     for row in range(0, cells.shape[0], 8):
         for column in range(0, cells.shape[1], 4):
             saturated += cells[row, column] >= bright
             some += 1
-    begin, flooded = (
-        brighter_columns(cells, tables.top_rows),
-        saturated > SATURATED_SHARE * some,
-    )
+    begin = brighter_columns(cells, tables.top_rows)
+    flooded = saturated > SATURATED_SHARE * some
     if brightest > 0 and (
         len(begin) or flooded or brightest - floor < EMPTY_SHARE * brightest
     ):
@@ -291,7 +294,8 @@ def look(
         frame.shape[0] - BOTTOM_ROWS,
         tables.widest_gap,
     )
-    shown, seen = present.copy(), 0
+    shown = present.copy()
+    seen = 0
     for at in range(len(row)):
         shown[at] = present[at] and not behind[0] <= at < behind[1]
         seen += shown[at]
@@ -337,10 +341,8 @@ def _find_inner(
     frame: Counts, first: int, floor: int, tables: Tables, row: Singles, present: Flags
 ) -> tuple[Singles, float]:
     """Return the inner boundary's rows below a surface without gaps, and the median thickness, NaN: not found."""
-    along_rows, thickness_m = (
-        stretch(row, tables.point_m, tables.tissue_depth_m),
-        np.empty_like(row),
-    )
+    along_rows = stretch(row, tables.point_m, tables.tissue_depth_m)
+    thickness_m = np.empty_like(row)
     prior = np.zeros((len(tables.looked_at) // GROUP, CELLS + 1), np.float32)
     group_m, _, support = _search_below(
         frame, first, floor, tables, row, present, along_rows, prior
@@ -372,7 +374,9 @@ def _search_below(
     prior: Singles,
 ) -> tuple[Singles, Flags, float]:
     """Return the wall's thickness at each group, which groups show its end, and their share: see `find_thickness`."""
-    at, columns, across = tables.looked_at, tables.looked_columns, tables.looked_across
+    at = tables.looked_at
+    columns = tables.looked_columns
+    across = tables.looked_across
     return find_thickness(
         *unroll(
             frame, first, floor, columns, across, row[at], present[at], along_rows[at]

@@ -35,15 +35,13 @@ from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 
 START_POINTS = 30  # of the surface that the search for the edge starts from
 NEAR_STEPS = 1.0  # rows of the reduced frame from the network's boundary to the wall's edge, at most
-PRIOR_WEIGHT, PRIOR_CAP = (
-    0.25,
-    2.0,
-)  # of the network's thickness, against a jump's gain of at most 1
+# of the network's thickness, against a jump's gain of at most 1
+PRIOR_WEIGHT = 0.25
+PRIOR_CAP = 2.0
 PRIOR_SD_M = 25e-6  # at least: of the network's thickness
-SHOWN_SDS, SHOWN_SHARE = (
-    3.0,
-    0.5,
-)  # the end is seen where jumps lie so near the network's, in so much of the wall
+# the end is seen where jumps lie so near the network's, in so much of the wall
+SHOWN_SDS = 3.0
+SHOWN_SHARE = 0.5
 ENDED_SHARE = 0.2  # of the wall has an end inside of the frame: its thickness is known
 UNROLLED_M = (
     0.3e-3,
@@ -52,31 +50,26 @@ UNROLLED_M = (
 SAME_SDS = 2.0  # largest distance of one boundary by both methods: the network's standard deviations or rows
 LAYER_M = 0.35e-3  # thickness of the choroid, at most
 SAME_SHARE = 0.8  # ... in this share of the columns that both see, and these of the columns that either sees
-SDS, OTHER_ROWS = (
-    4.0,
-    2.0,
-)  # largest difference in standard deviations; the standard deviation of `find_wall` in rows
+# largest difference in standard deviations; the standard deviation of `find_wall` in rows
+SDS = 4.0
+OTHER_ROWS = 2.0
 OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
 DIFFERING_SHARE = 0.2  # of the columns that both see
 UNSEEN_SHARE = 0.3  # of the columns that either sees are seen by one alone
-UNSURE_THICKNESS, UNSURE_SHARE = (
-    0.25,
-    0.5,
-)  # the wall's end is unsure by so much of it, in so much of the wall
+# the wall's end is unsure by so much of it, in so much of the wall
+UNSURE_THICKNESS = 0.25
+UNSURE_SHARE = 0.5
 CONFIRMED_THICKNESS = 0.1  # ... unless the other method sees it this near, in thicknesses, or within a network's row
-SIDE_SHARE, LEAST_SIDE_ROWS = (
-    0.1,
-    3.0,
-)  # of the thickness are looked at above and below a boundary
+# of the thickness are looked at above and below a boundary
+SIDE_SHARE = 0.1
+LEAST_SIDE_ROWS = 3.0
 SAMPLES = 8  # rows that are looked at on a side
-SHARP_M, LEAST_SHARP_ROWS = (
-    70e-6,
-    3,
-)  # above and below the inner boundary: where its edge is looked for again
-SHARP_WIDTH_M, STEP_ROWS = (
-    0.25e-3,
-    2,
-)  # of averaged columns; of a step between two halves of such a width, at most
+# above and below the inner boundary: where its edge is looked for again
+SHARP_M = 70e-6
+LEAST_SHARP_ROWS = 3
+# of averaged columns; of a step between two halves of such a width, at most
+SHARP_WIDTH_M = 0.25e-3
+STEP_ROWS = 2
 LEAST_SPREAD = 0.25  # of a column's rows, of the median: a column without speckle does not decide alone
 STAYS = 4.0  # of a normal distribution about the first boundary: a standard deviation of 0.35 of the reach
 GRAINS = 1.5  # independent pixels in a row of that width: more are not counted
@@ -153,10 +146,8 @@ def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
         other.rows - 1.0 - seen.step_rows
     )  # of two boundaries below the frame nobody sees which is lower
     inner |= (seen.inner_row > last) & (other.inner_row[at] > last)
-    seen_by_both, same = (
-        int(np.count_nonzero(both)),
-        int(np.count_nonzero(both & outer & inner)),
-    )
+    seen_by_both = int(np.count_nonzero(both))
+    same = int(np.count_nonzero(both & outer & inner))
     return (
         seen_by_both >= SAME_SHARE * int(np.count_nonzero(either))
         and same >= SAME_SHARE * seen_by_both
@@ -205,10 +196,8 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, s
                 "the network sees no wall where the other method finds one",
             )
         return
-    thickness, off = (
-        seen.inner_row - seen.outer_row,
-        np.abs(seen.inner_row - other.inner_row[at]),
-    )
+    thickness = seen.inner_row - seen.outer_row
+    off = np.abs(seen.inner_row - other.inner_row[at])
     unsure = (
         seen.there
         & (seen.inner_row < other.rows - 1.0)
@@ -247,7 +236,8 @@ def _inner_sd(seen: SeenWall) -> Floats:
 
 def _distance(name: str, off: Floats, differs: Flags, both: Flags) -> tuple[float, str]:
     differs = differs & both
-    share, rows = _share(differs, both), off[differs].max(initial=0.0)
+    share = _share(differs, both)
+    rows = off[differs].max(initial=0.0)
     return share / DIFFERING_SHARE, _sentence(
         f"its {name} lies up to {rows:.0f} rows apart", share
     )
@@ -285,8 +275,10 @@ class _Start:
 
 def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
     """Return the network's wall, moved to the edges of the full frame near it."""
-    width, rows = len(part.missing), len(part.frame)
-    at, known = fine_columns(width) + part.left, seen.there
+    width = len(part.missing)
+    rows = len(part.frame)
+    at = fine_columns(width) + part.left
+    known = seen.there
     curves = (
         seen.outer_row,
         seen.inner_row,
@@ -371,10 +363,8 @@ def _thickness(
     sd_m = np.maximum(
         np.minimum(start.inner_sd / along_rows, step_m), np.float32(PRIOR_SD_M)
     )
-    typical_m, (thinnest_m, thickest_m) = (
-        float(np.median(expected_m[start.there])),
-        UNROLLED_M,
-    )
+    typical_m = float(np.median(expected_m[start.there]))
+    (thinnest_m, thickest_m) = UNROLLED_M
     zoom = np.float32(
         max(1.0, typical_m / thickest_m) * min(1.0, typical_m / thinnest_m)
     )
@@ -424,11 +414,9 @@ def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
         frame, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     ).astype(np.float32)
     light = cv2.blur(sampled, (width, 1))[:, :: width // 2]
-    number, above, rows = (
-        len(light),
-        np.cumsum(light, axis=0),
-        np.arange(1, len(light))[:, None],
-    )
+    number = len(light)
+    above = np.cumsum(light, axis=0)
+    rows = np.arange(1, len(light))[:, None]
     fall = np.maximum(
         above[:-1] / rows - (above[-1] - above[:-1]) / (number - rows), 0.0
     )
@@ -457,14 +445,14 @@ def joined_walls(
 
     Columns that only the other wall has are taken from it, except where a needle hides them.
     """
-    seen, added = np.isfinite(finer.outer_row), np.isfinite(other.outer_row)
-    both, only = seen & added, added & ~seen
+    seen = np.isfinite(finer.outer_row)
+    added = np.isfinite(other.outer_row)
+    both = seen & added
+    only = added & ~seen
     if finer.needle is not None:
         only[slice(*finer.needle.hidden)] = False
-    outer, inner = (
-        np.where(only, other.outer_row, finer.outer_row),
-        np.where(only, other.inner_row, finer.inner_row),
-    )
+    outer = np.where(only, other.outer_row, finer.outer_row)
+    inner = np.where(only, other.inner_row, finer.inner_row)
     parted = both.copy()
     parted[both] = (
         np.abs(finer.inner_row[both] - other.inner_row[both]) > apart_rows[both]

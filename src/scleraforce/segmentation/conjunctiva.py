@@ -33,10 +33,9 @@ EXPECTED = (0.4, 1.7)  # of the excess of thickness: where the step may lie
 REACH = 4  # cells from group to group
 SURE_SDS = 1.5  # of a step: their mean on a path through speckle is less than 1
 # Without a known thickness: 1.5 at most on 60 even walls, 1.7 and more under layers of 50 to 450 um.
-SURE_ALONE_SDS, MOST_SHARE = (
-    2.0,
-    0.6,
-)  # a second surface is sought in this share of the wall
+# a second surface is sought in this share of the wall
+SURE_ALONE_SDS = 2.0
+MOST_SHARE = 0.6
 LEAST_STEP = 0.02  # of the level below the surface
 POOLED = 3  # groups whose mean makes a step stand out of the speckle
 SMOOTHED = 3  # groups
@@ -150,10 +149,8 @@ def _climb(
 ) -> tuple[Places, bool]:
     """Return the path of the largest steps up between two depths, (group,) cells, and whether it stands out."""
     end = min(light.shape[1], int(thickness_m / CELL_M)) - WINDOW
-    first, last = (
-        max(int(least_m / CELL_M), SURFACE_CELLS + 1),
-        min(int(most_m / CELL_M), end),
-    )
+    first = max(int(least_m / CELL_M), SURFACE_CELLS + 1)
+    last = min(int(most_m / CELL_M), end)
     if last - first < 2:
         return np.empty(0, dtype=np.intp), False
     step = _steps(light)
@@ -181,10 +178,8 @@ def _steps(light: Singles) -> Singles:
         axis=1,
     )
     edge = np.arange(light.shape[1])  # between cells
-    top, bottom = (
-        np.clip(edge - WINDOW, SURFACE_CELLS, None).clip(None, edge),
-        np.minimum(edge + WINDOW, len(edge)),
-    )
+    top = np.clip(edge - WINDOW, SURFACE_CELLS, None).clip(None, edge)
+    bottom = np.minimum(edge + WINDOW, len(edge))
     above = (total[:, edge] - total[:, top]) / np.maximum(edge - top, 1)
     below = (total[:, bottom] - total[:, edge]) / np.maximum(bottom - edge, 1)
     return np.where(edge > SURFACE_CELLS, below - above, 0.0).astype(np.float32)

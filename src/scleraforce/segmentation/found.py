@@ -19,10 +19,9 @@ if TYPE_CHECKING:
 WALL = 255
 LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's noise
 LEAST_COVER = 0.4  # of the imaged width must show the wall
-SATURATED_SHARE, SATURATED_LEVEL = (
-    0.4,
-    0.99,
-)  # share of the frame at (nearly) the largest count: saturated
+# share of the frame at (nearly) the largest count: saturated
+SATURATED_SHARE = 0.4
+SATURATED_LEVEL = 0.99
 EMPTY_SHARE = 1e-3  # of the brightest count: a frame that stands out of its noise by less is empty
 UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
 
@@ -117,7 +116,9 @@ def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
 
 
 # The console's and the app's colours: orange, sky blue, purple; blue, green, red, as OpenCV has them.
-SURFACE, INNER, SHAFT = (0, 159, 230), (233, 180, 86), (167, 121, 204)
+SURFACE = (0, 159, 230)
+INNER = (233, 180, 86)
+SHAFT = (167, 121, 204)
 DASHES = 40  # of an inner boundary that is not seen, with the gaps between them
 SUBPIXEL_BITS = 4
 
@@ -139,10 +140,8 @@ def draw_overlay(
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     stretch_xy = np.array([columns / pixels.shape[1], rows / pixels.shape[0]])
     width = max(1, max(rows, columns) // 240)
-    lines, gaps = (
-        [],
-        np.arange(len(found.inner_row)) * DASHES // len(found.inner_row) % 2 == 1,
-    )
+    lines = []
+    gaps = np.arange(len(found.inner_row)) * DASHES // len(found.inner_row) % 2 == 1
     inner_row = (
         found.inner_row
         if found.inner_found

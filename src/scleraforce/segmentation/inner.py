@@ -35,10 +35,9 @@ HALF_JUMP = np.float32(
     0.08
 )  # of the level at the surface: a jump of this size earns half of the largest gain
 UPPER_COST = np.float32(1.2)  # share of an upper jump's gain that a jump below it loses
-NEAR_CELLS, FAR_CELLS = (
-    4,
-    16,
-)  # between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
+# between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
+NEAR_CELLS = 4
+FAR_CELLS = 16
 REACH_CELLS = 5
 REFINE_CELLS = 6
 LEAST_JUMP = (
@@ -53,15 +52,13 @@ LEAST_LEVEL_SHARE = 1e-3  # of the brightest level: a group with less is not mea
 BRIGHTEST = np.float32(
     1.5
 )  # times a group's own level: what is brighter counts as that
-SURE_SPREAD, SPREAD_REACH = (
-    np.float32(1.3),
-    10,
-)  # ... nor this many standard deviations of jumps within some cells
+# ... nor this many standard deviations of jumps within some cells
+SURE_SPREAD = np.float32(1.3)
+SPREAD_REACH = 10
 
-FIRST_EDGE, AFTER_EDGE = (
-    LEAST_CELLS,
-    CELLS - LOW_CELLS - SKIP_EDGE + 1,
-)  # between cells, where a jump is looked for
+# between cells, where a jump is looked for
+FIRST_EDGE = LEAST_CELLS
+AFTER_EDGE = CELLS - LOW_CELLS - SKIP_EDGE + 1
 # Makes the path unique where nothing is seen.
 ROW_COST = np.linspace(0.0, 1e-3, CELLS + 1, dtype=np.float32)
 THICKNESS_M = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(
@@ -76,26 +73,29 @@ BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(
 )  # of a straight line, least squares, over _REACH
 # `BEND` goes from a line's middle to the jump; this many times that, it continues to the middle of the cells below.
 BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
-_LINE_SHARE, _LOW_SHARE = np.float32(1.0 / LINE_CELLS), np.float32(1.0 / LOW_CELLS)
-_CELL_M, _MEASURED, _SEEN, _LEAST_LEVEL = (
-    np.float32(CELL_M),
-    np.float32(0.3),
-    np.float32(1e-3),
-    np.float32(1e-6),
-)
-_ONE, _ZERO, _THIRD = np.float32(1.0), np.float32(0.0), 1.0 / 3.0
+_LINE_SHARE = np.float32(1.0 / LINE_CELLS)
+_LOW_SHARE = np.float32(1.0 / LOW_CELLS)
+_CELL_M = np.float32(CELL_M)
+_MEASURED = np.float32(0.3)
+_SEEN = np.float32(1e-3)
+_LEAST_LEVEL = np.float32(1e-6)
+_ONE = np.float32(1.0)
+_ZERO = np.float32(0.0)
+_THIRD = 1.0 / 3.0
 
 
 @compiled
 def stretch(row: Singles, point_m: float, depth_m: float) -> Singles:
     """Return the rows (`depth_m` in tissue) along a column for 1 m along the normal of a surface at every `point_m`."""
-    points, along_rows = len(row), np.empty_like(row)
+    points = len(row)
+    along_rows = np.empty_like(row)
     reach = min(max(1, round(SLOPE_M / point_m)), (points - 1) // 2)
     rise = np.float32(
         depth_m / (2 * reach * point_m)
     )  # slope, metres over metres, of one row
     for at in range(points):
-        first, last = at - reach, at + reach
+        first = at - reach
+        last = at + reach
         # Mirrored in its end points, a slope continues beyond them.
         before = row[first] if first >= 0 else np.float32(2 * row[0] - row[-first])
         after = (
@@ -126,10 +126,8 @@ def unroll(
     The surface has rows `row` (point,), and is stretched by `along_rows`. For `frame` to `across` see `sample_rows`.
     """
     points = len(row)
-    places, wall = (
-        np.empty((CELLS, points), np.float32),
-        np.empty((points // GROUP, CELLS), np.float32),
-    )
+    places = np.empty((CELLS, points), np.float32)
+    wall = np.empty((points // GROUP, CELLS), np.float32)
     for cell in range(CELLS):
         for at in range(points):
             places[cell, at] = multiply_add(THICKNESS_M[cell], along_rows[at], row[at])
@@ -155,7 +153,8 @@ def _measured(
     """Return 1 in the cells above the deepest thickness at the outer points of a group, else 0, (group, cell)."""
     seen = np.empty((len(row) // GROUP, CELLS), np.float32)
     for group in range(len(seen)):
-        first, last = GROUP * group, GROUP * group + GROUP - 1
+        first = GROUP * group
+        last = GROUP * group + GROUP - 1
         shallower = min(
             (last_row - row[first]) / along_rows[first] * np.float32(there[first]),
             (last_row - row[last]) / along_rows[last] * np.float32(there[last]),
@@ -168,8 +167,10 @@ def _measured(
 @compiled
 def _level_out(wall: Singles, seen: Singles) -> None:
     """Divide each group by its own level near the surface; where that is dark, nothing is measured."""
-    groups, largest = len(wall), _ZERO
-    own, smooth = np.empty(groups, np.float32), np.empty(groups, np.float32)
+    groups = len(wall)
+    largest = _ZERO
+    own = np.empty(groups, np.float32)
+    smooth = np.empty(groups, np.float32)
     for group in range(groups):
         light = measured = 0.0
         for cell in range(SKIP_CELLS, LEVEL_CELLS):
@@ -177,10 +178,8 @@ def _level_out(wall: Singles, seen: Singles) -> None:
             measured += np.float64(seen[group, cell])
         own[group] = np.float32(light) / np.float32(max(measured, 1.0))
     for group in range(groups):
-        before, after = (
-            own[mirrored(group - 1, groups)],
-            own[mirrored(group + 1, groups)],
-        )
+        before = own[mirrored(group - 1, groups)]
+        after = own[mirrored(group + 1, groups)]
         smooth[group] = np.float32(
             (np.float64(before) + np.float64(own[group]) + np.float64(after)) * _THIRD
         )
@@ -204,14 +203,15 @@ def find_thickness(
     near, mean, bend, jump = _find_jumps(wall, seen)
     least = _standing_out(jump)
     path = best_path(_score_jumps(jump, least, prior), REACH_CELLS)
-    groups, shown = len(path), 0
-    testable, shows = 0, np.empty(groups, np.bool_)
-    edge, weight = np.empty(groups, np.float32), np.empty(groups, np.float32)
+    groups = len(path)
+    shown = 0
+    testable = 0
+    shows = np.empty(groups, np.bool_)
+    edge = np.empty(groups, np.float32)
+    weight = np.empty(groups, np.float32)
     for group in range(groups):
-        size, first = (
-            jump[group, path[group]],
-            max(path[group] - SKIP_EDGE - LINE_CELLS, 0),
-        )
+        size = jump[group, path[group]]
+        first = max(path[group] - SKIP_EDGE - LINE_CELLS, 0)
         found = _cross(
             near[group],
             path[group],
@@ -225,7 +225,8 @@ def find_thickness(
         shown += shows[group]
         weight[group] = np.float32(shows[group]) + _SEEN
         edge[group] = found * weight[group]
-    thickness_m, weight = mean_of_neighbours(edge, 2), mean_of_neighbours(weight, 2)
+    thickness_m = mean_of_neighbours(edge, 2)
+    weight = mean_of_neighbours(weight, 2)
     for group in range(groups):
         thickness_m[group] = thickness_m[group] / weight[group] * _CELL_M
     return thickness_m, shows, shown / max(1, testable)
@@ -239,12 +240,16 @@ def _find_jumps(
 
     Of the lines, mean and fall from their middle to the jump; (group, cell), the jump (group, CELLS + 1).
     """
-    groups, shape = len(wall), wall.shape
-    near, pooled = np.empty(shape, np.float32), np.empty(shape, np.float32)
-    mean, bend = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    groups = len(wall)
+    shape = wall.shape
+    near = np.empty(shape, np.float32)
+    pooled = np.empty(shape, np.float32)
+    mean = np.empty(shape, np.float32)
+    bend = np.empty(shape, np.float32)
     jump = np.zeros((groups, CELLS + 1), np.float32)
     for group in range(groups):
-        before, after = mirrored(group - 1, groups), mirrored(group + 1, groups)
+        before = mirrored(group - 1, groups)
+        after = mirrored(group + 1, groups)
         for cell in range(CELLS):
             light = (
                 np.float64(wall[before, cell])
@@ -261,9 +266,11 @@ def _find_jumps(
             for step in range(LINE_CELLS):
                 middle = multiply_add(_LINE_SHARE, pooled[group, cell + step], middle)
                 fall = multiply_add(BEND[step], pooled[group, cell + step], fall)
-            mean[group, cell], bend[group, cell] = middle, min(fall, _ZERO)
+            mean[group, cell] = middle
+            bend[group, cell] = min(fall, _ZERO)
         for edge in range(FIRST_EDGE, AFTER_EDGE):
-            line, low = edge - SKIP_EDGE - LINE_CELLS, _ZERO
+            line = edge - SKIP_EDGE - LINE_CELLS
+            low = _ZERO
             for step in range(LOW_CELLS):
                 low = multiply_add(
                     _LOW_SHARE, pooled[group, edge + SKIP_EDGE + step], low
@@ -283,11 +290,9 @@ def _find_jumps(
 def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
     """Return a path's gain at each edge, (group, edge), where jumps over `least` (edge,) stand out."""
     groups, edges = jump.shape
-    own, upper, score = (
-        np.empty(edges, np.float32),
-        np.empty(edges, np.float32),
-        np.empty(jump.shape, np.float32),
-    )
+    own = np.empty(edges, np.float32)
+    upper = np.empty(edges, np.float32)
+    score = np.empty(jump.shape, np.float32)
     for group in range(groups):
         for edge in range(edges):
             over = max(jump[group, edge] - least[edge], _ZERO)
@@ -313,11 +318,9 @@ def _standing_out(jump: Singles) -> Singles:
     The wall's end is rare: less than the median; and its jumps at one depth hardly differ from place to place.
     """
     groups, edges = jump.shape
-    sizes, number, spread = (
-        np.empty(jump.size, np.float32),
-        0,
-        np.empty(edges, np.float32),
-    )
+    sizes = np.empty(jump.size, np.float32)
+    number = 0
+    spread = np.empty(edges, np.float32)
     for group in range(groups):
         for edge in range(FIRST_EDGE, AFTER_EDGE, 2):
             sizes[number] = abs(jump[group, edge])
@@ -334,10 +337,8 @@ def _standing_out(jump: Singles) -> Singles:
             change = jump[group + POOLED, edge] - jump[group, edge]
             total += half_share * np.float64(change * change)
         spread[edge] = np.sqrt(np.float32(total))
-    least, smallest = (
-        mean_of_neighbours(spread, SPREAD_REACH),
-        np.float32(max(LEAST_JUMP, SURE_JUMP * typical)),
-    )
+    least = mean_of_neighbours(spread, SPREAD_REACH)
+    smallest = np.float32(max(LEAST_JUMP, SURE_JUMP * typical))
     for edge in range(edges):
         least[edge] = max(least[edge] * SURE_SPREAD, smallest)
     return least
@@ -349,11 +350,15 @@ def _cross(
 ) -> np.float32:
     """Return the edge near a path, in cells, that best parts light above and below a jump's middle."""
     path = min(max(path, REFINE_CELLS), CELLS - REFINE_CELLS)
-    limit, middle = max(jump, _SEEN), mean - jump / np.float32(2.0)
-    best, total, largest = 0, _ZERO, _ZERO
+    limit = max(jump, _SEEN)
+    middle = mean - jump / np.float32(2.0)
+    best = 0
+    total = _ZERO
+    largest = _ZERO
     for step in range(2 * REFINE_CELLS):
         above = near[path + step - REFINE_CELLS] - bend * FROM_MIDDLE[step] - middle
         total += min(max(above, -limit), limit)
         if total > largest:
-            best, largest = step + 1, total
+            best = step + 1
+            largest = total
     return np.float32(path + best) - np.float32(REFINE_CELLS)

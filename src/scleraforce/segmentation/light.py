@@ -39,10 +39,9 @@ PAGE_SPREAD = (
 NOT_LOGARITHMIC = (
     0.38  # contrast of pairs: midway between the root and the intensity itself
 )
-PAIR_COLUMNS, LOOKED_AT_ROWS = (
-    8,
-    24,
-)  # of a pair, from one count to the other; of a frame, spread over it
+# of a pair, from one count to the other; of a frame, spread over it
+PAIR_COLUMNS = 8
+LOOKED_AT_ROWS = 24
 DIMMER = 0.9  # of the pairs are left out: noise about the tissue
 LEAST_PAIRS = 200
 STANDS_OUT = np.float32(
@@ -66,10 +65,13 @@ def grid_size(rows: int, columns: int, scale: PixelScale) -> GridSize:
     """Return the size of the grid of a frame: it is halved until it has at most 191 columns and 383 rows."""
     step_rows = step_columns = 1
     while rows >= MAX_ROWS:
-        rows, step_rows = rows // 2, 2 * step_rows
+        rows = rows // 2
+        step_rows = 2 * step_rows
     while columns >= MAX_COLUMNS:
-        columns, step_columns = columns // 2, 2 * step_columns
-    lateral_m, depth_m = scale.lateral_m * step_columns, scale.depth_m * step_rows
+        columns = columns // 2
+        step_columns = 2 * step_columns
+    lateral_m = scale.lateral_m * step_columns
+    depth_m = scale.depth_m * step_rows
     cell = PixelScale(
         lateral_m=lateral_m, depth_m=depth_m, refractive_index=scale.refractive_index
     )
@@ -94,11 +96,9 @@ def without_page(frame: Pixels) -> Pixels:
         for one, other in zip(corners, corners[1:] + corners[:1], strict=True)
     ):
         return frame
-    least, dark, shown = (
-        PAGE_SPREAD * int(frame.max()),
-        float(np.median(frame)),
-        frame.copy(),
-    )
+    least = PAGE_SPREAD * int(frame.max())
+    dark = float(np.median(frame))
+    shown = frame.copy()
     for flip in (slice(None), slice(None, None, -1)):
         for lines, to in ((frame[flip], shown[flip]), (frame.T[flip], shown.T[flip])):
             grey = int(lines[0, 0])
@@ -134,15 +134,16 @@ def _logarithms(largest: int) -> Counts:
 @compiled
 def _contrast(frame: Counts) -> float:
     """Return the contrast of pairs: see `pair_contrast`."""
-    step, columns = (
-        max(1, len(frame) // LOOKED_AT_ROWS),
-        max(frame.shape[1] - PAIR_COLUMNS, 0),
-    )
-    mean, number = np.empty(((len(frame) - 1) // step + 1, columns), np.uint16), 0
+    step = max(1, len(frame) // LOOKED_AT_ROWS)
+    columns = max(frame.shape[1] - PAIR_COLUMNS, 0)
+    mean = np.empty(((len(frame) - 1) // step + 1, columns), np.uint16)
+    number = 0
     for row in range(len(mean)):
-        line, line_mean = frame[step * row], mean[row]
+        line = frame[step * row]
+        line_mean = mean[row]
         for at in range(columns):
-            one, other = np.int32(line[at + PAIR_COLUMNS]), np.int32(line[at])
+            one = np.int32(line[at + PAIR_COLUMNS])
+            other = np.int32(line[at])
             lit = (one > 0) & (
                 other > 0
             )  # no branch: half of them would be taken by chance
@@ -152,12 +153,15 @@ def _contrast(frame: Counts) -> float:
         return 0.0
     place = mean.size - number + int(DIMMER * number)
     least = np.partition(mean.ravel(), place)[place]
-    share, chosen = np.empty(mean.size, np.float32), 0
+    share = np.empty(mean.size, np.float32)
+    chosen = 0
     for row in range(len(mean)):
-        line, line_mean = frame[step * row], mean[row]
+        line = frame[step * row]
+        line_mean = mean[row]
         for at in range(columns):
             if line_mean[at] >= least:
-                one, other = np.int32(line[at + PAIR_COLUMNS]), np.int32(line[at])
+                one = np.int32(line[at + PAIR_COLUMNS])
+                other = np.int32(line[at])
                 share[chosen] = np.float32(abs(one - other)) / np.float32(one + other)
                 chosen += 1
     halves = np.partition(share[:chosen], chosen // 2)
@@ -179,17 +183,23 @@ def find_lit(frame: Counts) -> Lit:
     Then which columns are black, (column,), and the contrast of pairs: see `pair_contrast`.
     """
     columns = frame.shape[1]
-    brightest, dark = frame[0].copy(), np.empty(columns, np.bool_)
+    brightest = frame[0].copy()
+    dark = np.empty(columns, np.bool_)
     for row in range(LIT_ROWS, frame.shape[0], LIT_ROWS):
         line = frame[row]
         for column in range(columns):
             brightest[column] = max(brightest[column], line[column])
     largest = np.int64(brightest.max())
-    black, left, after, lit = int(LIT_SHARE * largest), 0, 0, 0
+    black = int(LIT_SHARE * largest)
+    left = 0
+    after = 0
+    lit = 0
     for column in range(columns):
         dark[column] = brightest[column] <= black
         if not dark[column]:
-            left, after, lit = (left if lit else column), column + 1, lit + 1
+            left = left if lit else column
+            after = column + 1
+            lit = lit + 1
     return left, after, lit, largest, dark, _contrast(frame)
 
 
@@ -205,34 +215,34 @@ def grid_cells(frame: Counts, left: int, width: int, eight_bits: bool) -> Counts
 @compiled
 def _halved(frame: Counts, left: int, columns: int, eight_bits: bool) -> Counts:
     """Return the means of neighbours; an odd last row or column is dropped."""
-    rows, up = frame.shape[0], np.uint32(eight_bits)
-    across, down = columns >= MAX_COLUMNS, rows >= MAX_ROWS
-    rows, columns = (rows // 2 if down else rows), (columns // 2 if across else columns)
+    rows = frame.shape[0]
+    up = np.uint32(eight_bits)
+    across = columns >= MAX_COLUMNS
+    down = rows >= MAX_ROWS
+    rows = rows // 2 if down else rows
+    columns = columns // 2 if across else columns
     halves = np.empty((rows, columns), np.uint16)
     if across and down:  # loops of their own: in one, less is computed at once
         for row in range(rows):
-            half, upper, lower = (
-                halves[row],
-                frame[2 * row, left:],
-                frame[2 * row + 1, left:],
-            )
+            half = halves[row]
+            upper = frame[2 * row, left:]
+            lower = frame[2 * row + 1, left:]
             for at in range(columns):
                 above = np.uint32(upper[2 * at]) + np.uint32(upper[2 * at + 1])
                 below = np.uint32(lower[2 * at]) + np.uint32(lower[2 * at + 1])
                 half[at] = (above + below + 2) >> 2
     elif across:
         for row in range(rows):
-            half, line = halves[row], frame[row, left:]
+            half = halves[row]
+            line = frame[row, left:]
             for at in range(columns):
                 half[at] = _mean_of_two(
                     np.uint32(line[2 * at]), np.uint32(line[2 * at + 1]), up
                 )
     else:
         for row in range(rows):  # of a row and itself where it is not halved at all
-            upper, lower = (
-                frame[2 * row if down else row, left:],
-                frame[2 * row + 1 if down else row, left:],
-            )
+            upper = frame[2 * row if down else row, left:]
+            lower = frame[2 * row + 1 if down else row, left:]
             for at in range(columns):
                 halves[row, at] = _mean_of_two(
                     np.uint32(upper[at]), np.uint32(lower[at]), up
@@ -250,11 +260,14 @@ def _mean_of_two(one: np.uint32, other: np.uint32, up: np.uint32) -> np.uint32:
 @compiled
 def noise_floor(cells: Counts) -> int:
     """Return the count below which a fifth of the cells that are not black lie."""
-    (rows, columns), brightest = cells.shape, 0
+    (rows, columns) = cells.shape
+    brightest = 0
     for row in range(0, rows, 8):
         for column in range(0, columns, 2):
             brightest = max(brightest, np.int64(cells[row, column]))
-    black, lit, sample = brightest // BLACK_PART, 0, np.empty(cells.size, np.uint16)
+    black = brightest // BLACK_PART
+    lit = 0
+    sample = np.empty(cells.size, np.uint16)
     for row in range(0, rows, 8):
         for column in range(0, columns, 2):
             sample[lit] = cells[row, column]
@@ -272,7 +285,8 @@ def brighter_columns(cells: Counts, rows: int) -> Integers:
         for column in range(columns):
             total[column] += np.float32(cells[row, column])
     ordered = np.sort(total)
-    middle, low = ordered[columns // 2], ordered[columns // 6]
+    middle = ordered[columns // 2]
+    low = ordered[columns // 6]
     return np.flatnonzero(
         total > middle + STANDS_OUT * max(middle - low, _LEAST_SPREAD * middle)
     )

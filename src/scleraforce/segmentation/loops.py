@@ -46,32 +46,29 @@ def sample_rows(
     `columns`: those before and after each point, from `first` on, (2, point); `across`: distance beyond the one before;
     `row`: of the points, (line, point).
     """
-    last, origin, points = frame.shape[0] - 1, np.uintp(first), len(across)
-    near, far, light = columns[0], columns[1], np.empty(row.shape, np.float32)
-    upper, lower, down = (
-        np.empty(points, np.uintp),
-        np.empty(points, np.uintp),
-        np.empty(points, np.float32),
-    )
+    last = frame.shape[0] - 1
+    origin = np.uintp(first)
+    points = len(across)
+    near = columns[0]
+    far = columns[1]
+    light = np.empty(row.shape, np.float32)
+    upper = np.empty(points, np.uintp)
+    lower = np.empty(points, np.uintp)
+    down = np.empty(points, np.float32)
     for line in range(len(row)):
         for at in range(points):
             above = np.floor(row[line, at])
             down[at] = row[line, at] - above
             place = int(above)
-            upper[at], lower[at] = (
-                min(max(place, 0), last),
-                min(max(place + 1, 0), last),
-            )
+            upper[at] = min(max(place, 0), last)
+            lower[at] = min(max(place + 1, 0), last)
         for at in range(points):
-            left, right = origin + near[at], origin + far[at]
-            p00, p01 = (
-                np.float32(frame[upper[at], left]),
-                np.float32(frame[upper[at], right]),
-            )
-            p10, p11 = (
-                np.float32(frame[lower[at], left]),
-                np.float32(frame[lower[at], right]),
-            )
+            left = origin + near[at]
+            right = origin + far[at]
+            p00 = np.float32(frame[upper[at], left])
+            p01 = np.float32(frame[upper[at], right])
+            p10 = np.float32(frame[lower[at], left])
+            p11 = np.float32(frame[lower[at], right])
             above = multiply_add(across[at], p01 - p00, p00)
             below = multiply_add(across[at], p11 - p10, p10)
             light[line, at] = np.rint(multiply_add(down[at], below - above, above))
@@ -91,7 +88,9 @@ def mirrored(place: int, length: int) -> int:
 @compiled
 def mean_of_neighbours(values: Singles, reach: int) -> Singles:
     """Return the mean over `reach` values on each side, mirrored at the ends, as `cv2.blur` does."""
-    length, share, means = len(values), 1.0 / (2 * reach + 1), np.empty_like(values)
+    length = len(values)
+    share = 1.0 / (2 * reach + 1)
+    means = np.empty_like(values)
     total = 0.0
     for place in range(-reach, reach + 1):
         total += np.float64(values[mirrored(place, length)])
@@ -110,9 +109,12 @@ def open_rows(values: Numbers, window: int) -> None:
     Windows of 1, 2, 4 ... rows are made of two shorter ones, the last of two that overlap. The first row stands for
     those above it.
     """
-    (rows, columns), above = values.shape, window // 2
-    flat, size = values.reshape(values.size), (rows + above) * columns
-    here, longer = np.empty(size, values.dtype), np.empty(size, values.dtype)
+    (rows, columns) = values.shape
+    above = window // 2
+    flat = values.reshape(values.size)
+    size = (rows + above) * columns
+    here = np.empty(size, values.dtype)
+    longer = np.empty(size, values.dtype)
     for largest in (False, True):
         for row in range(above):
             _copy(values[0], here[row * columns : (row + 1) * columns])
@@ -123,7 +125,8 @@ def open_rows(values: Numbers, window: int) -> None:
             both = max(size - step * columns, 0)
             _larger_or_smaller(here[:both], here[size - both :], largest, longer[:both])
             _copy(here[both:], longer[both:])  # the last ones
-            here, longer, length = longer, here, length + step
+            here, longer = longer, here
+            length += step
         _copy(here[: values.size], flat)
 
 
@@ -168,7 +171,8 @@ def at_every_column(
     shown = there[nearest]
     chosen = np.logical_or(there, shown.all())
     if chosen.any():
-        at, known = column[chosen].astype(np.float64), row[chosen].astype(np.float64)
+        at = column[chosen].astype(np.float64)
+        known = row[chosen].astype(np.float64)
         to[:] = np.interp(np.arange(len(to)), at, known)
     to[~shown] = np.nan
 
@@ -203,13 +207,16 @@ def best_path(score_cr: Singles, reach: int) -> Integers:
     array([1, 1, 1])
     """
     path = best_rows(score_cr)
-    first, last = -1, -1
+    first = -1
+    last = -1
     for column in range(1, len(path)):
         if abs(path[column] - path[column - 1]) > reach:
-            first, last = (column - 1 if first < 0 else first), column - 1
+            first = column - 1 if first < 0 else first
+            last = column - 1
     if first < 0:
         return path
-    start, stop = max(0, first - MARGIN), min(len(path), last + 2 + MARGIN)
+    start = max(0, first - MARGIN)
+    stop = min(len(path), last + 2 + MARGIN)
     _search(score_cr[start:stop], reach, path[start:stop])
     if not is_path(path, reach):
         _search(score_cr, reach, path)
@@ -224,7 +231,8 @@ def _search(score_cr: Singles, reach: int, path: Integers) -> None:
     sec. 8.4.5), so the path needs no backtracking.
     """
     columns, rows = score_cr.shape
-    before, after = np.empty_like(score_cr), np.empty_like(score_cr)
+    before = np.empty_like(score_cr)
+    after = np.empty_like(score_cr)
     before[0] = score_cr[0]
     after[columns - 1] = score_cr[columns - 1]
     for column in range(1, columns):
@@ -232,11 +240,13 @@ def _search(score_cr: Singles, reach: int, path: Integers) -> None:
         _add_best(before[column - 1], score_cr[column], reach, before[column])
         _add_best(after[back + 1], score_cr[back], reach, after[back])
     for column in range(columns):
-        best, largest = 0, np.float32(-np.inf)
+        best = 0
+        largest = np.float32(-np.inf)
         for row in range(rows):
             through = before[column, row] + after[column, row] - score_cr[column, row]
             if through > largest:
-                best, largest = row, through
+                best = row
+                largest = through
         path[column] = best
 
 

@@ -40,17 +40,15 @@ SAME_LENGTH = 0.7  # of the longer line: as far down the other one of two sides 
 BEVEL_M = (
     2.2e-3  # the cut of the thickest needle (22G, 18 degrees); longer lines are shafts
 )
-TOP_M, TOP_ROWS = (
-    0.19e-3,
-    4,
-)  # and at least 4 rows: the shaft comes in through the top edge
+# and at least 4 rows: the shaft comes in through the top edge
+TOP_M = 0.19e-3
+TOP_ROWS = 4
 
 POOLED_M = 62e-6  # of depth taken as one, for the coarse search
 WIDEST_M = 1.3e-3  # between the edges of a shaft, along the columns
-LINE_M, LINE_COLUMNS = (
-    0.4e-3,
-    5,
-)  # a line is narrower along the columns, or narrower than 5 pixels
+# a line is narrower along the columns, or narrower than 5 pixels
+LINE_M = 0.4e-3
+LINE_COLUMNS = 5
 STEEPEST = 1.2  # columns over rows in metres: 50 degrees off the depth
 SLOPES = 81
 BRIGHT = 4.0  # spreads of the background: as bright as this is all that counts
@@ -126,12 +124,11 @@ def find_needle(
     if shaded is None:
         return None
     (column, row), (first, after) = shaded
-    lateral_m, depth_m = (
-        size.scale.lateral_m / size.step_columns,
-        size.scale.depth_m / size.step_rows,
-    )
+    lateral_m = size.scale.lateral_m / size.step_columns
+    depth_m = size.scale.depth_m / size.step_rows
     tip = left + column, (row + 1.0) * size.step_rows - 0.5
-    slope, axis = edges[0].slope / size.step_rows, _axis_slope(edges, size)
+    slope = edges[0].slope / size.step_rows
+    axis = _axis_slope(edges, size)
     ends = row < len(cells) - 1.0
     return SeenNeedle(
         angle_rad=-atan(slope * lateral_m / depth_m),
@@ -153,7 +150,8 @@ def _axis_slope(edges: list[ShaftEdge], size: GridSize) -> float | None:
     It is midway between two sides, which converge upward where the shaft leaves the plane. Lines that meet at the wall
     belong to a side and a bevel; a short line alone may belong to either.
     """
-    one, other = edges[0], edges[-1]
+    one = edges[0]
+    other = edges[-1]
     if min(one.row, other.row) >= SAME_LENGTH * max(one.row, other.row):
         at_end = (
             one.top
@@ -172,12 +170,11 @@ def _shaded(
 
     None: the tissue below the edges is in no shadow of theirs.
     """
-    step, columns = size.step_columns, cells.shape[1]
+    step = size.step_columns
+    columns = cells.shape[1]
     reached = [place for edge in edges for place in (edge.top, edge.end)]
-    first, after = (
-        max(0, round(min(reached) / step - 0.5)),
-        min(columns, round(max(reached) / step + 0.5)),
-    )
+    first = max(0, round(min(reached) / step - 0.5))
+    after = min(columns, round(max(reached) / step + 0.5))
     if first >= after:
         return None
     tissue = _tissue(cells, size, edges)
@@ -211,7 +208,8 @@ def _touches(
     size: GridSize, lit: Flags, shadow: tuple[int, int], tip_row: float
 ) -> bool:
     """Return whether tissue is seen on both sides of a shadow, and a tip is not far above it (a reflex)."""
-    (first, after), reach = shadow, max(2, round(BESIDE_M / size.scale.lateral_m))
+    (first, after) = shadow
+    reach = max(2, round(BESIDE_M / size.scale.lateral_m))
     surfaces = []
     for side in (
         lit[:, max(0, first - reach) : first][:, ::-1],
@@ -245,7 +243,8 @@ def _shines_below(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> bool
     if len(deep) * size.scale.depth_m < DEEP_M or len(deep) < PARTS:
         return False
     ends = [round(edge.end / size.step_columns - 0.5) for edge in edges]
-    first, after = max(0, min(ends)), max(0, max(ends) + 1)
+    first = max(0, min(ends))
+    after = max(0, max(ends) + 1)
     reach = max(2, round(NEAR_M / size.scale.lateral_m)) + 1
     levels: list[Singles] = [part.mean(axis=0) for part in np.array_split(deep, PARTS)]
     pairs = [
@@ -307,10 +306,8 @@ def _tip(
     along = np.array([edges[0].slope * pixel_m[0], pixel_m[1]])
     along /= hypot(*along)
     apart = (ends[1] - ends[0]) * pixel_m
-    longer, width = (
-        float(apart @ along),
-        abs(float(apart[0] * along[1] - apart[1] * along[0])),
-    )
+    longer = float(apart @ along)
+    width = abs(float(apart[0] * along[1] - apart[1] * along[0]))
     tip = ends[int(longer > 0)] if abs(longer) > BEVELLED * width else ends.mean(axis=0)
     return float(tip[0]), float(tip[1])
 
@@ -327,10 +324,8 @@ def _find_edges(
     if coarse.length * size.scale.depth_m < LEAST_LENGTH_M:
         return []
     if size.step_rows > 1:  # in the grid's rows, with the frame's own columns
-        shape, frame = (
-            (frame.shape[1], len(cells)),
-            frame[: len(cells) * size.step_rows],
-        )
+        shape = (frame.shape[1], len(cells))
+        frame = frame[: len(cells) * size.step_rows]
         frame = cast(Pixels, cv2.resize(frame, shape, interpolation=cv2.INTER_AREA))
     fine = _thin(frame, size.scale.lateral_m / size.step_columns)
     return _edges(thin, fine, coarse, size)
@@ -344,7 +339,8 @@ def _thin(light: Pixels, lateral_m: float) -> Singles:
     some = thin[::4, :: max(1, width // 4)].ravel()
     places = len(some) // 2, 5 * len(some) // 6
     some.partition(places)
-    middle, high = float(some[places[0]]), float(some[places[1]])
+    middle = float(some[places[0]])
+    high = float(some[places[1]])
     thin -= np.float32(middle)
     thin *= np.float32(1.0 / (BRIGHT * max(high - middle, 1e-6)))
     np.clip(thin, -0.5, 1.0, out=thin)
@@ -418,7 +414,8 @@ def _refined(fine: Singles, coarse: ShaftEdge, size: GridSize) -> ShaftEdge:
     slopes = coarse.slope * step + np.linspace(-spread, spread, 2 * NEAR_SLOPES + 1)
     deepest = coarse.row + round(MORE_M / size.scale.depth_m)
     edge = _best(fine[:deepest], near, slopes)
-    at, rows = np.arange(fine.shape[1], dtype=np.float32), np.arange(edge.row + 1)
+    at = np.arange(fine.shape[1], dtype=np.float32)
+    rows = np.arange(edge.row + 1)
     off = at - (edge.top + edge.slope * (rows[:, None] + 0.5))
     weight = np.where(
         np.abs(off) <= NEAR_COLUMNS,
@@ -466,8 +463,10 @@ def _best(
     sums = np.cumsum(shine - np.float32(LEAST_BRIGHT), axis=1)  # (slope, row, start)
     lengths = sums.max(axis=1)
     which, column = np.unravel_index(int(lengths.argmax()), lengths.shape)
-    row, length = int(sums[which, :, column].argmax()), float(lengths[which, column])
-    row, length = pooled_rows * (row + 1) - 1, pooled_rows * length
+    row = int(sums[which, :, column].argmax())
+    length = float(lengths[which, column])
+    row = pooled_rows * (row + 1) - 1
+    length = pooled_rows * length
     return ShaftEdge(
         top=float(start[column]), slope=float(slopes[which]), row=row, length=length
     )

@@ -29,11 +29,10 @@ BOTTOM_M = 0.1e-3  # a boundary this near to the last row is where the frame end
 HIDDEN_SHARE = 0.25  # of the thickness: so far above the bottom the inner boundary must be expected to be seen
 UNEVEN_SHARE = 0.2  # of the thickness: bending hardly changes it, so more is not the wall's inner boundary
 STEEPEST = 1.25  # stretch, 37 degrees: the inner boundary is sought down the columns, and lost on steeper parts
-MIDDLE_M, ASIDE_M, FLANK_M = (
-    1.2e-3,
-    3e-3,
-    0.3e-3,
-)  # where a dent is, and where the wall beside it
+# where a dent is, and where the wall beside it
+MIDDLE_M = 1.2e-3
+ASIDE_M = 3e-3
+FLANK_M = 0.3e-3
 SLOPE_M = 0.3e-3  # over which the surface's slope is taken
 
 
@@ -94,7 +93,8 @@ def dent(boundaries: Boundaries) -> float:
 
     It grows with the force without a model; its zero depends on the eye.
     """
-    lateral_m, depth_m = boundaries.lateral_m, boundaries.depth_m[0]
+    lateral_m = boundaries.lateral_m
+    depth_m = boundaries.depth_m[0]
     middle = (np.abs(lateral_m) < MIDDLE_M) & np.isfinite(depth_m)
     flanks = [
         (np.abs(lateral_m - side) < FLANK_M) & np.isfinite(depth_m)
@@ -241,7 +241,8 @@ def boundary_slices(
 
     Then follow what `dent_leaves` says of the first, and the distance between the ends of the surface in it, m.
     """
-    columns, pixel_m = slice_study.columns, slice_study.pixel_m
+    columns = slice_study.columns
+    pixel_m = slice_study.pixel_m
     lateral_m, outer_m = surface(segmentation, scale)
     seen_m = lateral_m[
         (np.abs(lateral_m) <= columns * pixel_m / 2) & np.isfinite(outer_m)
@@ -261,7 +262,8 @@ def _slice_depths(
 ) -> Floats:
     """Return the depths of both boundaries at a slice's columns, (2, column), m, NaN where there is no wall."""
     rows = segmentation.outer_row, segmentation.inner_row
-    there, width = np.isfinite(rows[0]) & np.isfinite(rows[1]), len(rows[0])
+    there = np.isfinite(rows[0]) & np.isfinite(rows[1])
+    width = len(rows[0])
     if not there.any():
         return np.full((2, columns), np.nan)
     at = (
@@ -294,7 +296,10 @@ def dent_leaves(cut: Bytes) -> bool:
     >>> dent_leaves(dent), dent_leaves(shadow)
     (True, False)
     """
-    (rows, columns), last, missing, leaves = cut.shape, -1, 0, False
+    (rows, columns) = cut.shape
+    last = -1
+    missing = 0
+    leaves = False
     for column in range(columns):
         unseen = deep = 0
         for row in range(rows):
@@ -303,7 +308,8 @@ def dent_leaves(cut: Bytes) -> bool:
         missing += unseen == 0
         if deep > 0:
             leaves = leaves or (last >= 0 and 2 * missing > column - last - 1)
-            last, missing = column, 0
+            last = column
+            missing = 0
     return leaves
 
 
@@ -320,18 +326,15 @@ def given_wall(
     A boundary lies in the middle between a row with wall and one without. A column is left out if a pixel of it is not
     judged, if its wall touches the frame's first row, or is interrupted. `sd_rows`: of the boundaries, rows.
     """
-    rows, is_wall = len(mask), mask == WALL
-    first, last, count = (
-        is_wall.argmax(axis=0),
-        rows - is_wall[::-1].argmax(axis=0),
-        is_wall.sum(axis=0),
-    )
+    rows = len(mask)
+    is_wall = mask == WALL
+    first = is_wall.argmax(axis=0)
+    last = rows - is_wall[::-1].argmax(axis=0)
+    count = is_wall.sum(axis=0)
     judged = ~(mask == NOT_JUDGED).any(axis=0)
     whole = judged & (count > 0) & (last - first == count) & (first > 0)
-    outer_row, inner_row = (
-        np.where(whole, first - 0.5, np.nan),
-        np.where(whole, last - 0.5, np.nan),
-    )
+    outer_row = np.where(whole, first - 0.5, np.nan)
+    inner_row = np.where(whole, last - 0.5, np.nan)
     fault = surface_fault(int(whole.sum()), max(int(judged.sum()), 1), 1.0, 1.0)
     if whole.sum() < LEAST_SHAPE:
         return without_wall(mask.shape, fault or "no wall was found")

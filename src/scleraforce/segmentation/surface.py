@@ -33,10 +33,9 @@ HALF_STEP = np.float32(
 LEAST_EXCESS = np.float32(
     0.15
 )  # of the bright tissue's level: less is haze, not tissue
-EXCESS_COST, EXCESS_CAP = (
-    0.5,
-    1.5,
-)  # cost of tissue above the path, in steps of full depth
+# cost of tissue above the path, in steps of full depth
+EXCESS_COST = 0.5
+EXCESS_CAP = 1.5
 SMOOTHED = 5  # points
 BLACK_SHARE = 0.25  # of the noise floor: darker cells are not measured
 ABSENT_SHARE = (
@@ -45,13 +44,16 @@ ABSENT_SHARE = (
 TYPICAL = 0.75  # of the columns have less than the typical contrast
 FOUR = 4  # rows of the score of which the best one is searched first
 _LARGEST_COST = np.float32(EXCESS_COST * EXCESS_CAP)
-_ZERO, _ONE_HALF, _NINTH = np.float32(0.0), np.float32(0.5), 1.0 / 9.0
+_ZERO = np.float32(0.0)
+_ONE_HALF = np.float32(0.5)
+_NINTH = 1.0 / 9.0
 
 
 @compiled
 def opened_pairs(cells: Counts, floor: int, pairs: Indices, thin: int) -> Counts:
     """Return pairs of the grid's columns, opened along depth, over the noise floor, (row / 2, pair)."""
-    rows, columns = len(cells), len(pairs)
+    rows = len(cells)
+    columns = len(pairs)
     opened = np.empty((rows, columns), np.uint16)
     for row in range(rows):
         for at in range(columns):
@@ -63,7 +65,8 @@ def opened_pairs(cells: Counts, floor: int, pairs: Indices, thin: int) -> Counts
     _extend_upwards(cells, BLACK_SHARE * floor, pairs, thin, opened)
     tissue = np.empty((rows // ROWS, columns // 2), np.uint16)
     for row in range(tissue.shape[0]):
-        upper, lower = opened[2 * row], opened[2 * row + 1]
+        upper = opened[2 * row]
+        lower = opened[2 * row + 1]
         for pair in range(tissue.shape[1]):
             above = np.int32(upper[2 * pair]) + np.int32(upper[2 * pair + 1])
             below = np.int32(lower[2 * pair]) + np.int32(lower[2 * pair + 1])
@@ -99,11 +102,9 @@ def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
     rows, pairs = tissue.shape
     level = _scaled_level(tissue)
     means = _depth_means(level, depth)
-    total, lowest, score_cr = (
-        np.zeros(pairs),
-        level[0].copy(),
-        np.empty((pairs, rows), np.float32),
-    )
+    total = np.zeros(pairs)
+    lowest = level[0].copy()
+    score_cr = np.empty((pairs, rows), np.float32)
     cost_factor = np.float64(np.float32(EXCESS_COST * 2.0 / depth))
     for row in range(rows):
         for pair in range(pairs):
@@ -124,17 +125,16 @@ def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
 def _scaled_level(tissue: Counts) -> Singles:
     """Return the tissue over that of the bright one."""
     rows, pairs = tissue.shape
-    sample, number = np.empty(tissue.size, np.uint16), 0
+    sample = np.empty(tissue.size, np.uint16)
+    number = 0
     for row in range(0, rows, 2):
         for pair in range(pairs):
             sample[number] = tissue[row, pair]
             number += 1
     place = int(BRIGHT_SHARE * number)
     bright = np.partition(sample[:number], place)[place]
-    scale, level = (
-        np.float32(1.0 / max(float(bright), 1e-6)),
-        np.empty(tissue.shape, np.float32),
-    )
+    scale = np.float32(1.0 / max(float(bright), 1e-6))
+    level = np.empty(tissue.shape, np.float32)
     for row in range(rows):
         for pair in range(pairs):
             level[row, pair] = min(np.float32(tissue[row, pair]) * scale, LARGEST_LEVEL)
@@ -145,15 +145,14 @@ def _scaled_level(tissue: Counts) -> Singles:
 def _depth_means(level: Singles, depth: int) -> Singles:
     """Return the mean of the `depth` rows above each row, from the first one to `depth` rows below the last."""
     rows, pairs = level.shape
-    share, total, means = (
-        1.0 / depth,
-        np.empty(pairs),
-        np.empty((rows + depth, pairs), np.float32),
-    )
+    share = 1.0 / depth
+    total = np.empty(pairs)
+    means = np.empty((rows + depth, pairs), np.float32)
     for pair in range(pairs):
         total[pair] = depth * np.float64(level[0, pair])
     for row in range(rows + depth):
-        entering, leaving = min(row, rows - 1), max(row - depth, 0)
+        entering = min(row, rows - 1)
+        leaving = max(row - depth, 0)
         for pair in range(pairs):
             means[row, pair] = np.float32(total[pair] * share)
             total[pair] += np.float64(level[entering, pair]) - np.float64(
@@ -168,7 +167,8 @@ def coarse_rows(score_cr: Singles, reach: int) -> Integers:
     path = best_rows(score_cr)
     if is_path(path, reach):
         return path
-    columns, fours = len(path), score_cr.shape[1] // FOUR
+    columns = len(path)
+    fours = score_cr.shape[1] // FOUR
     four = np.empty((columns, fours), np.float32)
     for column in range(columns):
         for row in range(fours):
@@ -191,11 +191,9 @@ def start_rows(
     path: Integers, step_rows: int, place: Integers, weight: Singles, rows: int
 ) -> Singles:
     """Return a path at the fine columns, in rows of a frame, from its two neighbours' places and weights."""
-    coarse, start, last = (
-        np.empty(len(path), np.float32),
-        np.empty(len(place), np.float32),
-        np.float32(rows - 1.0),
-    )
+    coarse = np.empty(len(path), np.float32)
+    start = np.empty(len(place), np.float32)
+    last = np.float32(rows - 1.0)
     for pair in range(len(path)):
         coarse[pair] = np.float32(path[pair] * (ROWS * step_rows)) - _ONE_HALF
     for at in range(len(start)):
@@ -239,18 +237,24 @@ def fit_edges(raw: Singles, thin: int, start: Singles) -> tuple[Singles, Singles
     """Return the rows of the best two-level fit along each column of a strip, and by how much it is brighter below."""
     strip = _smoothed_and_opened(raw, thin)
     rows, columns = strip.shape
-    half, end = rows // 2, rows // 2 - 2
-    above, below, middle = np.zeros(columns), np.zeros(columns), np.empty(columns)
-    found, contrast = np.zeros(columns, np.float32), np.empty(columns, np.float32)
+    half = rows // 2
+    end = rows // 2 - 2
+    above = np.zeros(columns)
+    below = np.zeros(columns)
+    middle = np.empty(columns)
+    found = np.zeros(columns, np.float32)
+    contrast = np.empty(columns, np.float32)
     for row in range(end):
-        line, other_line = strip[row], strip[rows - 1 - row]
+        line = strip[row]
+        other_line = strip[rows - 1 - row]
         for at in range(columns):
             above[at] += np.float64(line[at])
             below[at] += np.float64(other_line[at])
     for at in range(columns):
         middle[at] = (above[at] + below[at]) / (2 * end)
         contrast[at] = np.float32((below[at] - above[at]) / end)
-    total, best = np.zeros(columns), np.zeros(columns)
+    total = np.zeros(columns)
+    best = np.zeros(columns)
     for row in range(rows):
         line = strip[row]
         for at in range(columns):
@@ -267,13 +271,12 @@ def fit_edges(raw: Singles, thin: int, start: Singles) -> tuple[Singles, Singles
 def _smoothed_and_opened(raw: Singles, thin: int) -> Singles:
     """Return the mean of 3 x 3 neighbours, opened along the columns."""
     rows, columns = raw.shape
-    strip, three = np.empty(raw.shape, np.float32), np.empty(columns, np.float32)
+    strip = np.empty(raw.shape, np.float32)
+    three = np.empty(columns, np.float32)
     for row in range(rows):
-        upper, line, lower = (
-            raw[mirrored(row - 1, rows)],
-            raw[row],
-            raw[mirrored(row + 1, rows)],
-        )
+        upper = raw[mirrored(row - 1, rows)]
+        line = raw[row]
+        lower = raw[mirrored(row + 1, rows)]
         mean = strip[row]
         for at in range(columns):
             three[at] = upper[at] + line[at] + lower[at]  # counts: no sum is rounded
@@ -296,7 +299,8 @@ def smooth_surface(found: Singles) -> None:
     number = len(found)
     if number < SMOOTHED:
         return
-    longer, median = np.empty(number + 8, np.float32), np.empty(number + 8, np.float32)
+    longer = np.empty(number + 8, np.float32)
+    median = np.empty(number + 8, np.float32)
     for step in range(4):
         longer[step] = 2 * found[0] - found[4 - step]
         longer[number + 4 + step] = 2 * found[number - 1] - found[number - 2 - step]
@@ -324,12 +328,14 @@ def show_points(
     A surface below row `deepest` has left the window; less than ABSENT_SHARE of the typical contrast does not show it.
     """
     points = len(row)
-    inside, present = np.empty(points, np.bool_), np.empty(points, np.bool_)
+    inside = np.empty(points, np.bool_)
+    present = np.empty(points, np.bool_)
     for at in range(points):
         inside[at] = row[at] < np.float32(deepest)
         present[at] = inside[at] and not missing[int(column[at])]
     usual = quantile_of_chosen(contrast, present, TYPICAL)
-    least, last = np.float32(ABSENT_SHARE * max(np.float64(usual), 1e-6)), -1
+    least = np.float32(ABSENT_SHARE * max(np.float64(usual), 1e-6))
+    last = -1
     for at in range(points):
         if not (present[at] and contrast[at] > least):
             present[at] = False
@@ -346,7 +352,8 @@ def show_points(
 @compiled
 def quantile_of_chosen(of: Singles, chosen: Flags, share: float) -> np.float32:
     """Return the value that `share` of the chosen ones lie below, NaN of none."""
-    values, number = np.empty_like(of), 0
+    values = np.empty_like(of)
+    number = 0
     for at in range(len(of)):
         if chosen[at]:
             values[number] = of[at]

@@ -150,11 +150,9 @@ class Part(NamedTuple):
         self, brightest: int
     ) -> tuple[tuple[Counts, int, bool, Integers], Segmentation]:
         """Return cells, their floor, whether they are saturated, where a needle may begin; and the wall: see `look`."""
-        width, shape, behind = (
-            len(self.missing),
-            (len(self.frame), self.columns),
-            (0, 0),
-        )
+        width = len(self.missing)
+        shape = (len(self.frame), self.columns)
+        behind = (0, 0)
         if self.hidden is not None:
             start, stop = np.searchsorted(
                 fine_columns(width), np.array(self.hidden) - 0.5
@@ -215,12 +213,12 @@ def _part(
 ) -> Part:
     """Return the part of a frame from a column on, missing ones as the nearest that are not; neither end is missing."""
     size = scale.lateral_m, scale.depth_m, scale.refractive_index
-    workplace, (columns, first) = (
-        workplace_for(len(frame), len(missing), *size),
-        (frame.shape[1], left),
-    )
+    workplace = workplace_for(len(frame), len(missing), *size)
+    columns = frame.shape[1]
+    first = left
     if np.count_nonzero(missing):
-        filled, first = frame[:, left : left + len(missing)].copy(), 0
+        filled = frame[:, left : left + len(missing)].copy()
+        first = 0
         change = np.flatnonzero(missing[1:] != missing[:-1]) + 1
         for start, end in zip(change[::2], change[1::2], strict=True):
             middle = (start + end + 1) // 2
@@ -237,12 +235,11 @@ def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
 
     What it hides is filled from both sides, so that paths lead on behind it; too narrow a side is left out.
     """
-    (first, after), missing = hidden, part.missing
+    (first, after) = hidden
+    missing = part.missing
     least = max(LEAST_SHAPE, round(LEAST_SIDE * len(missing)))
-    start, stop = (
-        (after if first < least else 0),
-        (first if len(missing) - after < least else len(missing)),
-    )
+    start = after if first < least else 0
+    stop = first if len(missing) - after < least else len(missing)
     if stop - start < least:
         return None
     inside = (first - start, after - start) if start < first and after < stop else None
@@ -252,7 +249,8 @@ def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
     lit = np.flatnonzero(~filled)
     if not len(lit):
         return None
-    start, filled = start + int(lit[0]), filled[lit[0] : lit[-1] + 1]
+    start = start + int(lit[0])
+    filled = filled[lit[0] : lit[-1] + 1]
     inside = (
         None if inside is None else (inside[0] - int(lit[0]), inside[1] - int(lit[0]))
     )

@@ -23,11 +23,11 @@ from scleraforce.segmentation.loops import best_path
 from scleraforce.study import RawReaderStudy, WallFinderStudy
 
 BLACK_SHARE = 2e-3  # of the brightest pixel: what is darker is not imaged
-FLOOR_SHARE, BRIGHT_SHARE = (
-    0.2,
-    0.99,
-)  # of the pixels that are not black: noise, and what lies below bright tissue
-LEAST_LEVEL, LARGEST_LEVEL = -0.5, 1.5
+# of the pixels that are not black: noise, and what lies below bright tissue
+FLOOR_SHARE = 0.2
+BRIGHT_SHARE = 0.99
+LEAST_LEVEL = -0.5
+LARGEST_LEVEL = 1.5
 LEAST_CONTRAST = 1e-6  # of the counts of bright tissue
 
 
@@ -71,7 +71,8 @@ def reduced_frame(frame: Pixels | Singles, rows: int, columns: int) -> Singles:
         int(share * (len(lit) - 1)) for share in (FLOOR_SHARE, BRIGHT_SHARE)
     )
     ordered = np.partition(lit, (low_nth, high_nth))
-    low, high = float(ordered[low_nth]), float(ordered[high_nth])
+    low = float(ordered[low_nth])
+    high = float(ordered[high_nth])
     if high - low <= LEAST_CONTRAST * max(high, 1.0):
         return np.zeros((rows, columns), dtype=np.float32)
     return np.clip(
@@ -150,11 +151,10 @@ def _means_between(edges: Reals, values: NDArray[Any]) -> Singles:
     )
 
 
-FINDER_FRAMES, FINDER_ROWS, FINDER_WALL = (
-    "frames",
-    "rows",
-    "wall",
-)  # input and outputs of the network
+# input and outputs of the network
+FINDER_FRAMES = "frames"
+FINDER_ROWS = "rows"
+FINDER_WALL = "wall"
 
 REACH_ROWS = (
     16  # largest step of a boundary between answers, in rows of the reduced frame
@@ -171,14 +171,12 @@ LEAST_THICKNESS_ROWS = 0.5  # of a wall, in rows of the reduced frame
 LEAST_SPREAD_ROWS = 0.3  # of a boundary: no finer than a row of the reduced frame
 EDGE_ROWS = 0.6  # a boundary so near the first or the last row lies beyond the frame: its truth was put there
 SURE_WALL = 0.5  # probability from which on a column has wall
-FILLED_SHARE, BEYOND_SHARE = (
-    0.85,
-    0.15,
-)  # of the rows: no second look; of the wall's rows, shown beyond it
-SAME_COLUMNS_SHARE, MOVED_THICKNESS = (
-    0.8,
-    0.3,
-)  # of a wall that a second look may correct
+# of the rows: no second look; of the wall's rows, shown beyond it
+FILLED_SHARE = 0.85
+BEYOND_SHARE = 0.15
+# of a wall that a second look may correct
+SAME_COLUMNS_SHARE = 0.8
+MOVED_THICKNESS = 0.3
 
 
 @dataclass(frozen=True)
@@ -215,8 +213,11 @@ class WallFinder:
     def __init__(
         self, session: onnxruntime.InferenceSession, study: WallFinderStudy, place: str
     ) -> None:
-        self.session, self._study, self._place = session, study, place
-        frames, walls = [study.rows, study.columns], [study.columns // 2]
+        self.session = session
+        self._study = study
+        self._place = place
+        frames = [study.rows, study.columns]
+        walls = [study.columns // 2]
         outputs = {
             FINDER_ROWS: ("tensor(float)", [2, study.rows, *walls]),
             FINDER_WALL: ("tensor(float)", walls),
@@ -236,7 +237,8 @@ class WallFinder:
         if rows is None:
             return first
         second = self._look(frame, *rows)
-        both, either = first.there & second.there, first.there | second.there
+        both = first.there & second.there
+        either = first.there | second.there
         if (
             np.count_nonzero(both) < SAME_COLUMNS_SHARE * np.count_nonzero(either)
             or not both.any()
@@ -250,7 +252,8 @@ class WallFinder:
 
     def _look(self, frame: Pixels, top: int, bottom: int) -> SeenWall:
         """Return the wall that the network sees between two rows of a frame."""
-        rows, columns = self._study.rows, self._study.columns
+        rows = self._study.rows
+        columns = self._study.columns
         small = reduced_frame(frame[top:bottom], rows, columns)[None]
         probability, wall = run_network(
             self.session,
@@ -258,21 +261,19 @@ class WallFinder:
             {FINDER_FRAMES: small},
             self._place,
         )
-        there, paths = wall[0] >= SURE_WALL, _paths(probability[0], wall[0])
+        there = wall[0] >= SURE_WALL
+        paths = _paths(probability[0], wall[0])
         (outer, outer_sd), (inner, inner_sd) = map(_moved, probability[0], paths)
-        outer, inner = _without_spikes(outer, there), _without_spikes(inner, there)
+        outer = _without_spikes(outer, there)
+        inner = _without_spikes(inner, there)
         if top == 0:
             outer = np.where(outer < EDGE_ROWS, -1.0, outer)
         if bottom == len(frame):
             inner = np.where(inner > rows - 1.0 - EDGE_ROWS, rows, inner)
-        stretch, there = (
-            (bottom - top) / rows,
-            there & (inner - outer > LEAST_THICKNESS_ROWS),
-        )
-        at, rows_sd = (
-            reduced_columns(frame.shape[1], columns // 2),
-            (outer_sd * stretch, inner_sd * stretch),
-        )
+        stretch = (bottom - top) / rows
+        there = there & (inner - outer > LEAST_THICKNESS_ROWS)
+        at = reduced_columns(frame.shape[1], columns // 2)
+        rows_sd = (outer_sd * stretch, inner_sd * stretch)
         outer_row, inner_row = (
             top + (row + 0.5) * stretch - 0.5 for row in (outer, inner)
         )
@@ -283,12 +284,11 @@ def rows_about(
     outer_row: Floats, inner_row: Floats, rows: int, share: float = BEYOND_SHARE
 ) -> tuple[int, int] | None:
     """Return the rows about a wall, and a share of them beyond, for a second look; None: it fills the frame."""
-    first, last = (
-        max(float(outer_row.min()), 0.0),
-        min(float(inner_row.max()), rows - 1.0),
-    )
+    first = max(float(outer_row.min()), 0.0)
+    last = min(float(inner_row.max()), rows - 1.0)
     beyond = share * (last - first)
-    top, bottom = max(int(first - beyond), 0), min(int(last + beyond) + 2, rows)
+    top = max(int(first - beyond), 0)
+    bottom = min(int(last + beyond) + 2, rows)
     return (top, bottom) if LEAST_SHAPE <= bottom - top < FILLED_SHARE * rows else None
 
 
@@ -327,10 +327,9 @@ def _moved(probability: Singles, path: Places) -> tuple[Floats, Floats]:
         )
         mean = (weight * near).sum(axis=0) / weight.sum(axis=0)
     row = np.arange(len(probability), dtype=np.float32)
-    first, second = (
-        row @ probability,
-        np.square(row) @ probability,
-    )  # moments of all rows
+    # moments of all rows
+    first = row @ probability
+    second = np.square(row) @ probability
     spread = np.sqrt(np.maximum(second - 2.0 * mean * first + mean**2, 0.0))
     return mean, np.maximum(spread, LEAST_SPREAD_ROWS)
 
@@ -356,7 +355,8 @@ def smooth_path(score_cr: Singles, cost: Singles) -> Places:
     """
     columns, rows = score_cr.shape
     total = np.empty((columns, 2, rows), dtype=np.float32)
-    total[:, 0], total[:, 1] = score_cr, score_cr[::-1]
+    total[:, 0] = score_cr
+    total[:, 1] = score_cr[::-1]
     fall = np.stack([cost, cost[::-1]], axis=1)[:, :, None].astype(
         np.float32
     ) * np.arange(rows, dtype=np.float32)

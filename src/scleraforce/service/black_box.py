@@ -37,9 +37,13 @@ MOST_MESSAGES = 100  # until a frame is written
 MOST_LINES = 20_000
 HISTORY_S = 600.0  # the tare is found before the first contact, so a log of the last 10 s would be too short
 CLOCK_STEP_S = 1e-6  # of frames.csv
-COLUMNS, FARTHEST_M = ("pierced", "travel_m"), 1.0  # of frames.csv, of a travel in it
+# of frames.csv, of a travel in it
+COLUMNS = ("pierced", "travel_m")
+FARTHEST_M = 1.0
 PLANE_COLUMN = ("plane",)  # as well, of several planes
-SESSION, WITHDRAWAL = "session", "withdrawal"  # the names of their faults
+# the names of their faults
+SESSION = "session"
+WITHDRAWAL = "withdrawal"
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,8 @@ class RobotForce:
             if len(values) == 1
             else FORCE_COLUMNS[1 : 1 + len(values)]
         )
-        step, sample = max(floor(at_s / FORCE_STEP_S), self._step), None
+        step = max(floor(at_s / FORCE_STEP_S), self._step)
+        sample = None
         if step > self._step:
             if self._count:
                 sample = (
@@ -98,7 +103,9 @@ class RobotForce:
                     tuple(total / self._count for total in self._sums),
                 )
                 self.samples.append(sample)
-            self._step, self._count, self._sums = step, 0, [0.0] * len(self.columns)
+            self._sums = [0.0] * len(self.columns)
+            self._step = step
+            self._count = 0
         self._sums = [
             total + value for total, value in zip(self._sums, values, strict=True)
         ]
@@ -121,15 +128,15 @@ class FrameTaker:
         beginning: SessionBeginning,
         kept: str = "",
     ) -> None:
-        self.folder, self.start_s = folder, beginning.at_s
+        self.folder = folder
+        self.start_s = beginning.at_s
         self.written = self.lost = 0
         columns = COLUMNS + PLANE_COLUMN * bool(info.oct.plane)
-        self._ring, self._writer = (
-            ring,
-            RecordingWriter(folder, info, beginning.comment + kept, columns),
-        )
+        self._ring = ring
+        self._writer = RecordingWriter(folder, info, beginning.comment + kept, columns)
         self._waiting: deque[messages.Decided] = deque()
-        self._last_s, self._moment = -float("inf"), 0
+        self._last_s = -float("inf")
+        self._moment = 0
 
     def add(self, decided: messages.Decided) -> None:
         """Enqueue the frame of a decision, whose time it gets; frames of one moment get that of the first of them."""
@@ -148,7 +155,8 @@ class FrameTaker:
     def take(self) -> None:
         """Write the next frame, or count it as lost."""
         decided = self._waiting.popleft()
-        number, moment = decided.entry.frame or 0, decided.moment
+        number = decided.entry.frame or 0
+        moment = decided.moment
         pixels = self._ring.get(number)
         if pixels is None:
             self.lost += 1
@@ -184,7 +192,9 @@ class SessionRecording:
         self, settings: messages.BlackBoxSettings, ring: FrameRing, journal: Journal
     ) -> None:
         self.taker: FrameTaker | None = None
-        self._settings, self._ring, self._journal = settings, ring, journal
+        self._settings = settings
+        self._ring = ring
+        self._journal = journal
         self._forces: ForceWriter | None = None
         self._loss_noted = False
 
@@ -227,7 +237,8 @@ class SessionRecording:
 
     def end(self) -> None:
         """Close the recording, if there is one; frames that still wait count as lost."""
-        taker, self.taker = self.taker, None
+        taker = self.taker
+        self.taker = None
         if taker is None:
             return
         try:
@@ -265,12 +276,10 @@ class Withdrawals:
         force: RobotForce,
         journal: Journal,
     ) -> None:
-        self._settings, self._ring, self._force, self._journal = (
-            settings,
-            ring,
-            force,
-            journal,
-        )
+        self._settings = settings
+        self._ring = ring
+        self._force = force
+        self._journal = journal
         self._frames: deque[messages.Decided] = deque(maxlen=ring.frames)
         self._lines: deque[tuple[float, bytes]] = deque(maxlen=MOST_LINES)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=WITHDRAWAL)
@@ -346,7 +355,8 @@ class Withdrawals:
 
     def turn(self, *, ended: bool) -> None:
         """Write the rest in a thread once all frames are written. If the monitor has `ended`, no more forces come."""
-        writing, force = self._writing, self._force
+        writing = self._writing
+        force = self._force
         if writing is None or writing.taker.next is not None:
             return
         if writing.finishing is None:
@@ -359,7 +369,8 @@ class Withdrawals:
             self._complete(writing, writing.finishing)
 
     def _complete(self, writing: _Writing, finished: Future[str | None]) -> None:
-        taker, folder = writing.taker, writing.folder
+        taker = writing.taker
+        folder = writing.folder
         try:
             reason = finished.result()
             self._journal.note(
@@ -384,7 +395,8 @@ class Withdrawals:
 
 def _cells(decided: messages.Decided) -> tuple[str, ...]:
     """Return the cells of a frame in the columns, empty where nothing is known."""
-    travel_m, plane = decided.travel_m, decided.entry.plane
+    travel_m = decided.travel_m
+    plane = decided.entry.plane
     known = travel_m is not None and abs(travel_m) <= FARTHEST_M
     return (
         "1" if decided.pierced else "",
@@ -442,7 +454,8 @@ class BlackBox:
     def __init__(self, channel: Channel, settings: messages.BlackBoxSettings) -> None:
         ring = FrameRing(settings.ring)
         self.ended = False
-        self._channel, self._journal = channel, Journal(settings.folder, channel)
+        self._channel = channel
+        self._journal = Journal(settings.folder, channel)
         self._force = RobotForce(settings.force)
         self._session = SessionRecording(settings, ring, self._journal)
         self._withdrawals = Withdrawals(settings, ring, self._force, self._journal)
@@ -524,7 +537,8 @@ class BlackBox:
 
     def _take_decision(self, message: messages.Decided) -> None:
         entry = message.entry
-        before, self._entry = self._entry, entry
+        before = self._entry
+        self._entry = entry
         if before and entry.number != before.number + 1:
             self._journal.note(
                 f"decisions {before.number + 1} to {entry.number - 1} never arrived"
@@ -538,7 +552,8 @@ class BlackBox:
 
     def _take_force(self, heard: messages.ForceHeard) -> None:
         self._begin(heard.at_s, heard.time_s)
-        force, refused = self._force, self._force.refused
+        force = self._force
+        refused = self._force.refused
         sample = force.add(heard.at_s, heard.values, heard.device)
         if force.refused > refused == 0:
             values = list(heard.values)

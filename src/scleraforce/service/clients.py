@@ -47,12 +47,14 @@ WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a messag
 SEND_BUFFER_BYTES = (
     8192  # of the system, which doubles it: what it holds, nobody can take back
 )
-NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
-FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
-TURN_BYTES, TURN_EVENTS = (
-    8 * 1024 * 1024,
-    16,
-)  # received before others have their turn: all that a socket holds
+NOTES_PER_S = 1.0
+NOTES_AT_ONCE = 10
+# a robot sends 1000 a second at most
+FORCES_PER_S = 1200.0
+FORCES_AT_ONCE = 120
+# received before others have their turn: all that a socket holds
+TURN_BYTES = 8 * 1024 * 1024
+TURN_EVENTS = 16
 ACCEPTED_PER_TURN = 16
 CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
 REST_S = 0.001  # now and then: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
@@ -83,8 +85,10 @@ class RateLimiter:
     """
 
     def __init__(self, per_s: float, at_once: int) -> None:
-        self._per_s, self._at_once = per_s, at_once
-        self._left, self._then_s = float(at_once), -float("inf")
+        self._per_s = per_s
+        self._at_once = at_once
+        self._left = float(at_once)
+        self._then_s = -float("inf")
 
     def take(self, now_s: float) -> bool:
         """Return whether the action is allowed now; if it is, it counts as done."""
@@ -145,7 +149,9 @@ class Outgoing:
         messages: tuple[Message, ...],
         wall_clock: Callable[[], float],
     ) -> None:
-        self._device, self._messages, self._time_s = device, messages, wall_clock()
+        self._device = device
+        self._messages = messages
+        self._time_s = wall_clock()
         self._encoded: dict[int, bytes] = {}
 
     def to(self, version: int) -> bytes:
@@ -171,15 +177,18 @@ class Connection:
         link.setblocking(False)
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         link.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        self.number, self.address, self.version = number, address, 1
+        self.number = number
+        self.address = address
+        self.version = 1
         self.frames = dict[str | None, FrameAssembler]()
-        self.heard_s, self.wrong_tokens = 0.0, 0
+        self.heard_s = 0.0
+        self.wrong_tokens = 0
         self.message_since_s: float | None = None
-        self.notes, self.forces = (
-            RateLimiter(NOTES_PER_S, NOTES_AT_ONCE),
-            RateLimiter(FORCES_PER_S, FORCES_AT_ONCE),
-        )
-        self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")
+        self.notes = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE)
+        self.forces = RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
+        self._link = link
+        self._decoder = Decoder()
+        self._rest = memoryview(b"")
         self._given_bytes = 0
         self._untaken: deque[tuple[int, float]] = (
             deque()
@@ -196,7 +205,8 @@ class Connection:
         events: list[PeerEvent] = []
         self.heard_s = now_s
         self._decoder.max_body_bytes = max_body_bytes
-        left, alive = TURN_BYTES, True
+        left = TURN_BYTES
+        alive = True
         try:
             while (
                 left > 0
@@ -207,7 +217,8 @@ class Connection:
                 space = self._decoder.space()
                 count = self._link.recv_into(space)
                 events += self._decoder.received(count) if count else ()
-                alive, left = count > 0, left - count
+                alive = count > 0
+                left = left - count
                 if count < len(space) and not self._decoder.between:
                     break
         except BlockingIOError:
@@ -278,12 +289,10 @@ class Clients:
         guard: Guard,
         note: Callable[[str], None],
     ) -> None:
-        self._settings, self._guard, self._note, self._listener = (
-            settings,
-            guard,
-            note,
-            listener,
-        )
+        self._settings = settings
+        self._guard = guard
+        self._note = note
+        self._listener = listener
         listener.setblocking(False)
         self.selector = selectors.DefaultSelector()
         self.selector.register(listener, selectors.EVENT_READ, None)
@@ -318,7 +327,8 @@ class Clients:
 
     def accept(self, spared: Connection | None = None) -> list[Connection]:
         """Accept the clients that wait; return the ones that are still connected. `spared` keeps its place."""
-        came, freed = [], False
+        came = []
+        freed = False
         for _ in range(ACCEPTED_PER_TURN):
             try:
                 link, address = self._listener.accept()
@@ -403,11 +413,9 @@ class Clients:
     def sweep(self, now_s: float, spared: Connection | None) -> list[str]:
         """Disconnect clients (except `spared`) that send or read too slowly; return the addresses of slow readers."""
         self._take_spare()
-        message_s, stalled_s, slow = (
-            self._settings.message_s,
-            self._settings.stalled_s,
-            [],
-        )
+        message_s = self._settings.message_s
+        stalled_s = self._settings.stalled_s
+        slow = []
         for client in self:
             if (
                 client.message_since_s is not None

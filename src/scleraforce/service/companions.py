@@ -31,7 +31,9 @@ START_S = 20.0
 EMERGENCY = Status(
     3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died"
 )
-BLACK_BOX, CONSOLE, OPINION = "black box", "console", "second opinion"
+BLACK_BOX = "black box"
+CONSOLE = "console"
+OPINION = "second opinion"
 NEEDED = (
     BLACK_BOX,
     OPINION,
@@ -53,7 +55,8 @@ class Guard:
     """The watchdog process, which looks every `look_s`, from the monitor's side."""
 
     def __init__(self, look_s: float = watchdog.LOOK_S) -> None:
-        self._beat_s, self._silent_s = BEAT_LOOKS * look_s, SILENT_LOOKS * look_s
+        self._beat_s = BEAT_LOOKS * look_s
+        self._silent_s = SILENT_LOOKS * look_s
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         arguments = [str(theirs.fileno()), str(os.getpid()), str(look_s)]
         self._process = start_companion(
@@ -194,7 +197,8 @@ class Companions:
 
     def decided(self, decided: messages.Decided) -> None:
         """Send a decision; it waits for a black box that does not keep up, before all other messages."""
-        data, entry = encode_message(decided), decided.entry
+        data = encode_message(decided)
+        entry = decided.entry
         if BLACK_BOX in self._children:
             if (
                 len(self._waiting) < MOST_WAITING
@@ -209,7 +213,8 @@ class Companions:
         """Send a frame's wall to the console, every `OUTLINE_S` at most."""
         if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
             self._outlined_s = now_s
-            outer, inner = _rows(wall.outer_row), _rows(wall.inner_row)
+            outer = _rows(wall.outer_row)
+            inner = _rows(wall.inner_row)
             outline = messages.Outline(
                 frame=frame, step=OUTLINE_STEP, outer=outer, inner=inner, plane=plane
             )
@@ -254,7 +259,8 @@ class Companions:
                     case messages.SelfReport(detail=detail):
                         state.fault = detail
                     case messages.Alive(faults=faults):
-                        state.heard, state.fault = True, "; ".join(faults) or None
+                        state.heard = True
+                        state.fault = "; ".join(faults) or None
                         if name == BLACK_BOX:
                             self._alive_until_s = now_s + SILENT_S
                     case _ if isinstance(message, SENDS[name]):

@@ -83,11 +83,9 @@ class DecisionLog:
     ) -> None:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         self._separator = b""
-        self._folder, self._file_bytes, self._total_bytes = (
-            folder,
-            file_bytes,
-            total_bytes,
-        )
+        self._folder = folder
+        self._file_bytes = file_bytes
+        self._total_bytes = total_bytes
         self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         self._turn = threading.Lock()  # another thread may sync
         try:
@@ -204,11 +202,9 @@ class Journal:
 
     def __init__(self, folder: Path, channel: Channel) -> None:
         self.sync_due_s = 0.0  # on the monotonic clock
-        self._log, self._channel, self._folder = (
-            DecisionLog(folder / "log"),
-            channel,
-            folder,
-        )
+        self._log = DecisionLog(folder / "log")
+        self._channel = channel
+        self._folder = folder
         self._faults: dict[str, str] = {}
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="log")
         self._syncing: Future[None] | None = None

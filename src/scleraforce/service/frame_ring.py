@@ -13,7 +13,8 @@ from scleraforce.arrays import Bytes, Counts
 from scleraforce.errors import InputError
 from scleraforce.units import from_si
 
-PROC, GROUPS = Path("/proc"), Path("/sys/fs/cgroup")
+PROC = Path("/proc")
+GROUPS = Path("/sys/fs/cgroup")
 # Limit and usage of a group by its controllers; of version 2 without names.
 LIMITS = {
     "": ("memory.max", "memory.current"),
@@ -81,11 +82,9 @@ class FrameRing:
     """
 
     def __init__(self, place: RingPlace) -> None:
-        self.place, self.frames, self.shape = (
-            place,
-            place.frames,
-            (place.rows, place.columns),
-        )
+        self.place = place
+        self.frames = place.frames
+        self.shape = (place.rows, place.columns)
         self._numbers = np.frombuffer(
             mmap.mmap(place.descriptor, 8 * place.frames), dtype=np.int64
         )
@@ -93,7 +92,8 @@ class FrameRing:
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
         """Return a new ring, for `FrameRing(ring.place)` in another process; raise InputError if memory is short."""
-        size, available = frames * (8 + 2 * rows * columns), available_bytes()
+        size = frames * (8 + 2 * rows * columns)
+        available = available_bytes()
         if available is not None and size > available - SPARED_BYTES:
             raise InputError(
                 f"memory: the last {frames} frames of {rows} x {columns} pixels take "
@@ -120,10 +120,8 @@ class FrameRing:
             raise ValueError(
                 f"a frame of {pixels.shape}; the ring has frames of {self.shape}"
             )
-        slot, counts = (
-            number % self.frames,
-            np.ascontiguousarray(pixels, dtype=np.uint16),
-        )
+        slot = number % self.frames
+        counts = np.ascontiguousarray(pixels, dtype=np.uint16)
         self._numbers[slot] = 0
         written = os.pwrite(
             self.place.descriptor,

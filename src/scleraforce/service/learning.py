@@ -41,11 +41,14 @@ from scleraforce.units import from_si
 
 LEARNED_FILE = "learned.json"  # in the folder of a recorded session
 SETTLES_S = 0.5  # within which a withdrawal takes a frame away, and after which a needle has let go
-LEAST_S, MOST_WAITING = 0.1, 50  # between two frames that teach; of them that wait
+# between two frames that teach; of them that wait
+LEAST_S = 0.1
+MOST_WAITING = 50
 OTHER_TIP_M = 50e-6  # between the dents of two frames that teach
 NICENESS = 10
 SAME_PRESSURE = 0.01  # relative: two roundings of one IOP
-KEEP, FORGET = "keep", "forget"
+KEEP = "keep"
+FORGET = "forget"
 
 
 class EyeLearner:
@@ -55,7 +58,9 @@ class EyeLearner:
         self._link = link
         self._waiting = deque[tuple[float, float, ShownFrame]](maxlen=MOST_WAITING)
         self._tips_m = list[float]()  # of the frames that taught
-        self._awaited, self._taken_s, self._light_s = 0, -inf, inf
+        self._awaited = 0
+        self._taken_s = -inf
+        self._light_s = inf
 
     def hear(self, asked: OpinionAsked) -> None:
         """Take the monitor's word on a frame: one that does not teach takes away those just before it."""
@@ -91,10 +96,8 @@ class EyeLearner:
             and not is_light
             and asked.at_s - self._taken_s >= LEAST_S
         ):
-            self._taken_s, wall = (
-                asked.at_s,
-                segmented_boundaries(answer.segmentation, scale),
-            )
+            self._taken_s = asked.at_s
+            wall = segmented_boundaries(answer.segmentation, scale)
             shown = ShownFrame(lateral_m=wall.lateral_m, depth_bc=wall.depth_m)
             self._waiting.append((asked.at_s, tip_m, shown))
 
@@ -102,7 +105,8 @@ class EyeLearner:
         """Return what was learned since the last call; begin to learn the frames that have waited long enough."""
         found: EyeLearned | None = None
         while self._awaited and self._link.poll():
-            found, self._awaited = self._link.recv(), self._awaited - 1
+            found = self._link.recv()
+            self._awaited = self._awaited - 1
         if self._awaited:
             return None
         ripe = list[ShownFrame]()
@@ -145,7 +149,8 @@ class Fitting:
 
     def __init__(self, begun: EyePosterior, eye: str, record: Path | None) -> None:
         self._posterior = self._kept = begun
-        self._eye, self._record = eye, record
+        self._eye = eye
+        self._record = record
 
     def take(self, asked: str | list[ShownFrame]) -> EyeLearned | None:
         """Fit frames, or do as `KEEP` or `FORGET` says; return what is learned by then, None after `KEEP`."""
@@ -195,7 +200,8 @@ def _fit(
 
 def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
     """Return a posterior with a fit, of a recording, as the calibration of its eye, which also states the IOP."""
-    known, modulus = posterior.known, posterior.modulus
+    known = posterior.known
+    modulus = posterior.modulus
     assert posterior.fit is not None
     assert known.iop_pa is not None
     at = partial(
@@ -233,13 +239,12 @@ def resumed(known: Known, path: Path, eye: str) -> Known:
     A file of another eye, IOP or tissue is refused, and one that no monitor has learned.
     """
     file = open_calibration(path)
-    eyes, place = summary_of(file).eyes, f"--resume {path}: eyes"
+    eyes = summary_of(file).eyes
+    place = f"--resume {path}: eyes"
     if eye not in eyes:
         raise InputError(f"{place}: {', '.join(eyes)}; not of {eye}, the eye of --eye")
-    own, stated = (
-        eyes[eye],
-        file.content["eyes"][eye].get("parameters", {}).get("iop_pa"),
-    )
+    own = eyes[eye]
+    stated = file.content["eyes"][eye].get("parameters", {}).get("iop_pa")
     if (
         not own.without_force
         or not own.usable
@@ -249,10 +254,8 @@ def resumed(known: Known, path: Path, eye: str) -> Known:
         raise InputError(
             f"{place}.{eye}: no monitor has learned it; give a {LEARNED_FILE}"
         )
-    iop_mmhg, given_mmhg = (
-        from_si(float(stated["mean"]), "mmhg"),
-        from_si(known.iop_pa, "mmhg"),
-    )
+    iop_mmhg = from_si(float(stated["mean"]), "mmhg")
+    given_mmhg = from_si(known.iop_pa, "mmhg")
     if abs(iop_mmhg - given_mmhg) > SAME_PRESSURE * given_mmhg:
         raise InputError(
             f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is {given_mmhg:.1f}"

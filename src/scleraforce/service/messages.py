@@ -24,11 +24,9 @@ from scleraforce.service.frame_ring import RingPlace
 from scleraforce.units import from_si, to_si
 
 # Of the OpenIGTLink messages.
-STATUS_DEVICE, READING_DEVICE, NEEDLE_DEVICE = (
-    "ForceMonitor",
-    "ForceReading",
-    "NeedlePose",
-)
+STATUS_DEVICE = "ForceMonitor"
+READING_DEVICE = "ForceReading"
+NEEDLE_DEVICE = "NeedlePose"
 OF_PLANES = dict.fromkeys(
     ("plane", "planes_force_mn", "planes_interval_mn", "contact_xyz_mm")
 )  # left out if None
@@ -165,7 +163,8 @@ def _verdict_of(value: dict[str, Any]) -> Verdict | None:
         if isinstance(listed, list):
             found[name] = [nan if number is None else number for number in listed]
     read = convert(found, Verdict)
-    force_n, elastic_n = to_si(read.force_n, "mn"), to_si(read.elastic_force_n, "mn")
+    force_n = to_si(read.force_n, "mn")
+    elastic_n = to_si(read.elastic_force_n, "mn")
     interval_n = read.interval_n and (
         to_si(read.interval_n[0], "mn"),
         to_si(read.interval_n[1], "mn"),

@@ -57,7 +57,8 @@ from scleraforce.study import Study
 
 KEPT_S = 10.0  # of each withdrawal
 READY_S = 180.0  # for the second opinion: some 15 s where its loops are compiled, and machines may be slow
-NOTED_S, LOOK_S = 3.0, 0.1
+NOTED_S = 3.0
+LOOK_S = 0.1
 OWN_FILES = 128  # beside the clients' sockets: other processes' sockets, logs, and what the system's libraries open
 RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, which leaves time to copy them
 FORCE = ForceInfo(
@@ -106,7 +107,9 @@ def monitor_service(
     folder `model` by itself; `note` is called with a line for the operator. It raises InputError if an address cannot
     be listened on, a folder cannot be written, or there is too little memory.
     """
-    limits, known, scan = settings.limits, settings.known, settings.scan
+    limits = settings.limits
+    known = settings.known
+    scan = settings.scan
     scale = PixelScale.of(scan)
     cv2.setNumThreads(1)
     allow_files(ServerSettings.clients + OWN_FILES)
@@ -123,10 +126,8 @@ def monitor_service(
         )
         info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
-        folder, record = (
-            settings.black_box.absolute(),
-            settings.record and settings.record.absolute(),
-        )
+        folder = settings.black_box.absolute()
+        record = settings.record and settings.record.absolute()
         kept = BlackBoxSettings(
             folder=folder, ring=ring.place, info=info, record=record, keep_s=KEPT_S
         )
@@ -242,7 +243,8 @@ def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> No
 
 
 def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
-    known, gauge = settings.known, nearest_gauge(study.needle.outer_diameter_m)
+    known = settings.known
+    gauge = nearest_gauge(study.needle.outer_diameter_m)
     stated_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     lean_rad = one_lean(known.lean_rad)
     gap_m = None if settings.scan.plane else stated_m
@@ -340,7 +342,8 @@ class Notes:
     """Writes lines for the operator in order, in a thread: a stopped terminal must not stop the monitor."""
 
     def __init__(self, write: Callable[[str], object]) -> None:
-        self._write, self._lines = write, SimpleQueue[str | None]()
+        self._write = write
+        self._lines = SimpleQueue[str | None]()
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
 

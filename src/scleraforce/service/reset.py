@@ -17,9 +17,12 @@ from scleraforce.errors import InputError, ProtocolError
 from scleraforce.openigtlink import Decoder, Received, Text, encode
 
 RESET_DEVICE = "ForceReset"
-ANSWERED, WITHIN_S = 10, 10.0  # wrong tokens, of all clients together
+# wrong tokens, of all clients together
+ANSWERED = 10
+WITHIN_S = 10.0
 CODE = re.compile(r"[0-9]{6}")
-WRONG_CODES, LOCKED_S = 5, 60.0
+WRONG_CODES = 5
+LOCKED_S = 60.0
 ANSWER_S = 2.0
 PIECE = 65536
 
@@ -59,7 +62,8 @@ class ResetCode:
     """
 
     def __init__(self) -> None:
-        self._wrong, self._locked_until_s = 0, -inf
+        self._wrong = 0
+        self._locked_until_s = -inf
         self.renew()
 
     def renew(self) -> None:
@@ -78,7 +82,8 @@ class ResetCode:
         right = hmac.compare_digest(code, self.digits)
         self._wrong = 0 if right else self._wrong + 1
         if self._wrong == WRONG_CODES:
-            self._wrong, self._locked_until_s = 0, now_s + LOCKED_S
+            self._wrong = 0
+            self._locked_until_s = now_s + LOCKED_S
         return right
 
     def locked(self, now_s: float) -> bool:

@@ -50,9 +50,11 @@ class FrameAssembler:
         A whole image is not copied. A ProtocolError refuses an image that is not a B-scan, or does not belong to the
         parts before it, which are forgotten; a new frame begins with the image if it has the first pixel.
         """
-        begun, self._stated = self._stated, ()
+        begun = self._stated
+        self._stated = ()
         frame = _frame(image)
-        (rows, columns), (column, row, _) = frame.pixels.shape, image.offset
+        (rows, columns) = frame.pixels.shape
+        (column, row, _) = image.offset
         whole_columns, whole_rows, _ = image.size or (columns, rows, 1)
         size = whole_rows, whole_columns
         if not begun and (rows, columns) == size:
@@ -77,12 +79,11 @@ class FrameAssembler:
                 raise ProtocolError(
                     f"IMAGE: parts of an image of {needed} bytes: at most {self.max_frame_bytes}"
                 )
-            self._pixels, self._missing = (
-                np.empty(size, frame.pixels.dtype),
-                np.ones(size, np.bool_),
-            )
+            self._pixels = np.empty(size, frame.pixels.dtype)
+            self._missing = np.ones(size, np.bool_)
         if begins or not reason:
-            self._pixels[place], self._missing[place] = frame.pixels, False
+            self._pixels[place] = frame.pixels
+            self._missing[place] = False
             self._stated = stated if self._missing.any() else ()
         if reason:
             raise ProtocolError(f"{part} {reason}")

@@ -52,7 +52,8 @@ def _serve(
     reader: Reader,
     learner: "EyeLearner | None",
 ) -> None:
-    ring, known = FrameRing(settings.ring), settings.known
+    ring = FrameRing(settings.ring)
+    known = settings.known
     frame = warming_frame(
         ring.shape,
         settings.scale,
@@ -61,10 +62,8 @@ def _serve(
     )
     planes = settings.planes
     reader.read_together([frame] * max(len(planes), 1), settings.scale, known, planes)
-    history, study = (
-        History.monitored(settings.known, reader.study.needle.max_force_n),
-        reader.study,
-    )
+    history = History.monitored(settings.known, reader.study.needle.max_force_n)
+    study = reader.study
     run_in_real_time(
         OPINION_PRIORITY
     )  # not before: Linux pauses what leaves a core nothing for a second

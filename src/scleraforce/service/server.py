@@ -54,11 +54,11 @@ OTHERS_S = 0.002  # for other clients, before the scanner has its turn again
 SMALL_BODY_BYTES = 64 * 1024  # all that a client other than the scanner needs
 LARGER_FRAMES = 4  # images up to this many times too large are received, so that the refusal can name their size
 WRONG_TOKENS = 3
-NOTES_PER_S, NOTES_AT_ONCE = (
-    10.0,
-    100,
-)  # of all clients, in the log: a fiftieth of the decisions
-FORCES_PER_S, FORCES_AT_ONCE = 2400.0, 240
+# of all clients, in the log: a fiftieth of the decisions
+NOTES_PER_S = 10.0
+NOTES_AT_ONCE = 100
+FORCES_PER_S = 2400.0
+FORCES_AT_ONCE = 240
 
 
 class Server:
@@ -82,12 +82,10 @@ class Server:
         note: Callable[[str], None],
     ) -> None:
         self.session = session
-        self._ring, self._guard, self._companions, self._note = (
-            ring,
-            guard,
-            companions,
-            note,
-        )
+        self._ring = ring
+        self._guard = guard
+        self._companions = companions
+        self._note = note
         self._clients = Clients(listener, settings, guard, self._note_client)
         for name in companions:
             self._clients.selector.register(
@@ -101,12 +99,11 @@ class Server:
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
         self._noted = session.decision.state
-        self._notes, self._forces = (
-            RateLimiter(NOTES_PER_S, NOTES_AT_ONCE),
-            RateLimiter(FORCES_PER_S, FORCES_AT_ONCE),
-        )
+        self._notes = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE)
+        self._forces = RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
         self._left_out = 0
-        self._token, self.code = ResetToken(token_digest(settings.token)), ResetCode()
+        self._token = ResetToken(token_digest(settings.token))
+        self.code = ResetCode()
         self._stopping = False
 
     def stop(self) -> None:
@@ -246,7 +243,8 @@ class Server:
             case igtl.Received(message=igtl.Sensor(values)) if client.forces.take(
                 at_s
             ) and self._forces.take(at_s):
-                time_s, device = self.session.wall_clock(), event.header.device
+                time_s = self.session.wall_clock()
+                device = event.header.device
                 force = messages.ForceHeard(
                     at_s=at_s, time_s=time_s, values=values, device=device
                 )
@@ -263,11 +261,10 @@ class Server:
         self, client: Connection, event: igtl.Received, image: igtl.Image, at_s: float
     ) -> Frame | None:
         """Return the frame that an image completes; its sender is the scanner from now on."""
-        self._scanner, self._scanned_s = client, at_s
-        plane, planes = (
-            event.header.device if self.session.planes else None,
-            self.session.planes,
-        )
+        self._scanner = client
+        self._scanned_s = at_s
+        plane = event.header.device if self.session.planes else None
+        planes = self.session.planes
         try:
             if planes and plane not in planes:
                 raise ProtocolError(

@@ -27,7 +27,9 @@ MOST_FRAMES = (
 )
 FIRST_INTERVAL_S = 0.01  # until frames show another
 LEAST_SENT_S = 0.001  # between two headers: they may count in anything
-KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # a flood hardly counts in their mean
+# a flood hardly counts in their mean
+KNOWN_FRAMES = 1000
+ENOUGH_FRAMES = 10
 SETTLED_FRAMES = 100  # a pause at the start hardly counts in their mean
 OTHER_PLANE = (
     2  # pictures ago: a picture that another plane has shown is never the one before
@@ -107,9 +109,11 @@ class DeferredFrames:
     """
 
     def __init__(self, most_s: float, most: int = MOST_FRAMES) -> None:
-        self._most_s, self._most = most_s, most
+        self._most_s = most_s
+        self._most = most
         self._waiting: deque[tuple[Frame, int]] = deque()
-        self._bunch_s, self._last_s = 0.0, float("-inf")
+        self._bunch_s = 0.0
+        self._last_s = float("-inf")
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -161,14 +165,13 @@ class _Stream:
     def __init__(
         self, read: Read, limits: MonitorLimits, history: History, planes: int
     ) -> None:
-        self.read, self.history = read, history
+        self.read = read
+        self.history = history
         self.sender = self.offset = self.order = 0
         self.sent_type: str | None = None
         self.shown = ShownPictures(limits.shown_frames)
-        self.pace, self.deferred = (
-            FramePace(limits.silence_s),
-            DeferredFrames(limits.catch_up_s, MOST_FRAMES // planes),
-        )
+        self.pace = FramePace(limits.silence_s)
+        self.deferred = DeferredFrames(limits.catch_up_s, MOST_FRAMES // planes)
 
 
 class Session:
@@ -192,13 +195,13 @@ class Session:
         class_bounds_n: tuple[float, ...] = (),
         adopt: Callable[[Known], float | None] = lambda _: None,
     ) -> None:
-        self.limits, self.clock, self.wall_clock = limits, clock, wall_clock
+        self.limits = limits
+        self.clock = clock
+        self.wall_clock = wall_clock
         self.withdrawals: list[dict[str, Any]] = []
-        self._class_bounds_n, self._adopt, self._beside = (
-            class_bounds_n,
-            adopt,
-            dict[str, Any](),
-        )
+        self._class_bounds_n = class_bounds_n
+        self._adopt = adopt
+        self._beside = dict[str, Any]()
         reads: dict[str | None, Read] = (
             dict(read.items()) if isinstance(read, Mapping) else {None: read}
         )
@@ -273,10 +276,8 @@ class Session:
         if stiffness_n_m is not None:
             self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
         if known.modulus is not None:
-            mean_mpa, sd_mpa = (
-                from_si(known.modulus.mean_pa, "mpa"),
-                from_si(known.modulus.sd_pa, "mpa"),
-            )
+            mean_mpa = from_si(known.modulus.mean_pa, "mpa")
+            sd_mpa = from_si(known.modulus.sd_pa, "mpa")
             self._beside |= {
                 "modulus_mpa": mean_mpa,
                 "modulus_sd_mpa": sd_mpa,
@@ -313,13 +314,12 @@ class Session:
         self.frames += 1
         stream = self._streams[plane]
         if sender != stream.sender:
-            stream.sender, stream.offset = (
-                sender,
-                stream.order + 1 - sender_id if stream.sender else 0,
-            )
+            stream.offset = stream.order + 1 - sender_id if stream.sender else 0
+            stream.sender = sender
         order = stream.offset + sender_id
         misfit = order <= stream.order or not self._fits(image, stream.sent_type)
-        stream.order, stream.sent_type = order, image.sent_type
+        stream.order = order
+        stream.sent_type = image.sent_type
         age_s = at_s - self._travel[1]
         is_fresh = 0.0 <= age_s < self.limits.silence_s
         unread = FrameRead(
@@ -383,7 +383,8 @@ class Session:
         return tuple(self._moment.values())
 
     def _fits(self, image: ScannerFrame, sent_type: str | None) -> bool:
-        limits, scale_m = self.limits, (image.lateral_m, image.depth_m)
+        limits = self.limits
+        scale_m = (image.lateral_m, image.depth_m)
         same_type = sent_type in (None, image.sent_type)
         return (
             same_type
@@ -434,7 +435,8 @@ class Session:
 
         The tissue's history after the frame is returned as well.
         """
-        image, unread = frame.image, frame.unread
+        image = frame.image
+        unread = frame.unread
         if unread.size != self.limits.size:
             return None, unread, frame.history
         scale = PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m)
@@ -469,7 +471,8 @@ class Session:
         The event "again" repeats the decision with its number, for a receiver that may have missed it.
         """
         self._entries += event != "again"
-        answer, decision = self.answer if frame else None, self.decision
+        answer = self.answer if frame else None
+        decision = self.decision
         to_bound = (
             decision.to_bound.as_ms() if frame and decision.to_bound else (None, None)
         )

@@ -10,26 +10,25 @@ from scleraforce.recording.pixels import Pixels
 GRID = 8  # rows and columns of blocks
 PAIRS = 32  # of neighbouring pixels in a row, in each block: one bit each
 RUN = PAIRS + 3  # pixels in a row that give them, also one pixel to the left or right
-LEAST_BLOCKS, LEAST_SHARE = (
-    16,
-    2 / 3,
-)  # with texture; with fewer, only equal differences count
+# with texture; with fewer, only equal differences count
+LEAST_BLOCKS = 16
+LEAST_SHARE = 2 / 3
 LEAST_PAIRS = 8  # of unequal pixels, in a block that counts
 LEAST_TOLD = 32  # unequal pairs; with fewer, only pictures equal to the last bit count as the same
 SAME_SHARE = 0.75  # of the unequal pairs with equal differences
 # Agreement of two pictures: 1 if all pairs rise and fall alike, 0 by chance (benchmarks/bench_old_pictures.py).
 WORTH_A_LOOK = 0.2  # of all pairs
-GHOST_SHARE, GHOST = 1 / 3, 0.25  # the mean of the worst third of the blocks
+# the mean of the worst third of the blocks
+GHOST_SHARE = 1 / 3
+GHOST = 0.25
 COPY = 0.85  # a block that agrees as in a copy, and the share of them
-COPIES, COPIES_OF_A_PART = (
-    0.6,
-    0.8,
-)  # in the whole picture; in its left, right, upper, lower or middle half
+# in the whole picture; in its left, right, upper, lower or middle half
+COPIES = 0.6
+COPIES_OF_A_PART = 0.8
 
-SHIFTS, UNMOVED = (
-    3,
-    4,
-)  # rows and columns that a picture may have moved by; of their pairs, the one without a move
+# rows and columns that a picture may have moved by; of their pairs, the one without a move
+SHIFTS = 3
+UNMOVED = 4
 
 Words = NDArray[np.uint64]
 
@@ -55,7 +54,9 @@ class ShownPictures:
             self._begin(pixels.shape)
         values_brp = pixels[self._places].astype(np.int32)
         rises_sb, differs_sb = _read_signs(values_brp)
-        rises_b, differs_b, last = rises_sb[UNMOVED], differs_sb[UNMOVED], self._slot(1)
+        rises_b = rises_sb[UNMOVED]
+        differs_b = differs_sb[UNMOVED]
+        last = self._slot(1)
         steps_p = np.diff(values_brp[:, 1, 1:-1]).ravel()
         blocks = np.count_nonzero(np.bitwise_count(differs_b) >= LEAST_PAIRS)
         checksum: int | None = None
@@ -82,11 +83,9 @@ class ShownPictures:
             ),
             default=0,
         )
-        self._rises_mb[slot], self._differs_mb[slot], self._steps_mp[slot] = (
-            rises_b,
-            differs_b,
-            steps_p,
-        )
+        self._rises_mb[slot] = rises_b
+        self._differs_mb[slot] = differs_b
+        self._steps_mp[slot] = steps_p
         self._checksums[slot] = checksum
         self._count += 1
         return back
@@ -99,10 +98,8 @@ class ShownPictures:
     ) -> Flags:
         """Return for several pictures whether they are the same as one."""
         both_mb = differs_mb & differs_b
-        told_mb, unlike_mb = (
-            np.bitwise_count(both_mb),
-            np.bitwise_count(both_mb & (rises_mb ^ rises_b)),
-        )
+        told_mb = np.bitwise_count(both_mb)
+        unlike_mb = np.bitwise_count(both_mb & (rises_mb ^ rises_b))
         alike_m: Flags = 2.0 * unlike_mb.sum(axis=1) < (1 - WORTH_A_LOOK) * told_mb.sum(
             axis=1
         )
@@ -131,7 +128,8 @@ class ShownPictures:
     def _begin(self, shape: tuple[int, ...]) -> None:
         """Forget all pictures, and draw the place of each block in its cell of the grid."""
         rows, columns = shape
-        down, across = min(GRID, rows), max(1, min(GRID, columns // RUN))
+        down = min(GRID, rows)
+        across = max(1, min(GRID, columns // RUN))
         row_b, column_b = (place.ravel() for place in np.mgrid[:down, :across])
         rng = np.random.default_rng(0)
         top_b = ((row_b + rng.uniform(0.1, 0.9, len(row_b))) * rows / down).astype(
@@ -163,7 +161,8 @@ class ShownPictures:
         self._differs_mb = np.zeros_like(self._rises_mb)
         self._steps_mp = np.zeros((self._most, len(row_b) * PAIRS), np.int32)
         self._checksums: list[int | None] = [None] * self._most
-        self._shape, self._count = shape, 0
+        self._shape = shape
+        self._count = 0
 
 
 def _read_signs(values_brp: Integers) -> tuple[Words, Words]:
@@ -172,7 +171,8 @@ def _read_signs(values_brp: Integers) -> tuple[Words, Words]:
     `values_brp`: the pixels of a block in the row above it, its own and the one below. A pair is a bit, the first one
     the lowest.
     """
-    left_brp, right_brp = values_brp[:, :, :-1], values_brp[:, :, 1:]
+    left_brp = values_brp[:, :, :-1]
+    right_brp = values_brp[:, :, 1:]
     bits_xbrp = np.stack([right_brp > left_brp, right_brp != left_brp])
     whole_xbr = bits_xbrp @ (np.uint64(1) << np.arange(RUN - 1, dtype=np.uint64))
     moved_xbrs = (

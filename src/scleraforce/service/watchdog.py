@@ -33,7 +33,9 @@ MISSES = 5
 REPEAT_S = 0.05
 TIME = slice(34, 42)  # of a header in any version: seconds since 1970, in 2^-32 s
 # The second opinion waits for the monitor, and a monitor in a tight loop must not keep its watchdog from running.
-OPINION_PRIORITY, MONITOR_PRIORITY, WATCHDOG_PRIORITY = 5, 10, 20
+OPINION_PRIORITY = 5
+MONITOR_PRIORITY = 10
+WATCHDOG_PRIORITY = 20
 
 
 def parts_of(data: bytes) -> tuple[bytes, int, bytes]:
@@ -78,7 +80,9 @@ class Watchdog:
     def __init__(
         self, monitor: socket.socket, monitor_pid: int, look_s: float = LOOK_S
     ) -> None:
-        self._monitor, self._pid, self._look_s = monitor, monitor_pid, look_s
+        self._monitor = monitor
+        self._pid = monitor_pid
+        self._look_s = look_s
         self._messages: dict[int, bytearray] = {}
         self._clients: dict[int, socket.socket] = {}
         self._versions: dict[int, int] = {}
@@ -172,7 +176,9 @@ class Watchdog:
 
 def main() -> None:
     """Run as a process: arguments are the descriptor of the channel, the monitor's process id and `look_s`."""
-    channel, pid, look_s = int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
+    channel = int(sys.argv[1])
+    pid = int(sys.argv[2])
+    look_s = float(sys.argv[3])
     run_in_real_time(WATCHDOG_PRIORITY)
     watchdog = Watchdog(socket.socket(fileno=channel), pid, look_s)
     if not watchdog.watch():

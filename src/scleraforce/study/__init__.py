@@ -457,7 +457,8 @@ def _line(lines: Lines, path: tuple[str, ...], nth: int) -> int:
 
 
 def _format_section(name: str, record: Any, noted: bool = False) -> str:
-    lines, groups = [f"[{name}]"], []
+    lines = [f"[{name}]"]
+    groups = []
     for item in dataclasses.fields(record):
         value = getattr(record, item.name)
         if isinstance(value, tuple) and value and is_dataclass(value[0]):
@@ -587,7 +588,8 @@ def _changed(study: Study) -> Iterator[str]:
 
 
 def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
-    supports, (_, *bed, strap, azimuth) = study.supports, SUPPORTS
+    supports = study.supports
+    (_, *bed, strap, azimuth) = SUPPORTS
     parts = {
         "bed": (supports.has_bed, bed),
         "straps": (supports.has_straps, (strap, azimuth)),

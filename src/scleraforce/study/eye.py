@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import (
@@ -191,10 +192,13 @@ class GlobeStudy(Section):
         self, kind: str | None, rigidity_pa13_per_m3: float | None
     ) -> "GlobeStudy":
         """Return the globe with its known kind and rigidity; None: unknown."""
-        known = {"kind": kind, "rigidity_pa13_per_m3": rigidity_pa13_per_m3}
-        return replace(
-            self, **{name: value for name, value in known.items() if value is not None}
-        )  # type: ignore[arg-type]
+        known: dict[str, Any] = {}
+        if kind is not None:
+            known["kind"] = kind
+        if rigidity_pa13_per_m3 is not None:
+            known["rigidity_pa13_per_m3"] = rigidity_pa13_per_m3
+
+        return replace(self, **known)
 
 
 MOST_UNEVEN = 0.5  # sum of the waves' amplitudes

@@ -173,7 +173,8 @@ def _numbers_in(value: Any) -> list[float]:
 def check_fields(record: Any) -> None:
     """Check every field of a record against its bounds and words."""
     for item in fields(record):
-        unit, value = field_unit(item), getattr(record, item.name)
+        unit = field_unit(item)
+        value = getattr(record, item.name)
         if unit.words and value is not None and value not in unit.words:
             raise StudyError(
                 f"{field_key(item)}: {value!r} is not one of {', '.join(unit.words)}"
@@ -243,7 +244,8 @@ def allowed(key: str) -> Unit:
     name = next(
         name for name in QUANTITIES if key == name or key.startswith(f"{name}_")
     )
-    spec, suffix = QUANTITIES[name], key[len(name) + 1 :]
+    spec = QUANTITIES[name]
+    suffix = key[len(name) + 1 :]
     assert spec.name is not None
     if suffix in ("", spec.name):
         return Unit(low=spec.low, high=spec.high)
@@ -266,7 +268,8 @@ def meant(key: str, number: float, unit: Unit) -> str:
     )
     if unit.high is None:
         return ""
-    low, high = max(unit.low or 0.0, WIDEST * unit.high), unit.high
+    low = max(unit.low or 0.0, WIDEST * unit.high)
+    high = unit.high
     values = {
         name: number * size / family[suffix][1]
         for other, (name, size) in family.items()

@@ -551,11 +551,11 @@ class ScenesStudy(Section):
 
     def of_one(self, rng: np.random.Generator) -> "ScenesStudy":
         """Draw whether a scene is a deep view, with a cornea, and whether its scanner averages; return its ranges."""
-        is_deep, is_averaged = (
-            rng.random() < self.window.deep_share,
-            rng.random() < self.scanner.averaged_share,
-        )
-        window, eye, scanner = self.window, self.eye, self.scanner
+        is_deep = rng.random() < self.window.deep_share
+        is_averaged = rng.random() < self.scanner.averaged_share
+        window = self.window
+        eye = self.eye
+        scanner = self.scanner
         if is_deep:
             names = (
                 item.name

@@ -92,9 +92,7 @@ def test_the_present_cause_is_shown_beside_the_first_one_and_its_time() -> None:
     )
 
 
-def test_a_puncture_that_is_only_reported_is_worse_than_not_ready_and_has_its_sentence() -> (
-    None
-):
+def test_a_puncture_that_is_only_reported_is_worse_than_not_ready_and_has_its_sentence():
     shown = board_with(
         (1.0, entry(1.0, "PIERCED", "PIERCED", present_cause="PIERCED"))
     ).as_json(1.0, 0)
@@ -163,7 +161,8 @@ def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline() -> None:
 def test_steps_of_the_history_hold_their_worst_entries() -> None:
     """Against all entries of a step, looked at one by one."""
     rng = np.random.default_rng(0)
-    history, entries = History(), []
+    history = History()
+    entries = []
     for at_s in np.cumsum(rng.exponential(0.016, 2500)):
         state = str(
             rng.choice(["WATCHING", "NOT_READY", "WITHDRAW"], p=[0.9, 0.09, 0.01])
@@ -237,9 +236,7 @@ def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen() -> N
         assert len(shown) == min(rows, MOST_PIXELS) * min(columns, MOST_PIXELS)
 
 
-def test_requests_come_from_own_names_and_what_writes_from_the_own_page_with_a_stated_length() -> (
-    None
-):
+def test_requests_come_from_own_names_and_what_writes_from_the_own_page_with_a_stated_length():
     accepted = (
         "127.0.0.1:8080",
         "localhost",
@@ -264,10 +261,8 @@ def test_requests_come_from_own_names_and_what_writes_from_the_own_page_with_a_s
         stated = [(b"content-length", length.encode("latin-1"))]
         assert refusal("http", "POST", [*here, *stated], "localhost")[0] == 413
     assert refusal("http", "POST", here, "localhost")[0] == 413
-    own, others = (
-        ["http://localhost:80"],
-        (["null"], ["http://localhost:81"], ["http://evil.example"]),
-    )
+    own = ["http://localhost:80"]
+    others = (["null"], ["http://localhost:81"], ["http://evil.example"])
     for kind, origins in product(("http", "websocket"), (own, [], *others, own * 2)):
         headers = [(b"host", b"localhost:80"), (b"content-length", b"2")]
         headers += [(b"origin", one.encode()) for one in origins]

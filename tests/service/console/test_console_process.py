@@ -274,7 +274,8 @@ def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(
 
 @pytest.mark.slow
 def test_a_page_gets_less_while_answers_are_slow_and_a_withdrawal_at_once() -> None:
-    rows, columns = 512, 400
+    rows = 512
+    columns = 400
     with ConsoleMonitor(rows=rows, columns=columns) as monitor, page(monitor) as link:
         for _ in range(3):
             slow = {**reading(12.0), "latency_ms": 50.0}
@@ -427,9 +428,7 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
 
 
 @pytest.mark.slow
-def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_hears_their_sum() -> (
-    None
-):
+def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_hears_their_sum():
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         guessers = [
             stack.enter_context(closing(post(monitor, f"wrong {number}")))

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 MN = 1e3  # per N
 COLOURS = {UPPER: "#E69F00", LOWER: "#56B4E9"}
-WALLS, BOUNDARY = "walls", "boundary"
+WALLS = "walls"
+BOUNDARY = "boundary"
 WIDTH_ROWS = 3  # of the paths
 
 
@@ -82,7 +83,8 @@ class Panel(Container[Widget]):
         path = image.metadata[RECORDING]
         if self._opened is None or self._opened[0] != path:
             self._opened = path, sf.read_recording(path)
-            self._answers, self._measured = {}, {}
+            self._answers = {}
+            self._measured = {}
         return self._opened[1]
 
     @property
@@ -112,7 +114,8 @@ class Panel(Container[Widget]):
 
     def read_again(self) -> None:
         """Forget all answers, as with another calibration, and read the shown frame."""
-        self._answers, self._measured = {}, {}
+        self._answers = {}
+        self._measured = {}
         self.show_frame()
 
     @reported
@@ -221,7 +224,8 @@ class Panel(Container[Widget]):
         walls.current_edge_color = COLOURS[name]
 
     def _draw_wall(self, answer: "Answer") -> None:
-        walls, found = self._walls(), answer.segmentation
+        walls = self._walls()
+        found = answer.segmentation
         if self.frame in walls.metadata["drawn"] or found is None:
             return
         walls.metadata["drawn"].add(self.frame)

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import approximate_polygon
 
-UPPER, LOWER = "upper", "lower"
-WALL, NOT_JUDGED = 255, 128
+UPPER = "upper"
+LOWER = "lower"
+WALL = 255
+NOT_JUDGED = 128
 TOLERANCE_ROWS = 0.3  # by which a path may differ from the boundary, along its normal
 Points = NDArray[np.float64]
 Paths = list[tuple[str, Points]]

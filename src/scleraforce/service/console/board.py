@@ -151,17 +151,22 @@ class Board:
             case Decided(entry=entry):
                 return self._take_entry(entry, now_s)
             case Outline():
-                self._outline, self._outline_s = message, now_s
+                self._outline = message
+                self._outline_s = now_s
             case Rates():
-                self._rates, self._lost = message, message.lost
+                self._rates = message
+                self._lost = message.lost
         return False
 
     def _take_entry(self, entry: Entry, now_s: float) -> bool:
-        before, self._entry, self._entry_s = self._entry, entry, now_s
+        before = self._entry
+        self._entry = entry
+        self._entry_s = now_s
         self._lost = entry.lost
         self.history.take(entry)
         if entry.frame is not None:
-            self._reading, self._frame_s = (entry.frame, entry), now_s
+            self._reading = (entry.frame, entry)
+            self._frame_s = now_s
             if entry.latency_ms is not None:
                 self._latencies.append((now_s, entry.latency_ms))
             while self._latencies and now_s - self._latencies[0][0] > LATENCY_S:

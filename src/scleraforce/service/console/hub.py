@@ -22,7 +22,9 @@ from scleraforce.service.reset import CODE, ResetToken
 
 LATE_S = 0.015  # a wake-up of the console this late is a sign
 SLOW_MS = 10.0  # an answer that takes longer, too
-SIGNS, WITHIN_S = 3, 1.0  # signs within this time: the machine is short
+# signs within this time: the machine is short
+SIGNS = 3
+WITHIN_S = 1.0
 HELD_S = 1.0  # at least, before less is shown again
 CALM_S = 5.0  # without a sign, before more is shown again
 WHITE_PERCENTILE = 99.5
@@ -81,10 +83,12 @@ class Thrift:
         short = len(self._signs) == SIGNS and now_s - self._signs[0] <= WITHIN_S
         calm = not self._signs or now_s - self._signs[-1] > CALM_S
         if short and held and self._level < len(SHARES) - 1:
-            self._level, self._since_s = self._level + 1, now_s
+            self._level = self._level + 1
+            self._since_s = now_s
             self._signs.clear()
         elif calm and self._level and now_s - self._since_s > CALM_S:
-            self._level, self._since_s = self._level - 1, now_s
+            self._level = self._level - 1
+            self._since_s = now_s
         return SHARES[self._level]
 
 
@@ -152,9 +156,13 @@ class Hub:
         token: ResetToken,
         when_ended: Callable[[], None],
     ) -> None:
-        self.board, self.pictures, self.thrift = Board(monotonic()), pictures, Thrift()
+        self.board = Board(monotonic())
+        self.pictures = pictures
+        self.thrift = Thrift()
         self.pages: set[Page] = set()
-        self._channel, self._token, self._when_ended = channel, token, when_ended
+        self._channel = channel
+        self._token = token
+        self._when_ended = when_ended
         self._numbers = count(1)
         self._waiting: dict[int, asyncio.Future[ResetAnswer]] = {}
         self._wrong_tokens = 0
@@ -328,14 +336,16 @@ class Page:
                 self.hub.thrift.woke(now_s - due_s, now_s)
 
     async def _send_picture(self, share: Share) -> None:
-        chosen, now_s = self.hub.board.picture(), monotonic()
+        chosen = self.hub.board.picture()
+        now_s = monotonic()
         if chosen is None or self.drawn != self.picture or chosen[0] == self.picture:
             return
         if now_s - self.pictured_s < share.picture_s - SLACK_S:
             return
         picture = self.hub.pictures.of(*chosen, share.pixels)
         if picture is not None:
-            self.picture, self.pictured_s = chosen[0], now_s
+            self.picture = chosen[0]
+            self.pictured_s = now_s
             await self.socket.send_bytes(picture)
 
     async def _hear(self) -> None:

@@ -38,10 +38,9 @@ HEADERS = {
 }
 MOST = 128  # of each kind; more WebSockets than there are places for pages, because some are being closed
 
-_requests, _sockets = (
-    deque[asyncio.Transport](),
-    deque[asyncio.Transport](),
-)  # oldest first; of the console's process
+# oldest first; of the console's process
+_requests = deque[asyncio.Transport]()
+_sockets = deque[asyncio.Transport]()
 LAST_WORDS_S = 1.0  # in which pages learn that the monitor has ended
 NICENESS = 5  # the monitor comes first
 MOST_MESSAGE_BYTES = 4096
@@ -63,7 +62,8 @@ def refusal(
     found: dict[bytes, list[str]] = {}
     for key, value in headers:
         found.setdefault(key, []).append(value.decode("latin-1"))
-    hosts, origins = found.get(b"host", []), found.get(b"origin", [])
+    hosts = found.get(b"host", [])
+    origins = found.get(b"origin", [])
     if len(hosts) != 1 or not _own(hosts[0], name):
         return 403, "this host name is not the console's"
     writes = kind == "websocket" or method not in ("GET", "HEAD")
@@ -101,7 +101,9 @@ class OwnPagesOnly:
     def __init__(
         self, app: ASGIApp, name: str, most_bytes: int = MOST_BODY_BYTES
     ) -> None:
-        self._app, self._name, self._most_bytes = app, name, most_bytes
+        self._app = app
+        self._name = name
+        self._most_bytes = most_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: D102
         if scope["type"] == "lifespan":
